@@ -7,38 +7,36 @@ surfaces' numbers (Contact parameters) and the cones (Friction cones).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from physics_crosscheck.reference.laws.mechanics import LawTree, Posture, relative_turn
+from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.laws.soft import (
     SMALLEST,
     Cone,
     Kind,
     Rows,
-    gains,
-    impedance,
 )
 from physics_crosscheck.reference.mechanism.laws import (
     Anchor,
     Contact,
+    ContactParameters,
     Laws,
     SoftEquality,
     SoftLimit,
     Softness,
     Surface,
-    Touch,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion, to_quaternion
 
 LEAST_FRICTION = 1e-5
 """Smallest friction coefficient of the documented law."""
 
 
-def mixed(first: Surface, other: Surface) -> Touch:
+def mix_surfaces(first: Surface, other: Surface) -> ContactParameters:
     """Return the numbers of a contact of two surfaces."""
     if first.priority != other.priority:
         dominant = first if first.priority > other.priority else other
@@ -50,7 +48,7 @@ def mixed(first: Surface, other: Surface) -> Touch:
         sliding, spinning, rolling = (max(pair) for pair in pairs)
         friction, softness = (sliding, spinning, rolling), _mixed_softness(first, other)
     sliding, spinning, rolling = friction
-    return Touch(
+    return ContactParameters(
         dimension=dimension,
         friction=(sliding, sliding, spinning, rolling, rolling),
         margin=first.margin + other.margin,
@@ -85,11 +83,13 @@ class Weights:
         bodies: of translation and rotation, (bodies, 2); zero for bodies that stand still.
         velocities: of each velocity, (nv,); averages of the three of a rotation or translation.
         paths: (P,).
+        path_accelerations: norm of the acceleration per unit force of each path, (P,).
     """
 
     bodies: Array
     velocities: Array
     paths: Array
+    path_accelerations: Array
 
     @staticmethod
     def from_home(laws: Laws, tree: LawTree, home: Array) -> Weights:
@@ -113,8 +113,13 @@ class Weights:
             center = posture.body(i).rotation @ tree.centers[i] + posture.body(i).origin
             for k, rows in enumerate(posture.jacobian(i, center)):
                 bodies[i, k] = np.einsum("ri,ij,rj->", rows, inverse, rows) / 3
-        paths = np.einsum("pi,ij,pj->p", posture.rows, inverse, posture.rows)
-        return Weights(bodies=bodies, velocities=velocities, paths=paths)
+        accelerations = posture.rows @ inverse
+        return Weights(
+            bodies=bodies,
+            velocities=velocities,
+            paths=np.einsum("pi,pi->p", accelerations, posture.rows),
+            path_accelerations=np.linalg.norm(accelerations, axis=1),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,16 +146,16 @@ class Constraints:
         rows = Rows(step=self.laws.step, safe=self.laws.safe, velocities=posture.m)
         for equality in self.laws.equalities:
             if equality.anchors is None:
-                self._equal(rows, posture, equality)
+                self._add_equality(rows, posture, equality)
             else:
-                self._attached(rows, posture, equality, equality.anchors)
+                self._add_anchors(rows, posture, equality, equality.anchors)
         for friction in self.laws.frictions:
             for row, weight in self._directions(posture, friction.joint, friction.path):
                 rows.add(Kind.FRICTION, row, friction.softness, 0.0, weight, bound=friction.force)
         for limit in self.laws.limits:
-            self._limited(rows, posture, limit)
+            self._add_limit(rows, posture, limit)
         for contact in contacts:
-            self._touching(rows, posture, contact)
+            self._add_contact(rows, posture, contact)
         return rows
 
     def _directions(self, posture: Posture, joint: int, path: int) -> list[tuple[Array, float]]:
@@ -161,7 +166,7 @@ class Constraints:
         eye = np.eye(len(posture.m))
         return [(eye[i], float(self.weights.velocities[i])) for i in range(there.start, there.stop)]
 
-    def _equal(self, rows: Rows, posture: Posture, equality: SoftEquality) -> None:
+    def _add_equality(self, rows: Rows, posture: Posture, equality: SoftEquality) -> None:
         """Add the row of two joints or two paths."""
         pairs = [(joint, -1) for joint in equality.joints] + [(-1, k) for k in equality.paths]
         positions = [self._position(posture, *pair) for pair in pairs]
@@ -182,7 +187,7 @@ class Constraints:
             return float(posture.lengths[path])
         return float(posture.y[self.tree.tree.velocities[joint].start])
 
-    def _attached(
+    def _add_anchors(
         self,
         rows: Rows,
         posture: Posture,
@@ -196,7 +201,7 @@ class Constraints:
         weights = [sum(float(self.weights.bodies[a.body, k]) for a in anchors) for k in range(2)]
         weight = [weights[0]] * 3
         if equality.turn_scale is not None:
-            turn, by, drift = _turned(first, other)
+            turn, by, drift = _rotation_error(first, other)
             scale = equality.turn_scale
             apart = np.concatenate([apart, scale * turn])
             row, bias = np.vstack([row, scale * by]), np.concatenate([bias, scale * drift])
@@ -209,11 +214,11 @@ class Constraints:
                 position=size, depth=whole, bias=float(bias[k]),
             )  # fmt: skip
 
-    def _limited(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
+    def _add_limit(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
         """Add the rows of a limit that is nearer than its margin."""
         links = self.tree.tree.links
         if limit.joint >= 0 and links[limit.joint].kind == "ball":
-            return self._limited_ball(rows, posture, limit)
+            return self._add_ball_limit(rows, posture, limit)
         position = self._position(posture, limit.joint, limit.path)
         row, weight = self._directions(posture, limit.joint, limit.path)[0]
         for sign, bound in ((-1, limit.lower), (1, limit.upper)):
@@ -226,7 +231,7 @@ class Constraints:
                 )  # fmt: skip
         return None
 
-    def _limited_ball(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
+    def _add_ball_limit(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
         vector = posture.angle(limit.joint)
         angle = float(np.linalg.norm(vector))
         distance = max(limit.lower, limit.upper) - angle
@@ -234,25 +239,25 @@ class Constraints:
             return
         there = self.tree.tree.velocities[limit.joint]
         row = np.zeros(len(posture.m))
-        row[there] = -vector / angle
+        # At no angle the axis is arbitrary; the documented law takes the first.
+        row[there] = -vector / angle if angle > SMALLEST else (-1.0, 0.0, 0.0)
         rows.limits += 1
         rows.add(
             Kind.ONE_SIDED, row, limit.softness, distance - limit.margin,
             float(self.weights.velocities[there.start]), position=2 * angle,
         )  # fmt: skip
 
-    def touch(self, contact: Contact) -> Touch:
-        """Return the numbers of a contact."""
+    def _parameters(self, contact: Contact) -> ContactParameters:
         first, other = contact.surfaces
-        for *surfaces, touch in self.laws.pairs:
+        for *surfaces, parameters in self.laws.pairs:
             if set(surfaces) == {first, other}:
-                return touch
-        return mixed(self.laws.surfaces[first], self.laws.surfaces[other])
+                return parameters
+        return mix_surfaces(self.laws.surfaces[first], self.laws.surfaces[other])
 
-    def _touching(self, rows: Rows, posture: Posture, contact: Contact) -> None:
+    def _add_contact(self, rows: Rows, posture: Posture, contact: Contact) -> None:
         """Add the rows of a contact within its margin, unless both bodies stand still."""
-        touch = self.touch(contact)
-        violation = contact.distance - touch.margin
+        parameters = self._parameters(contact)
+        violation = contact.distance - parameters.margin
         first, other = (self.laws.surfaces[i].body for i in contact.surfaces)
         if violation >= 0 or (self.tree.bodies[first][0] < 0 and self.tree.bodies[other][0] < 0):
             return
@@ -260,72 +265,60 @@ class Constraints:
         (linear, angular), (linear_2, angular_2) = pairs
         jacobian = np.vstack(
             [contact.frame @ (linear_2 - linear), contact.frame @ (angular_2 - angular)]
-        )[: touch.dimension]
-        weight = float(self.weights.bodies[first, 0] + self.weights.bodies[other, 0])
-        position = float(np.abs(contact.position).sum())
-        if touch.dimension == 1:
-            rows.add(
-                Kind.ONE_SIDED, jacobian[0], touch.softness, violation, weight, position=position
-            )
-            return
-        friction = np.maximum(LEAST_FRICTION, touch.friction)[: touch.dimension - 1]
-        cone = _ConeRows(rows, touch, violation, position)
-        if self.laws.elliptic:
-            cone.elliptic(jacobian, friction, weight, self.laws.friction_ratio)
+        )
+        added = _ContactRows(
+            rows=rows,
+            parameters=parameters,
+            jacobian=jacobian[: parameters.dimension],
+            violation=violation,
+            position=float(np.abs(contact.position).sum()),
+            weight=float(self.weights.bodies[first, 0] + self.weights.bodies[other, 0]),
+        )
+        friction = np.maximum(LEAST_FRICTION, parameters.friction)[: parameters.dimension - 1]
+        ratio = max(SMALLEST, self.laws.friction_ratio)
+        if parameters.dimension == 1:
+            added.add(Kind.ONE_SIDED, jacobian[0], added.weight)
+        elif self.laws.elliptic:
+            added.add_cone(friction, ratio)
         else:
-            cone.pyramid(jacobian, friction, weight, self.laws.friction_ratio)
+            added.add_pyramid(friction, ratio)
 
 
-@dataclass(frozen=True, eq=False)
-class _ConeRows:
-    """The rows of one contact with friction."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _ContactRows:
+    """The rows of one contact; the first row of its Jacobian is along the normal."""
 
     rows: Rows
-    touch: Touch
+    parameters: ContactParameters
+    jacobian: Array
     violation: float
     position: float
+    weight: float
 
-    def elliptic(self, jacobian: Array, friction: Array, weight: float, ratio: float) -> None:
-        """Add a normal row, and one for each direction of friction."""
-        normal = self._softness(weight)
-        sliding = normal / max(SMALLEST, ratio)
-        start = len(self.rows.kinds)
-        self._append(Kind.CONE, jacobian[0], normal, self.touch.softness.reference, True)
-        reference = self.touch.sliding if any(self.touch.sliding) else (
-            self.touch.softness.reference
-        )  # fmt: skip
-        for row, mu in zip(jacobian[1:], friction, strict=True):
-            softness = sliding * friction[0] ** 2 / mu**2
-            self._append(Kind.CONE, row, softness, reference, False)
-        slope = float(friction[0] * np.sqrt(sliding / normal))
-        self.rows.cones.append(Cone(start, slope, friction))
+    def add(self, kind: Kind, row: Array, weight: float) -> None:
+        """Add a row that resists the violation."""
+        self.rows.add(
+            kind, row, self.parameters.softness, self.violation, weight, position=self.position
+        )
 
-    def pyramid(self, jacobian: Array, friction: Array, weight: float, ratio: float) -> None:
+    def add_pyramid(self, friction: Array, ratio: float) -> None:
         """Add two edges for each direction of friction."""
-        normal = self._softness(weight + friction[0] ** 2 * weight)
-        sliding = normal / max(SMALLEST, ratio)
-        softness = 2 * friction[0] ** 2 * sliding / normal * normal
-        for row, mu in zip(jacobian[1:], friction, strict=True):
-            for sign in (1, -1):
-                edge = jacobian[0] + sign * mu * row
-                reference = self.touch.softness.reference
-                self._append(Kind.ONE_SIDED, edge, softness, reference, True)
+        slope = float(friction[0]) ** 2
+        weight = 2 * slope / ratio * (1 + slope) * self.weight
+        for row, mu in zip(self.jacobian[1:], friction, strict=True):
+            for edge in (mu * row, -mu * row):
+                self.add(Kind.ONE_SIDED, self.jacobian[0] + edge, weight)
 
-    def _softness(self, weight: float) -> float:
-        d, _ = impedance(self.touch.softness, self.violation)
-        return max(SMALLEST, (1 - d) / d * weight)
-
-    def _append(
-        self, kind: Kind, row: Array, softness: float, reference: tuple[float, float], stiff: bool
-    ) -> None:
-        """Add a row, whose aref depends on the violation if it is `stiff`."""
-        d, full = impedance(self.touch.softness, self.violation)
-        k, b = gains(reference, full, self.rows.step, safe=self.rows.safe)
-        depth = k * d * self.violation if stiff else 0.0
-        rate = float(row @ self.rows.velocities)
-        size = b * float(np.abs(row) @ np.abs(self.rows.velocities)) + abs(depth)
-        size += k * d * self.position * stiff
-        self.rows.append(kind, row, -b * rate - depth, softness, size=size)
+    def add_cone(self, friction: Array, ratio: float) -> None:
+        """Add a normal row, and one for each direction of friction."""
+        slope = float(friction[0] / np.sqrt(ratio))
+        self.rows.cones.append(Cone(len(self.rows.kinds), slope, friction))
+        self.add(Kind.CONE, self.jacobian[0], self.weight)
+        softness, sliding = self.parameters.softness, self.parameters.sliding
+        softness = replace(softness, reference=sliding) if any(sliding) else softness
+        for row, mu in zip(self.jacobian[1:], friction, strict=True):
+            weight = self.weight / ratio * float(friction[0] / mu) ** 2
+            self.rows.add(Kind.CONE, row, softness, 0.0, weight, depth=self.violation)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -358,11 +351,11 @@ class _Anchored:
         )
 
 
-def _turned(first: _Anchored, other: _Anchored) -> tuple[Array, Array, Array]:
+def _rotation_error(first: _Anchored, other: _Anchored) -> tuple[Array, Array, Array]:
     """Return the vector part of the relative quaternion, its Jacobian, and J-dot v, (3, ...)."""
-    w, *e = relative_turn(first.rotation, other.rotation)
-    turn = np.array(e)
     back = other.rotation.T
+    w, *e = to_quaternion(back @ first.rotation)
+    turn = np.array(e)
     rate = back @ (first.spin - other.spin)
     change = back @ (first.change - other.change - np.cross(other.spin, first.spin))
     w_rate, turn_rate = -rate @ turn / 2, (w * rate + np.cross(rate, turn)) / 2

@@ -6,14 +6,13 @@ Millard et al. 2013, J. Biomech. Eng. 135(2), for the time constants.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.soft import SMALLEST
-from physics_crosscheck.reference.mechanism.laws import Drive, Laws, Numbers, Range
+from physics_crosscheck.reference.mechanism.laws import Curve, Drive, Laws, Numbers, Range
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 
@@ -28,7 +27,6 @@ class Driven:
         clipped: drives at a limit of their own or of a tendon, by index.
         damping: -d(joint forces)/d(velocities), (nv, nv); drives at a limit of their own, of their
             tendon or of their joint have none.
-        size: sum of the magnitudes in the joint forces, (nv,).
     """
 
     forces: Array
@@ -36,7 +34,6 @@ class Driven:
     states: Array
     clipped: frozenset[int]
     damping: Array
-    size: Array
 
 
 def drive(
@@ -56,22 +53,21 @@ def drive(
         controls, states: inputs and states of all drives.
     """
     count, nv = len(laws.drives), len(posture.m)
-    forces, sizes, slopes = np.zeros(count), np.zeros(count), np.zeros(count)
+    forces, slopes = np.zeros(count), np.zeros(count)
     after = states.copy()
     rows = np.array([posture.rows[actuator.path] for actuator in laws.drives]).reshape(count, nv)
     for i, actuator in enumerate(laws.drives):
         law = _Drive(actuator, posture, accelerations[actuator.path])
         control = _clipped(controls[actuator.control], actuator.control_range)
-        value = law.period(control) if actuator.state < 0 else control
+        value = control
         if actuator.state >= 0:
-            rate = law.rate(control, states[actuator.state])
-            after[actuator.state] = law.next_state(
-                states[actuator.state], rate if actuator.on else 0.0, laws.step
-            )
-            current = law.next_state(states[actuator.state], rate, laws.step)
-            value = law.period(current if actuator.early else states[actuator.state])
+            before = states[actuator.state]
+            rate = law.rate(control, before) if actuator.on else 0.0
+            after[actuator.state] = law.next_state(before, rate, laws.step)
+            value = after[actuator.state] if actuator.early else before
         if actuator.on:
-            forces[i], sizes[i] = law.force(value)
+            value = law.period(value)
+            forces[i] = law.force(value)
             slopes[i] = law.slope(value)
     forces, clipped = _within_limits(laws, forces)
     joint_forces, limited = _within_joints(laws, posture, rows.T @ forces)
@@ -85,7 +81,6 @@ def drive(
         states=after,
         clipped=frozenset(clipped),
         damping=-np.einsum("di,d,dj->ij", rows, slopes, rows),
-        size=np.abs(rows).T @ sizes,
     )
 
 
@@ -102,7 +97,7 @@ def unsaturated(
     states = np.full(max((actuator.state for actuator in laws.drives), default=-1) + 1, np.nan)
     for i, actuator in enumerate(laws.drives):
         law = _Drive(actuator, posture, accelerations[actuator.path])
-        still, unit = law.force(0.0)[0], law.force(1.0)[0]
+        still, unit = law.force(0.0), law.force(1.0)
         limits = actuator.control_range if actuator.state < 0 else actuator.state_range
         low, high = limits or ((0.0, 1.0) if actuator.gain == "muscle" else (-1.0, 1.0))
         value = (low + high) / 2 + shares[i] * (high - low) / 2
@@ -211,13 +206,10 @@ class _Drive:
             time = constant * (1 - float(np.exp(-step / constant)))
         return _clipped(state + rate * time, self.drive.state_range)
 
-    def force(self, value: float) -> tuple[float, float]:
-        """Return the force before its limits, and the sum of its terms' magnitudes."""
-        summands = [
-            x * value for x in self._summands(self.drive.gain, self.drive.gains, active=True)
-        ]
-        summands += self._summands(self.drive.bias, self.drive.biases, active=False)
-        return sum(summands), sum(map(abs, summands))
+    def force(self, value: float) -> float:
+        """Return the force before its limits."""
+        gain = self._curve(self.drive.gain, self.drive.gains, active=True)
+        return gain * value + self._curve(self.drive.bias, self.drive.biases, active=False)
 
     def slope(self, value: float) -> float:
         """Return the derivative of the force by the velocity."""
@@ -227,16 +219,16 @@ class _Drive:
         bias = self.drive.biases[2] if self.drive.bias == "affine" else 0.0
         return gain * value + bias
 
-    def _summands(self, curve: str, numbers: Numbers, *, active: bool) -> Sequence[float]:
+    def _curve(self, curve: Curve, numbers: Numbers, *, active: bool) -> float:
         match curve:
             case "fixed":
-                return [numbers[0]]
+                return numbers[0]
             case "affine":
-                return [numbers[0], numbers[1] * self.length, numbers[2] * self.velocity]
+                return numbers[0] + numbers[1] * self.length + numbers[2] * self.velocity
             case "muscle":
                 muscle = self._muscle(numbers)
-                return [muscle.active(self.velocity) if active else muscle.passive]
-        return []
+                return muscle.active(self.velocity) if active else muscle.passive
+        return 0.0
 
     def _muscle(self, numbers: Numbers) -> _Muscle:
         return _Muscle(numbers, self.length, self.drive.stretch, self.acceleration)

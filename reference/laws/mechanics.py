@@ -17,10 +17,10 @@ from physics_crosscheck.reference.dynamics.propagation import LinkMotion, Placem
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import rotation_vector, to_quaternion
+from physics_crosscheck.reference.mechanism.rotations import rotation_vector
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeForce
-from physics_crosscheck.reference.solving.next_state import SteppedTree
+from physics_crosscheck.reference.solving.next_state import SteppedBodies
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,8 +42,8 @@ class LawTree:
     centers: Array
 
     @cached_property
-    def _stepped(self) -> SteppedTree:
-        return SteppedTree(self.tree)
+    def _stepped(self) -> SteppedBodies:
+        return SteppedBodies(self.tree)
 
     @cached_property
     def _chart(self) -> MinimalCoordinates:
@@ -61,16 +61,16 @@ class LawTree:
 
     def force(self, y: Array, m: Array, push: Array) -> Array:
         """Return the smooth forces at states (B, nv), under forces `push`, (B, nv)."""
-        return self._stepped.force(y.T, m.T, push.T).T
+        return self._stepped.force(y, m, push)
 
     def advance(self, y: Array, m: Array, h: float) -> Array:
         """Return the positions after h seconds at constant velocities, (B, nv)."""
-        return self._chart.advance(y.T, m.T, h).T
+        return self._stepped.advanced(y, m, h)
 
     def postures(self, y: Array, m: Array) -> Iterator[Posture]:
         """Yield the tree at each of B states: coordinates and stored velocities, (B, nv) each."""
         q, nothing = self._chart.positions(y.T), np.zeros_like(m)
-        mass, smooth = self._stepped.mass(y.T), self.force(y, m, nothing)
+        mass, smooth = self._stepped.mass(y), self.force(y, m, nothing)
         placements = self._recursion.placements(q)
         poses = self._recursion.poses_of(placements)
         still = self._chart.frame_acceleration(y.T, m.T)
@@ -85,7 +85,7 @@ class LawTree:
                 y=y[b],
                 m=m[b],
                 q=q[:, b],
-                mass=mass[..., b],
+                mass=mass[b],
                 smooth=smooth[b],
                 lift=lift[:, b],
                 poses=[Placement(*(_state(part, b) for part in pose)) for pose in poses],
@@ -192,8 +192,3 @@ def _state(values: Array, index: int) -> Array:
     """Return the values at one state of a batch; constants have a batch of one."""
     result: Array = values[..., index if values.shape[-1] > 1 else 0]
     return result
-
-
-def relative_turn(first: Array, other: Array) -> Array:
-    """Return the quaternion (4,) of a frame in another one, from their axes (3, 3)."""
-    return np.array(to_quaternion(other.T @ first))

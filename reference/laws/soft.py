@@ -138,33 +138,13 @@ class Rows:
         """
         d, full = impedance(softness, violation if depth is None else depth)
         k, b = gains(softness.reference, full, self.step, safe=self.safe)
-        self.append(
-            kind,
-            row,
-            -b * float(row @ self.velocities) - k * d * violation - bias,
-            (1 - d) / d * weight,
-            size=b * float(np.abs(row) @ np.abs(self.velocities))
-            + k * d * (abs(violation) + position)
-            + abs(bias),
-            bound=bound,
-        )
-
-    def append(
-        self,
-        kind: Kind,
-        row: Array,
-        reference: float,
-        softness: float,
-        *,
-        size: float,
-        bound: float = 0.0,
-    ) -> None:
-        """Append a row with its aref and R; `size` is the sum of the magnitudes in aref."""
+        rate = float(row @ self.velocities)
+        size = b * float(np.abs(row) @ np.abs(self.velocities)) + abs(bias)
         self.kinds.append(kind)
         self.jacobian.append(row)
-        self.reference.append(reference)
-        self.softness.append(max(SMALLEST, softness))
-        self.sizes.append(size)
+        self.reference.append(-b * rate - k * d * violation - bias)
+        self.softness.append(max(SMALLEST, (1 - d) / d * weight))
+        self.sizes.append(size + k * d * (abs(violation) + position))
         self.bounds.append(bound)
 
     def problem(self, mass: Array, free: Array) -> Problem:
@@ -240,7 +220,7 @@ class Problem:
         for _ in range(MAX_ITERATIONS):
             gradient = self.gradient(a)
             now = float(np.linalg.norm(gradient))
-            if now > size / 2 and size < ROUGHLY * self._force_size(a):
+            if now >= size / 2 and size <= self._negligible(a):
                 break
             size = min(size, now)
             slope = self.forces(a)[1]
@@ -254,11 +234,13 @@ class Problem:
                 a = a + self._line_search(a, direction) * direction
         return a
 
-    def _force_size(self, a: Array) -> float:
-        """Return the size of the forces in the gradient."""
-        force = self.forces(a)[0]
-        loose = np.abs(self.mass) @ np.abs(a - self.free) + np.abs(self.jacobian).T @ np.abs(force)
-        return float(np.linalg.norm(loose))
+    def _negligible(self, a: Array) -> float:
+        """Return the size of a gradient that rounding leaves: of its forces, and of `a` itself."""
+        force, mass = self.forces(a)[0], np.abs(self.mass)
+        loose = mass @ np.abs(a - self.free) + np.abs(self.jacobian).T @ np.abs(force)
+        return float(
+            ROUGHLY * np.linalg.norm(loose) + LAST_DIGITS * np.linalg.norm(mass @ np.abs(a))
+        )
 
     def _line_search(self, a: Array, direction: Array) -> float:
         """Return the share of a direction at which the cost is least, by bisection."""
@@ -290,6 +272,9 @@ class Problem:
 
 MAX_ITERATIONS, ROUGHLY = 200, 1e-12
 """Newton iterations, and the share of the forces below which only rounding is left."""
+
+LAST_DIGITS = 4 * float(np.finfo(float).eps)
+"""Share of the accelerations by which they are rounded."""
 
 LINE_TOLERANCE, BISECTIONS, MAX_SHARE = 1e-10, 60, 1e6
 """Numbers of the line search: share of the first slope, halvings, largest share of a step."""

@@ -29,14 +29,12 @@ class LawStep:
         posture: the state.
         problem: the convex problem of the constraints.
         driven: the drives.
-        force: all forces but those of constraints, (nv,).
         limits: number of rows of limits.
     """
 
     posture: Posture
     problem: Problem
     driven: Driven
-    force: Array
     limits: int
 
 
@@ -59,13 +57,10 @@ class LawModel:
         """The rows of all constraints."""
         return Constraints(laws=self.laws, tree=self.tree, home=self.home)
 
-    @cached_property
+    @property
     def unit_accelerations(self) -> Array:
         """Norm of the acceleration per unit force of each path in the drawn configuration, (P,)."""
-        still = np.zeros((1, len(self.home)))
-        posture = next(self.tree.postures(self.home[None], still))
-        norms: Array = np.linalg.norm(posture.rows @ posture.inverse, axis=1)
-        return norms
+        return self.constraints.weights.path_accelerations
 
     @cached_property
     def _branches(self) -> NDArray[np.bool_]:
@@ -93,7 +88,6 @@ class LawModel:
             posture=posture,
             problem=rows.problem(posture.mass, free),
             driven=driven,
-            force=force,
             limits=rows.limits,
         )
 
@@ -154,11 +148,14 @@ class LawModel:
         """Return minus the derivative of the inertial forces of lone free bodies, (nv, nv)."""
         result = np.zeros_like(posture.mass)
         if self._lone:
-            bodies = replace(self.tree, tree=replace(self.tree.tree, pulls=(), bushings=()))
-            whole = _by_velocity(bodies, posture)
+            whole = _by_velocity(self._without_springs, posture)
             for there in self._lone:
                 result[there, there] = whole[there, there] - np.diag(self._joint_damping[there])
         return result
+
+    @cached_property
+    def _without_springs(self) -> LawTree:
+        return replace(self.tree, tree=replace(self.tree.tree, pulls=(), bushings=()))
 
     @cached_property
     def _lone(self) -> list[slice]:

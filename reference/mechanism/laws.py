@@ -125,8 +125,8 @@ class Surface:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Touch:
-    """Numbers of the contact of two surfaces.
+class ContactParameters:
+    """Parameters of the contact of two surfaces.
 
     Attributes:
         friction: of five directions: two sliding, torsional, two rolling.
@@ -178,7 +178,7 @@ class Drive:
 
 @dataclass(frozen=True, kw_only=True)
 class Laws:
-    """All of a file.
+    """All laws of a file.
 
     Attributes:
         step: s.
@@ -206,7 +206,7 @@ class Laws:
     frictions: tuple[DryFriction, ...] = ()
     equalities: tuple[SoftEquality, ...] = ()
     surfaces: tuple[Surface, ...] = ()
-    pairs: tuple[tuple[int, int, Touch], ...] = ()
+    pairs: tuple[tuple[int, int, ContactParameters], ...] = ()
     drives: tuple[Drive, ...] = ()
     sums: tuple[tuple[tuple[int, ...], Range], ...] = ()
     joint_ranges: Mapping[int, tuple[Range, bool]] = field(default_factory=dict)

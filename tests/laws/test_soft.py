@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.laws.constraints import mixed
+from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.soft import Kind, Rows, gains, impedance
 from physics_crosscheck.reference.mechanism.laws import Softness
 from tests.laws.ball import GRAVITY, SLIDES, ball, on_plane, surface
@@ -72,12 +72,12 @@ def test_two_surfaces_mix_by_maximum_weight_and_priority() -> None:
     other = Softness(reference=(0.01, 1.5), impedance=(0.5, 0.6, 0.002, 0.5, 2.0))
     first = surface(0, FLAT, friction=(0.9, 0.01, 0.1), mix=3.0, margin=0.001)
     second = surface(1, other, friction=(0.4, 0.02, 0.0), dimension=6, margin=0.002)
-    both = mixed(first, second)
+    both = mix_surfaces(first, second)
     assert both.friction == (0.9, 0.9, 0.02, 0.1, 0.1)
     assert both.dimension == 6
     assert both.margin == pytest.approx(0.003)
     assert both.softness.reference == pytest.approx((0.75 * T + 0.25 * 0.01, 0.75 * Z + 0.375))
-    one = mixed(first, surface(1, other, friction=(0.4, 0.02, 0.0), priority=1))
+    one = mix_surfaces(first, surface(1, other, friction=(0.4, 0.02, 0.0), priority=1))
     assert one.friction == (0.4, 0.4, 0.02, 0.0, 0.0)
     assert one.softness == other
 

@@ -23,6 +23,7 @@ from physics_crosscheck.harness.engines.mujoco.rule import has_nonlinear_damping
 from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
 from physics_crosscheck.reference.mechanism.laws import (
     Anchor,
+    ContactParameters,
     Curve,
     Drive,
     DryFriction,
@@ -33,7 +34,6 @@ from physics_crosscheck.reference.mechanism.laws import (
     SoftLimit,
     Softness,
     Surface,
-    Touch,
 )
 
 _DYNAMICS: Mapping[str, Dynamics] = {
@@ -209,12 +209,12 @@ def _surface(m: Any, i: int, *, override: bool) -> Surface:
     )
 
 
-def _pairs(m: Any, *, override: bool) -> Iterator[tuple[int, int, Touch]]:
+def _pairs(m: Any, *, override: bool) -> Iterator[tuple[int, int, ContactParameters]]:
     """Yield the pairs of geoms that state their numbers themselves."""
     o = m.opt
     for i in range(m.npair):
         first, other = int(m.pair_geom1[i]), int(m.pair_geom2[i])
-        touch = Touch(
+        touch = ContactParameters(
             dimension=int(m.pair_dim[i]),
             friction=_numbers(o.o_friction if override else m.pair_friction[i]),
             margin=float(o.o_margin if override else m.pair_margin[i]),
