@@ -121,8 +121,8 @@ def suffices(
     largest = (
         judged.largest_discrepancy,
         judged.largest_uncertainty,
-        stepping.later_share,
-        stepping.off_map,
+        stepping.later.share,
+        stepping.later.off_map,
     )
     if rule.besides or judged.outcome is not Outcome.AGREES:
         return False
@@ -177,7 +177,7 @@ def _build(
         defects = motion.defects
         judged = judge(defects.defect, defects.uncertainty, task.resolution, None)
         time, steps = float(motion.t[judged.segment]), steps + len(motion.t)
-    off_map = max(stepping.off_map, 0.0 if motion is None else motion.defects.off_map)
+    off_map = max(stepping.later.off_map, 0.0 if motion is None else motion.defects.off_map)
     each = stepping.judgement, judged
     verdict = Verdict(
         outcome=Outcome.AGREES,

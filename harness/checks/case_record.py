@@ -88,7 +88,7 @@ def stepping_record(comparison: FoundStepping, components: tuple[str, ...]) -> S
         uncertainty=number(judged.uncertainty),
         component=components[judged.component],
         digits=number(comparison.digits),
-        digits_later=number(comparison.later),
+        digits_later=number(comparison.later.digits),
         digits_long=number(comparison.long),
     )
 

@@ -22,6 +22,7 @@ from physics_crosscheck.harness.numerics.stepping import (
     Steps,
     steps_alike,
 )
+from physics_crosscheck.harness.records.outcome import differs
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.next_state import Stepped
 
@@ -79,7 +80,7 @@ def linearize_step(
     engine_slopes = slopes(ends, lost, deltas)
     a, b = engine_slopes.value[:, :size], engine_slopes.value[:, size:]
     error = bound = float("nan")
-    differs, rule = False, model.step_rule
+    is_wrong, rule = False, model.step_rule
     if rule is not None and stepped is not None and steps_alike(rule, coordinates, states):
         wanted = slopes(run.rule(rule, stepped, 1), lost, deltas)
         changed = wanted.value - np.eye(size, len(deltas))
@@ -88,7 +89,7 @@ def linearize_step(
         # Truncation errors are the same in both; only rounding differs.
         doubt = slopes(0 * ends, 2 * lost, deltas).uncertainty / scale
         error, bound = float(np.max(off)), float(np.max(doubt))
-        differs = bool(np.any((off > doubt) & (off + doubt > resolution)))
+        is_wrong = bool(np.any(differs(off, doubt, resolution)))
     from scipy.linalg import expm  # slow import, not needed by every command
 
     exact = expm(point.matrices["A"] * model.step)
@@ -98,7 +99,7 @@ def linearize_step(
         b=b,
         error=error,
         bound=bound,
-        differs=differs,
+        differs=is_wrong,
         radius=float(np.max(np.abs(np.linalg.eigvals(a)))),
         exact_radius=float(np.max(np.abs(np.linalg.eigvals(exact)))),
     )

@@ -293,12 +293,9 @@ class _Samples:
 
     def thinned(self, by: int) -> _Samples:
         """Return only every `by`-th sample."""
-        return _Samples(
-            t=self.t[::by],
-            states=self.states[::by],
-            zs=self.zs[::by],
-            ws=self.ws[::by],
-            seconds=self.seconds,
+        kept = slice(None, None, by)
+        return replace(
+            self, t=self.t[kept], states=self.states[kept], zs=self.zs[kept], ws=self.ws[kept]
         )
 
 

@@ -94,7 +94,8 @@ def linearize_engine(
     if direct is None:
         generator, is_wrong = _by_segments(model, coordinates, point, fastest, resolution)
     else:
-        generator, is_wrong = direct, _entries_differ(direct, a, b, resolution)
+        generator = direct
+        is_wrong = _entries_differ(direct, np.hstack([a, b]), point, 1.0, resolution)
     uncertainty, size = generator.uncertainty, len(a)
     found_a, found_b = generator.value[:size, :size], generator.value[:size, size:]
     frequencies = fastest * np.geomspace(0.05, 5.0, 120)
@@ -169,15 +170,27 @@ def _by_accelerations(
     )
 
 
-def _entries_differ(generator: Estimate, a: Array, b: Array, resolution: float) -> bool:
-    """Return whether an entry of A or B differs, as a share of the largest entry of its matrix."""
-    scale = np.repeat(
-        [np.max(np.abs(one), initial=0.0) or 1.0 for one in (a, b)], [len(a), b.shape[1]]
-    )
-    wanted = np.concatenate([a, b], axis=1)
-    error = (generator.uncertainty + 16 * EPSILON * np.abs(wanted)) / scale
-    off = np.abs(generator.value - wanted) / scale
-    return bool(np.any(differs(off, error, resolution)))
+def _entries_differ(
+    engine: Estimate, wanted: Array, point: OperatingPoint, length: float, resolution: float
+) -> bool:
+    """Return whether an entry of a matrix differs from Taylor's.
+
+    The rule is that of `harness.numerics.judgement`, by entries. A share of the largest entry of A
+    or B counts as the same share of its effect on a state over the segment.
+
+    Args:
+        engine, wanted: the engine's and Taylor's matrix of rates or of a transition,
+            (2n, 2n + inputs).
+        point: the equilibrium.
+        length: seconds of the segment; 1 for rates.
+        resolution: smallest difference that counts.
+    """
+    both = point.matrices["A"], point.matrices["B"]
+    largest = [np.max(np.abs(one), initial=0.0) or 1.0 for one in both]
+    scale = length * np.repeat(largest, [one.shape[1] for one in both])
+    # Rounding of Taylor's matrix in doubles.
+    error = (engine.uncertainty + 16 * EPSILON * np.abs(wanted)) / scale
+    return bool(np.any(differs(np.abs(engine.value - wanted) / scale, error, resolution)))
 
 
 def _by_segments(
@@ -190,13 +203,16 @@ def _by_segments(
     """Return A and B as rows of a square matrix, and whether a transition differs from Taylor's."""
     length = 2 * np.pi / fastest / 20
     transition = _transition(model, coordinates, point, length)
-    from scipy.linalg import logm  # slow import, not needed by every command
+    from scipy.linalg import expm, logm  # slow import, not needed by every command
 
     generator = Estimate(
         value=logm(transition.value).real / length, uncertainty=_of_logarithm(transition) / length
     )
-    a, b = point.matrices["A"], point.matrices["B"]
-    return generator, _differs(transition, a, b, length, resolution)
+    # Transitions are compared, since they have a limit even without a logarithm.
+    size, rates = len(point.amplitude), np.zeros_like(transition.value)
+    rates[:size] = np.hstack([point.matrices["A"], point.matrices["B"]])
+    rows = Estimate(value=transition.value[:size], uncertainty=transition.uncertainty[:size])
+    return generator, _entries_differ(rows, expm(rates * length)[:size], point, length, resolution)
 
 
 def _transition(
@@ -243,26 +259,6 @@ def _share(values: Array, wanted: Array) -> float:
     if not wanted.size:
         return 0.0
     return float(np.max(values) / (np.max(np.abs(wanted)) or 1.0))
-
-
-def _differs(transition: Estimate, a: Array, b: Array, length: float, resolution: float) -> bool:
-    """Return whether a transition differs from Taylor's; it has a limit even without a logarithm.
-
-    The rule is that of `harness.numerics.judgement`, by entries. A share of the largest entry of A
-    or B counts as the same share of its effect on a state over the segment.
-    """
-    size, columns = len(a), len(transition.value)
-    both = np.zeros((columns, columns))
-    both[:size, :size], both[:size, size:] = a, b
-    from scipy.linalg import expm  # slow import, not needed by every command
-
-    wanted = expm(both * length)
-    makes = [np.max(np.abs(one), initial=0.0) or 1.0 for one in (a, b)]
-    scale = length * np.repeat(makes, [size, columns - size])
-    # Rounding of Taylor's transition in doubles.
-    error = (transition.uncertainty + 16 * EPSILON * np.abs(wanted))[:size] / scale
-    off = np.abs(transition.value - wanted)[:size] / scale
-    return bool(np.any(differs(off, error, resolution)))
 
 
 def _pair(engine: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[complex, ...], float]:

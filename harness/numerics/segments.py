@@ -45,7 +45,7 @@ class BlownUpError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Extrapolated:
-    """All segments of a segments, extrapolated.
+    """Extrapolated ends of segments.
 
     Attributes:
         limit: the engine's end of each segment as h -> 0, with its uncertainty.

@@ -103,6 +103,9 @@ def study_step(
         claimed: order that the engine claims.
         agrees: whether the segments agree. If the runs do not converge then, a further run decides
             whether the motion is chaotic.
+        thorough: whether finer runs and a check of the predicted steps are always run.
+        base: the run at the file's own time step, each step of which follows the engine's rule;
+            one related run is then enough.
     """
     size, rates = np.split(amplitude, 2)
 

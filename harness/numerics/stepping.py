@@ -59,11 +59,9 @@ class StepComparison:
         judgement: verdict for B states and 2n components, relative to the largest movement in a
             step.
         digits: the largest difference, in last digits of the component where it is largest.
-        later: the same after `LATER_STEPS` steps.
-        later_share: the same difference, relative to the largest movement in these steps.
-        off_map: the largest residual of the coordinate map after these steps, relative to the
-            largest movement of the engine's coordinates; zero if the map is one to one.
-        long: after `LONG_RUN_STEPS` steps, from a few of the states; nan if not requested.
+        later: the difference after `LATER_STEPS` steps.
+        long: the same in last digits after `LONG_RUN_STEPS` steps, from a few of the states; nan if
+            not requested.
         rounding: rounding of a step that all states share, (2n,).
     """
 
@@ -72,9 +70,7 @@ class StepComparison:
     states: int
     judgement: LimitVerdict
     digits: float
-    later: float
-    later_share: float
-    off_map: float
+    later: LaterSteps
     long: float
     rounding: Array
 
@@ -140,16 +136,13 @@ def step_engine(
         apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)
         defects = _defects(apart, movement(expected, states), digit, rounding)
         digits = float(np.max(apart / np.max(digit, axis=0)))
-    later = run.later(rule, stepped, LATER_STEPS)
     return StepComparison(
         rule=rule,
         step=model.step,
         states=len(states),
         judgement=judge(defects.defect, defects.uncertainty, resolution, None),
         digits=digits,
-        later=later.digits,
-        later_share=later.share,
-        off_map=later.off_map,
+        later=run.later(rule, stepped, LATER_STEPS),
         long=_long(run, rule, stepped) if long else float("nan"),
         rounding=rounding,
     )
@@ -220,9 +213,13 @@ def compare_run(
 
 @dataclass(frozen=True, kw_only=True)
 class LaterSteps:
-    """Largest difference of states after some steps, in last digits, and relative to the movement.
+    """Difference of states after some steps.
 
-    `off_map` is the largest residual of the coordinate map, relative to the movement.
+    Attributes:
+        digits: the largest, in last digits of the component where it is largest.
+        share: the largest, relative to the largest movement in these steps.
+        off_map: the largest residual of the coordinate map, relative to the largest movement of the
+            engine's coordinates; zero if the map is one to one.
     """
 
     digits: float
