@@ -319,7 +319,7 @@ def _unsaturated(
     laws = comparison.laws
     posture = next(comparison.postures([state]))
     shares = rng.uniform(-0.8, 0.8, len(laws.laws.drives))
-    controls, activations = unsaturated(laws.laws, posture, laws.unit_accelerations, shares)
+    controls, activations = unsaturated(laws.laws, posture, laws.weights.path_accelerations, shares)
     return state._replace(
         controls=np.where(np.isfinite(controls), controls, state.controls),
         activations=np.where(np.isfinite(activations), activations, state.activations),

@@ -13,7 +13,7 @@ from physics_crosscheck.reference.laws.constraints import Constraints
 from physics_crosscheck.reference.laws.drives import Driven, drive
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.laws.soft import Problem
-from physics_crosscheck.reference.mechanism.laws import Contact, Laws
+from physics_crosscheck.reference.mechanism.laws import Contact
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
@@ -39,28 +39,8 @@ class LawStep:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LawModel:
-    """A tree with its laws.
-
-    Attributes:
-        laws: the numbers.
-        tree: the bodies and paths.
-        home: coordinates of the drawn configuration, (nv,).
-    """
-
-    laws: Laws
-    tree: LawTree
-    home: Array
-
-    @cached_property
-    def constraints(self) -> Constraints:
-        """The rows of all constraints."""
-        return Constraints(laws=self.laws, tree=self.tree, home=self.home)
-
-    @property
-    def unit_accelerations(self) -> Array:
-        """Norm of the acceleration per unit force of each path in the drawn configuration, (P,)."""
-        return self.constraints.weights.path_accelerations
+class LawModel(Constraints):
+    """A tree with its laws: constraints, drives and an integrator."""
 
     @cached_property
     def _branches(self) -> NDArray[np.bool_]:
@@ -80,10 +60,10 @@ class LawModel:
             controls, states: inputs and states of the drives.
             contacts: as a collision detector reports them.
         """
-        driven = drive(self.laws, posture, self.unit_accelerations, controls, states)
+        driven = drive(self.laws, posture, self.weights.path_accelerations, controls, states)
         force = posture.smooth + driven.joint_forces
         free = np.asarray(np.linalg.solve(posture.mass, force), dtype=np.float64)
-        rows = self.constraints.rows(posture, contacts)
+        rows = self.rows(posture, contacts)
         return LawStep(
             posture=posture,
             problem=rows.problem(posture.mass, free),

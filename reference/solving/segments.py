@@ -126,7 +126,7 @@ class Segments:
 
     @property
     def duration(self) -> float:
-        """Time from a start to the end that follows without a jump, seconds."""
+        """Length of the longest stretch without a jump, seconds."""
         return self.length
 
     @property
@@ -176,7 +176,7 @@ class Segments:
         )
 
     def informative(self, count: int) -> Rows:
-        """Return the rows of about `count` segments that show the most; sorted by that here."""
+        """Return the rows of about `count` segments that show the most; they come first."""
         return np.arange(min(count, len(self.start)))
 
     def by_length(self) -> Iterator[tuple[float, Rows]]:
