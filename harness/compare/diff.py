@@ -305,7 +305,7 @@ def _line(location: Location) -> SourceLine:
 def _bound(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
     """Yield unlike literals, across formats, that both sidecars bind to one expression."""
     bound_a, bound_b = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
-    for expression in bound_a.keys() & bound_b.keys():
+    for expression in (one for one in bound_a if one in bound_b):
         try:
             ours = _find_bound(a, bound_a[expression])
             theirs = _find_bound(b, bound_b[expression])

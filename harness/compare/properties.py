@@ -21,11 +21,7 @@ from physics_crosscheck.harness.compare.alignment import (
     turned_about,
 )
 from physics_crosscheck.harness.compare.partners import joints_of
-from physics_crosscheck.harness.compare.placed import (
-    PlacedTree,
-    with_joint,
-    with_link,
-)
+from physics_crosscheck.harness.compare.placed import PlacedTree, with_joint, with_link
 from physics_crosscheck.harness.compare.property import Difference, apart, make_property, shown
 from physics_crosscheck.harness.compare.side import JointPair, ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
@@ -299,9 +295,9 @@ def _tensors(tensor_a: Array, tensor_b: Array) -> str:
     miss = float(np.abs(here - there).max())
     entries = float(np.abs(tensor_a - tensor_b).max())
     if miss > max(SAME * large, 1e-3 * entries):
-        told_a, told_b = (f"({_digits(m, miss)})" for m in (here, there))
+        text_a, text_b = (f"({_digits(m, miss)})" for m in (here, there))
         return (
-            f"principal moments of inertia {told_a} in A, {told_b} in B ({miss / large:.2g}"
+            f"principal moments of inertia {text_a} in A, {text_b} in B ({miss / large:.2g}"
             f" of the largest)"
         )
     turn = _turn(tensor_a, tensor_b)
@@ -309,11 +305,16 @@ def _tensors(tensor_a: Array, tensor_b: Array) -> str:
 
 
 def _turn(tensor_a: Array, tensor_b: Array) -> float:
-    """Return the largest angle between corresponding principal axes, rad."""
-    bases = np.linalg.eigh(tensor_a)[1], np.linalg.eigh(tensor_b)[1]
-    cosines = np.abs(np.sum(bases[0] * bases[1], axis=0))
-    sines = np.linalg.norm(np.cross(bases[0].T, bases[1].T), axis=1)
-    return float(np.arctan2(sines, cosines).max())
+    """Return the largest angle between corresponding principal axes, rad.
+
+    Equal moments have no axes of their own: any in their plane are principal.
+    """
+    (moments, axes_a), (_, axes_b) = (np.linalg.eigh(one) for one in (tensor_a, tensor_b))
+    apart = np.abs(moments[:, None] - moments) + np.diag(np.full(3, np.inf))
+    is_single = apart.min(axis=0) > SAME * np.abs(moments).max()
+    cosines = np.abs(np.sum(axes_a * axes_b, axis=0))
+    sines = np.linalg.norm(np.cross(axes_a.T, axes_b.T), axis=1)
+    return float(np.max(np.arctan2(sines, cosines)[is_single], initial=0.0))
 
 
 def _digits(values: Array, apart: float) -> str:
@@ -349,8 +350,8 @@ def _ranges(
         with np.errstate(invalid="ignore"):
             miss = np.where(here == there, 0.0, np.abs(here - there))
         if (miss > SAME * np.maximum(1.0, np.minimum(np.abs(here), np.abs(there)))).any():
-            told_a, told_b = _range(here, there)
-            message = f"range of joint {pair.a}: {told_a} in A, {told_b} in B"
+            text_a, text_b = _range(here, there)
+            message = f"range of joint {pair.a}: {text_a} in A, {text_b} in B"
             share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
             yield make_property("range", pair.a, message, moves=False, relative=share)
 

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.modelfiles.locations import Literal, literals
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
 from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
@@ -500,5 +500,5 @@ def _owner(element: XmlElement) -> str:
 
 def _fixed(task: TreeTask) -> frozenset[str]:
     """Return names of fixed links."""
-    robot = read_robot(task.file, floating=bool(task.spec.settings.get("floating")))
+    robot = read_as_it_runs(task.file, task.spec.settings)
     return frozenset(part.name for part in robot.parts if part.body == WORLD)

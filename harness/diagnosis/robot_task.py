@@ -57,6 +57,11 @@ def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
     """
     began = time.perf_counter()
     run = _some_of(task)
+    apart, uncertainty = _apart(run)
+    if not np.any(np.abs(apart).ravel() > uncertainty):
+        return Diagnosis(
+            failure="no motion differs beyond its uncertainty", seconds=time.perf_counter() - began
+        )
     explanations = _explained_by_engine_defaults(run)
     if not explanations and is_reference:
         explanations = _explained_by_compiler(run)

@@ -9,7 +9,8 @@ from physics_crosscheck.harness.compare.candidate import Candidate, candidate
 from physics_crosscheck.harness.compare.diff import applied, edits
 from physics_crosscheck.harness.compare.prepared import prepare
 from physics_crosscheck.harness.compare.properties import properties
-from physics_crosscheck.harness.compare.side import model_side, pairs_of
+from physics_crosscheck.harness.compare.property import Difference
+from physics_crosscheck.harness.compare.side import ModelSide, model_side, pairs_of
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -130,15 +131,11 @@ EFFECTS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("kind", "old", "new"), EFFECTS)
-def test_a_difference_put_into_the_tree_of_a_makes_that_of_b(
-    tmp_path: Path, kind: str, old: str, new: str
-) -> None:
-    """Effects of differences are those of these trees, so both must accelerate alike."""
-    base = MJCF.replace(' euler="0.3 0 0"', "") if "xyaxes" in new else MJCF
+def sides(folder: Path, base: str, *changes: tuple[str, str]) -> tuple[list[Difference], ModelSide]:
+    """Differences of an arm in MJCF and a changed one, and the changed one."""
     pair = [
-        written(tmp_path / label, "arm.xml", base, *change)
-        for label, change in (("a", ()), ("b", ((old, new),)))
+        written(folder / label, "arm.xml", base, *some)
+        for label, some in (("a", ()), ("b", changes))
     ]
     a, b = (candidate(label, path, None) for label, path in zip("AB", pair, strict=True))
     prepared = prepare(InThisProcess(), a, b, ({}, {}), include_constraints=False)
@@ -146,7 +143,24 @@ def test_a_difference_put_into_the_tree_of_a_makes_that_of_b(
     assert here is not None
     assert there is not None
     pairs = pairs_of(prepared.match, prepared.facts[0].coordinates)
-    differences, _ = properties(here, there, pairs)
+    return properties(here, there, pairs)[0], there
+
+
+def test_the_turn_of_a_symmetric_body_is_that_of_its_axis(tmp_path: Path) -> None:
+    """Any two axes in the plane of equal moments are principal, so their angle means nothing."""
+    old = 'diaginertia="0.0008 0.0008 0.0005"'
+    base = MJCF.replace('diaginertia="0.0008 0.0009 0.0005"', old)
+    ((row, _),), _ = sides(tmp_path, base, (old, f'{old} euler="0.1 0 0.7"'))
+    assert row.message.endswith("turned by 0.1 rad")
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), EFFECTS)
+def test_a_difference_put_into_the_tree_of_a_makes_that_of_b(
+    tmp_path: Path, kind: str, old: str, new: str
+) -> None:
+    """Effects of differences are those of these trees, so both must accelerate alike."""
+    base = MJCF.replace(' euler="0.3 0 0"', "") if "xyaxes" in new else MJCF
+    differences, there = sides(tmp_path, base, (old, new))
     ((row, tree),) = [one for one in differences if one[0].moves]
     assert row.kind == kind
     assert tree is not None

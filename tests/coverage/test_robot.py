@@ -54,6 +54,24 @@ def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
                 "joint[a]/axis@xyz[2]"} & set(idle)  # fmt: skip
 
 
+SDF = """<sdf version="1.9"><world name="w">{}</world></sdf>"""
+MODEL = """<model name="{}">
+<joint name="weld" type="fixed"><parent>world</parent><child>base</child></joint>
+<link name="base"><inertial><mass>2</mass></inertial></link>
+<joint name="q" type="revolute"><parent>base</parent><child>arm</child>
+<axis><xyz>0 1 0</xyz></axis></joint>
+<link name="arm"><inertial><pose>0.2 0 0 0 0 0</pose><mass>3</mass></inertial></link></model>"""
+
+
+@pytest.mark.parametrize("engine", [one.name for one in engines_reading(".sdf")])
+def test_fixed_links_are_those_of_the_chosen_model(tmp_path: Path, engine: str) -> None:
+    file = tmp_path / "r.sdf"
+    file.write_text(SDF.format(MODEL.format("one") + MODEL.format("two")))
+    found = count_robot(model_task(prepare_tree(file, model="two"), engine))
+    counts = {one.reason: one.count for one in found.untested}
+    assert counts[NumberEffect.FIXED.value] == 1
+
+
 MJCF = """<mujoco><size memory="400M" nkey="1"/><option timestep="0.001"/>
 <default><geom friction="0.8"/></default>
 <worldbody><camera pos="0 0 3"/>

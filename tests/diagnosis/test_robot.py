@@ -382,3 +382,16 @@ def test_gravity_that_an_actuator_compensates_is_as_the_file_says(tmp_path: Path
     prepared = prepare_tree(file)
     assert run_case(model_task(prepared, "mujoco")).outcome is Outcome.AGREES
     assert not prepared.findings
+
+
+def test_a_default_of_the_engine_explains_no_motion_that_agrees(tmp_path: Path) -> None:
+    """If a file differs in poses or whole steps only, no default needs to be switched off."""
+    follows = '<equality><joint joint1="a" joint2="b" polycoef="0 0.5 0 0 0"/></equality>'
+    (tmp_path / "limbs.xml").write_text(LIMBS)
+    file = tmp_path / "arm.xml"
+    file.write_text(MJCF.replace("</mujoco>", f"{follows}</mujoco>"))
+    task = model_task(prepare_tree(file), "mujoco")
+    assert task.load()[0].corrective_settings
+    found = diagnose_robot(task, is_reference=True)
+    assert (found.explained, found.explanations) == (False, ())
+    assert found.failure == "no motion differs beyond its uncertainty"
