@@ -22,7 +22,7 @@ from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
 from physics_crosscheck.harness.records.base import number
@@ -209,8 +209,7 @@ class _Bench:
         smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
         some = smooth[even_indices(len(smooth), TRIAL_RUNS)]
-
-        match = prepared.match
+        match, actuation = prepared.match, _actuation(*prepared.models)
 
         def task(candidate: Candidate) -> TrialTask:
             source = candidate.label == match.source
@@ -220,10 +219,9 @@ class _Bench:
                 edits=(),
                 runs=runs.pick(some),
                 match=match if source else None,
-                joints=runs.start.shape[1] // 2,
                 near=recorded.compared.end[some],
                 periodic=match.periodic,
-                other=_actuation(*prepared.models),
+                other=actuation,
             )
 
         of_a, of_b = map(task, prepared.models)
@@ -268,11 +266,10 @@ class TrialTask:
     """Input of a worker that tries some differences at once in one model.
 
     Attributes:
-        side: the model to edit.
+        candidate: the model to edit.
         edits: applied together; () for the unchanged model.
         runs: in its own coordinates.
         match: conversion to the coordinates of the comparison; None: they are equal.
-        joints: number of its coordinates.
         near: end states near which angles are taken, (K, 2m).
         periodic: of the coordinates of the comparison.
         other: settings that hold B's actuators.
@@ -283,7 +280,6 @@ class TrialTask:
     edits: tuple[SourceEdit, ...]
     runs: Segments
     match: Match | None
-    joints: int
     near: Array
     periodic: tuple[bool, ...]
     other: Mapping[str, list[float]]
@@ -299,7 +295,7 @@ def tried(task: TrialTask) -> Array:
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         try:
             model = _loaded(task, _edited(task.candidate, task.edits, Path(folder)))
-            if len(model.coordinates) != task.joints:
+            if 2 * len(model.coordinates) != task.runs.start.shape[1]:
                 raise EngineError("it changes which joints there are")
             ends = quick(model, task.runs, task.match)
         except CompareError:

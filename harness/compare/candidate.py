@@ -143,15 +143,26 @@ class Facts:
         return bool(self.candidate.settings.get("activations"))
 
     @property
+    def tree(self) -> Tree | None:
+        """The file's tree; None if it lacks a coordinate of the engine."""
+        tree = None if self.robot is None else self.robot.tree
+        names = [] if tree is None else names_of(tree)
+        is_unique = len(set(names)) == len(names)
+        return tree if is_unique and set(self.coordinates) <= set(names) else None
+
+    @property
+    def whole_tree(self) -> Tree | None:
+        """The file's tree; None if its coordinates are not exactly those of the engine."""
+        tree = self.tree
+        return tree if tree is not None and len(names_of(tree)) == len(self.coordinates) else None
+
+    @property
     def sampled_tree(self) -> Tree | None:
         """The tree to sample states with; None if the engine couples more joints than the tree."""
-        robot = self.robot
-        if robot is None or robot.tree is None:
-            return None
-        coupled = bool(self.candidate.settings.get("couplings", True))
-        coupled = coupled and any(one.what.startswith(COUPLED) for one in robot.left_out)
-        fits = set(names_of(robot.tree)) == set(self.coordinates)
-        return robot.tree if fits and not coupled else None
+        left_out = () if self.robot is None else self.robot.left_out
+        coupled = any(one.what.startswith(COUPLED) for one in left_out)
+        coupled = coupled and bool(self.candidate.settings.get("couplings", True))
+        return None if coupled else self.whole_tree
 
     @property
     def actuators(self) -> tuple[CompiledActuator, ...]:

@@ -46,7 +46,7 @@ from physics_crosscheck.harness.compare.terms import (
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.records.base import number, numbers
 from physics_crosscheck.harness.records.comparison import (
@@ -71,7 +71,7 @@ LIMIT_MARGIN = 0.1
 """Share of a joint's range near its limits where no run starts if the limits act."""
 
 MORE_STATES = 6
-"""SampledStates at which terms are measured, beyond the number of independent coordinates."""
+"""States at which terms are measured, beyond the number of independent coordinates."""
 
 
 @dataclass(frozen=True, kw_only=True)

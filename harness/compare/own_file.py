@@ -13,7 +13,7 @@ from physics_crosscheck.harness.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.compare.execute import ask_each
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.jobs.executor import Executor
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome

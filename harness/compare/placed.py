@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
@@ -78,16 +77,6 @@ def placed(tree: Tree, q: Array) -> PlacedTree:
         centers=centers,
         size=size or 1.0,
     )
-
-
-def tree_of(robot: Robot | None, coordinates: Sequence[str]) -> Tree | None:
-    """Return the tree if its joints have the engine's coordinates, else None."""
-    if robot is None or robot.tree is None:
-        return None
-    names = names_of(robot.tree)
-    if len(set(names)) != len(names) or not set(coordinates) <= set(names):
-        return None
-    return robot.tree
 
 
 def positions(tree: Tree, coordinates: Sequence[str], z: Array) -> Array:

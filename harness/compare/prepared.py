@@ -18,11 +18,10 @@ from physics_crosscheck.harness.compare.candidate import (
 from physics_crosscheck.harness.compare.execute import ask
 from physics_crosscheck.harness.compare.match import Match, match, spoken_for
 from physics_crosscheck.harness.compare.partners import JointPairs, pair_joints
-from physics_crosscheck.harness.compare.placed import PlacedTree, placed, positions, tree_of
+from physics_crosscheck.harness.compare.placed import PlacedTree, placed, positions
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import Omission
-from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
 T = TypeVar("T")
@@ -214,8 +213,8 @@ def _drawn(models: Pair) -> tuple[PlacedTree, PlacedTree] | None:
     """Return both files' joints as drawn; None if one is not a tree of hinges and slides."""
     sides = []
     for model in models:
-        tree = tree_of(model.robot, model.coordinates)
-        if tree is None or set(names_of(tree)) != set(model.coordinates):
+        tree = model.whole_tree
+        if tree is None:
             return None
         sides.append(placed(tree, positions(tree, model.coordinates, model.home)))
     return sides[0], sides[1]
@@ -229,8 +228,7 @@ def _held(model: Facts, unpaired: Sequence[str]) -> dict[str, float]:
     candidate = model.candidate
     if not candidate.bare or "held" not in engines()[candidate.engine].switches:
         return {}
-    tree = tree_of(model.robot, model.coordinates)
-    single = {} if tree is None else {link.name: link.kind for link in tree.links}
+    single = {} if model.tree is None else {link.name: link.kind for link in model.tree.links}
     return {
         name: float(model.home[model.coordinates.index(name)])
         for name in unpaired

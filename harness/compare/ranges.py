@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.harness.compare.candidate import Facts
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.placed import tree_of
 from physics_crosscheck.harness.compare.side import pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
@@ -75,8 +74,7 @@ def _upright(source: Facts) -> Array:
     Half a turn is the edge of the chart. There a torque about an axis moves another coordinate
     than its own, so that the body would seem to be locked.
     """
-    home = source.home.copy()
-    tree = tree_of(source.robot, source.coordinates)
+    home, tree = source.home.copy(), source.tree
     turning = [link for link in tree.links if link.kind in ("free", "ball")] if tree else []
     for link in turning:
         names = [name for name, unit in coordinate_names(link.kind, link.name) if unit == "rad"]
@@ -97,7 +95,7 @@ class _Spring:
 
 def _springs(model: Facts) -> Iterator[_Spring]:
     """Yield springs with play along joints of one model, in its own positions."""
-    tree = tree_of(model.robot, model.coordinates)
+    tree = model.tree
     if tree is None or tree.couplings:
         return
     for force in tree.pulls:

@@ -10,10 +10,9 @@ import numpy as np
 from physics_crosscheck.harness.compare.candidate import Facts
 from physics_crosscheck.harness.compare.equations import FileEquations
 from physics_crosscheck.harness.compare.match import Match
-from physics_crosscheck.harness.compare.placed import PlacedTree, placed, positions, tree_of
+from physics_crosscheck.harness.compare.placed import PlacedTree, placed, positions
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
-from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
@@ -67,11 +66,8 @@ def model_side(facts: Facts, z: Array) -> ModelSide | None:
         facts: of the model as it runs.
         z: positions of its coordinates, (nz,).
     """
-    robot = facts.robot
-    tree = tree_of(robot, facts.coordinates)
+    robot, tree = facts.robot, facts.whole_tree
     if robot is None or tree is None:
-        return None
-    if set(names_of(tree)) != set(facts.coordinates):
         return None
     parts: list[list[LinkPart]] = [[] for _ in tree.links]
     for part in robot.parts:
