@@ -41,7 +41,7 @@ else:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Station:
+class WorkerConfig:
     """The configuration of a worker.
 
     Attributes:
@@ -59,7 +59,7 @@ class Station:
     limits: Limits
 
 
-def serve(tasks: Connection, config: Station) -> NoReturn:
+def serve(tasks: Connection, config: WorkerConfig) -> NoReturn:
     """Run tasks until no more arrive: the main function of a worker process."""
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)  # child processes of a task end with it; only the program handles Ctrl-C
@@ -72,14 +72,14 @@ def serve(tasks: Connection, config: Station) -> NoReturn:
     tempfile.tempdir = str(config.scratch)
     _redirect(config)
     _limit(config.limits)
-    initial = _Surroundings.now()
+    initial = _ProcessState.now()
     while True:
         try:
             function, argument = tasks.recv()
         except EOFError:
             os._exit(0)
         except Exception as error:
-            _answer(tasks, Failure(f"its task can't be sent: {_said(error)}", ""), last=False)
+            _answer(tasks, Failure(f"its task can't be sent: {_error_text(error)}", ""), last=False)
             continue
         value, full = _done(function, argument, config)
         if os.getpid() != initial.process:
@@ -90,7 +90,7 @@ def serve(tasks: Connection, config: Station) -> NoReturn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Surroundings:
+class _ProcessState:
     """The process state that a worker's tasks share; a task may change it."""
 
     process: int
@@ -98,13 +98,13 @@ class _Surroundings:
     environment: Mapping[str, str]
 
     @staticmethod
-    def now() -> _Surroundings:
+    def now() -> _ProcessState:
         """Return the present state."""
-        return _Surroundings(
+        return _ProcessState(
             process=os.getpid(), path=tuple(sys.path), environment=dict(os.environ)
         )
 
-    def restore(self, config: Station) -> None:
+    def restore(self, config: WorkerConfig) -> None:
         """Restore the state."""
         sys.path[:] = self.path
         if os.environ != self.environment:
@@ -125,7 +125,7 @@ def _end_with_the_program(scratch: Path) -> None:
         os._exit(1)
 
 
-def _redirect(config: Station) -> None:
+def _redirect(config: WorkerConfig) -> None:
     """Redirect all output to the log, and the stack of a crash to the trace."""
     sys.stdout.flush()
     sys.stderr.flush()
@@ -145,7 +145,7 @@ def _redirect(config: Station) -> None:
     os._exit = report_exit
 
 
-def _redirect_streams(config: Station) -> None:
+def _redirect_streams(config: WorkerConfig) -> None:
     log = os.open(config.log, _APPEND)
     os.dup2(log, 1)
     os.dup2(log, 2)
@@ -179,7 +179,9 @@ def _held() -> int:
         return 0
 
 
-def _done(function: Callable[[Any], Any], argument: object, config: Station) -> tuple[object, bool]:
+def _done(
+    function: Callable[[Any], Any], argument: object, config: WorkerConfig
+) -> tuple[object, bool]:
     """Return the value or the `Failure` of a task, and whether memory ran out.
 
     Convert every exception to a sentence: some exceptions cannot be pickled, and a `sys.exit` in a
@@ -216,7 +218,7 @@ def _failure(error: BaseException, limits: Limits) -> Failure:
     if ours and isinstance(error, ValueError | RuntimeError):
         return failure_of(error, _words(error))
     # Other BaseExceptions would normally end the program: name the file that raised them.
-    message = _said(error)
+    message = _error_text(error)
     return Failure(message if isinstance(error, Exception) else _at(error, message), "")
 
 
@@ -239,7 +241,7 @@ def _at(error: BaseException, sentence: str) -> str:
     return f"{line}: {sentence}" if line else sentence
 
 
-def _said(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     words = _words(error)
     return f"{type(error).__name__}: {words}" if words else type(error).__name__
 
@@ -256,7 +258,7 @@ def _answer(tasks: Connection, value: object, *, last: bool) -> None:
     try:
         data = ForkingPickler.dumps((value, last))
     except BaseException as error:
-        lost = Failure(f"its value can't be sent: {_said(error)}", "")
+        lost = Failure(f"its value can't be sent: {_error_text(error)}", "")
         data = ForkingPickler.dumps((lost, last))
     try:
         tasks.send_bytes(data)

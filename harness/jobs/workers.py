@@ -32,7 +32,7 @@ from physics_crosscheck.harness.jobs.executor import MOMENT, Executor, Pending
 from physics_crosscheck.harness.jobs.failure import Failure, line_of_death
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.stop import SIGNALS
-from physics_crosscheck.harness.jobs.worker import Station, serve
+from physics_crosscheck.harness.jobs.worker import WorkerConfig, serve
 from physics_crosscheck.harness.paths import IMPORT_ROOT
 from physics_crosscheck.harness.records.case import CaseKind
 
@@ -74,7 +74,7 @@ class _Worker:
 
     process: BaseProcess
     tasks: Connection
-    station: Station
+    config: WorkerConfig
     pending: Pending[Any] | None = None
     since: float = 0.0
     used: float = 0.0
@@ -91,7 +91,7 @@ class _Worker:
         The elapsed time counts only if the task is not waiting for the processor. Twice its
         processor time ends it too, since it then ignores the signal that ends such tasks.
         """
-        elapsed, limits = time.monotonic() - self.since, self.station.limits
+        elapsed, limits = time.monotonic() - self.since, self.config.limits
         if self.pending is None or elapsed <= min(2 * limits.seconds, limits.wall):
             return None
         used = processor_seconds(self.process.pid or 0) - self.used
@@ -114,8 +114,8 @@ class _Worker:
     def printed(self) -> str:
         """Return the end of the task's printed output."""
         try:
-            with self.station.log.open("rb") as log:
-                log.seek(max(0, self.station.log.stat().st_size - 4 * MOST_PRINTED))
+            with self.config.log.open("rb") as log:
+                log.seek(max(0, self.config.log.stat().st_size - 4 * MOST_PRINTED))
                 text = log.read().decode(errors="replace")
         except OSError:
             return ""
@@ -161,13 +161,13 @@ class Workers(Executor):
     ) -> None:
         super().__init__()
         self._jobs, self._limits = jobs, limits or Limits()
-        self._cwd, self._wake, self._alone = cwd, wake, hide_main
+        self._cwd, self._wake, self._hide_main = cwd, wake, hide_main
         self._context = _context()
         self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
-        self._crew: list[_Worker] = []
+        self._running: list[_Worker] = []
         self._started = 0
         # At the latest when Python ends, before multiprocessing waits for the processes.
-        self._end = weakref.finalize(self, _dismiss, self._crew, self._scratch)
+        self._end = weakref.finalize(self, _dismiss, self._running, self._scratch)
 
     def begin(self) -> None:
         """Start the server process, which imports modules while this process continues."""
@@ -187,9 +187,9 @@ class Workers(Executor):
     def _hand_out(self) -> Iterator[Pending[Any]]:
         """Give waiting tasks to idle workers; yield those that cannot be sent."""
         while self._waiting:
-            worker = next((one for one in self._crew if one.pending is None), None)
+            worker = next((one for one in self._running if one.pending is None), None)
             if worker is None:
-                if len(self._crew) >= self._jobs:
+                if len(self._running) >= self._jobs:
                     return
                 worker = self._new()
             pending = self._waiting.popleft()
@@ -206,7 +206,7 @@ class Workers(Executor):
     def _new(self) -> _Worker:
         self._started += 1
         ours, theirs = self._context.Pipe()
-        config = Station(
+        config = WorkerConfig(
             cwd=str(self._cwd or Path.cwd()),
             scratch=self._scratch,
             log=self._scratch / f"{self._started}.log",
@@ -214,20 +214,20 @@ class Workers(Executor):
             limits=self._limits,
         )
         process = self._context.Process(target=serve, args=(theirs, config))
-        with without_main() if self._alone else contextlib.nullcontext():
+        with without_main() if self._hide_main else contextlib.nullcontext():
             _start(process)
         theirs.close()
         worker = _Worker(process, ours, config)
-        self._crew.append(worker)
+        self._running.append(worker)
         return worker
 
     def _take(self) -> Iterator[Pending[Any]]:
         """Wait briefly; yield the tasks that ended, in the order of the workers."""
-        ends: list[Connection | int] = [one.tasks for one in self._crew]
-        ends += [one.process.sentinel for one in self._crew if not one.orphaned]
+        ends: list[Connection | int] = [one.tasks for one in self._running]
+        ends += [one.process.sentinel for one in self._running if not one.orphaned]
         ends += [] if self._wake is None else [self._wake]
         ready = wait(ends, MOMENT)
-        for worker in tuple(self._crew):
+        for worker in tuple(self._running):
             pending = worker.pending
             if worker.tasks in ready:
                 self._receive(worker)
@@ -263,13 +263,13 @@ class Workers(Executor):
 
     def _bury(self, worker: _Worker, why: _Ended | None = None) -> None:
         """Remove a worker that died or must end; its task, if any, fails."""
-        self._crew.remove(worker)
+        self._running.remove(worker)
         worker.kill()
         if worker.pending is not None:
             reason, kind = why or _cause_of_death(worker)
             failure = Failure(_at(worker, reason), worker.printed(), kind=kind)
             worker.pending.end(failure)
-        for file in (worker.station.log, worker.station.trace):
+        for file in (worker.config.log, worker.config.trace):
             file.unlink(missing_ok=True)
 
     def close(self) -> None:
@@ -368,12 +368,12 @@ def _signals_held() -> Iterator[None]:
 
 def _cause_of_death(worker: _Worker) -> _Ended:
     """Return why a worker died, and the kind of the reason: a limit, or another cause."""
-    code, limits = worker.process.exitcode, worker.station.limits
+    code, limits = worker.process.exitcode, worker.config.limits
     if hasattr(signal, "SIGPROF") and code == -signal.SIGPROF:
         return limits.spent, "time limit"
     if code == -signal.SIGABRT and any(words in worker.printed() for words in _NO_MEMORY):
         return limits.full, "memory limit"
-    if code is not None and code >= 0 and line_of_death(worker.station.trace):
+    if code is not None and code >= 0 and line_of_death(worker.config.trace):
         return f"it ends the process, exit code {code}; {_UNAFFECTED}", "exit"
     kind: CaseKind = "crash" if code is None or code < 0 else "exit"
     return f"the process died ({_signal(code)}); {_UNAFFECTED}", kind
@@ -381,7 +381,7 @@ def _cause_of_death(worker: _Worker) -> _Ended:
 
 def _at(worker: _Worker, sentence: str) -> str:
     """Add the line of the user's file that was running, if known, to a sentence."""
-    line = line_of_death(worker.station.trace)
+    line = line_of_death(worker.config.trace)
     return f"{line}: {sentence}" if line else sentence
 
 

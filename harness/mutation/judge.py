@@ -87,11 +87,9 @@ def _judged(task: MutationTask, wrong: SystemTask) -> Mutation:
         seen = defect > uncertainty
         if seen.any():
             share = float(np.min(uncertainty[seen] / defect[seen]))
-            return _named(
-                _row(task, FaultVerdict.CAUGHT, size, share=share),
-                task,
-                diagnose(whole, uncertainty),
-            )
+            row = _row(task, FaultVerdict.CAUGHT, size, share=share)
+            ranking = diagnose(whole, uncertainty)
+            return with_ranking(row, ranking, fault.causes, _values(task))
         if not resolved:
             coarse = f"unresolved, to {np.max(uncertainty):.0e}"
             return _row(task, FaultVerdict.CAUGHT, size, coarse)
@@ -170,36 +168,51 @@ def _unnoticed(row: Mutation, moved: bool) -> Mutation:
     return msgspec.structs.replace(row, verdict=verdict)
 
 
-def _named(row: Mutation, task: MutationTask, ranking: Ranking) -> Mutation:
-    """Add the causes of the diagnosis, and whether they are right.
+def with_ranking(
+    row: Mutation,
+    ranking: Ranking,
+    right_causes: frozenset[CauseId],
+    values: tuple[float, float] | None,
+) -> Mutation:
+    """Add the causes of a ranking, whether they are right, and the error of the fitted value.
 
     Two causes together name a fault if both are among the right ones.
+
+    Args:
+        row: of the fault.
+        ranking: of the diagnosis.
+        right_causes: causes of which a diagnosis may name any.
+        values: right and wrong value of the literal at the row's location; None for other faults.
     """
     if not ranking.fits:
         return row
-    first, wanted = ranking.fits[0], task.fault.causes
+    first = ranking.fits[0]
     is_single = len(first.causes) == 1
-    right = wanted.issuperset(first.causes) or (is_single and bool(wanted & {*first.tied_with}))
+    is_tied = is_single and not right_causes.isdisjoint(first.tied_with)
+    is_right = ranking.explained and (right_causes.issuperset(first.causes) or is_tied)
     return msgspec.structs.replace(
         row,
-        verdict=FaultVerdict.NAMED if right and ranking.explained else FaultVerdict.CAUGHT,
+        verdict=FaultVerdict.NAMED if is_right else FaultVerdict.CAUGHT,
         message=" and ".join(map(str, first.causes)),
-        estimate_error=_estimate_error(task, ranking),
+        estimate_error=None if values is None else _estimate_error(row, ranking, *values),
     )
 
 
-def _estimate_error(task: MutationTask, ranking: Ranking) -> float | None:
-    """Return the error of a literal's fitted value, relative to the fault."""
-    address = task.fault.location
+def _estimate_error(row: Mutation, ranking: Ranking, right: float, wrong: float) -> float | None:
+    """Return the error of a literal's fitted value, relative to the fault; None without a fit."""
+    cause = CauseId(kind="literal", subject=(row.location,))
+    fit = next((fit for fit in ranking.fits if fit.causes == (cause,)), None)
+    return None if fit is None else number(abs(fit.estimates[0] - right) / abs(wrong - right))
+
+
+def _values(task: MutationTask) -> tuple[float, float] | None:
+    """Return the right and the wrong value of a literal; None for other faults."""
     if task.kind is not FaultKind.LITERAL:
         return None
+    address = task.fault.location
     literals = bindings(task.model.target.system, task.model.declared)
-    value = next(b.value for b in literals if b.address == address)
-    wrong = task.fault.edit.literals[address]
-    cause = CauseId(kind="literal", subject=(address,))
-    fits = (fit for fit in ranking.fits if fit.causes == (cause,))
-    fit = next(fits, None)
-    return None if fit is None else number(abs(fit.estimates[0] - value) / abs(wrong - value))
+    right = next(b.value for b in literals if b.address == address)
+    return right, task.fault.edit.literals[address]
 
 
 def _global_errors(before: SystemTask, after: SystemTask) -> str:

@@ -14,7 +14,6 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.robot_task import (
     at_some,
     diagnose_robot,
@@ -28,6 +27,7 @@ from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.mutation.faults import SIZES
+from physics_crosscheck.harness.mutation.judge import with_ranking
 from physics_crosscheck.harness.mutation.survey import MutationError
 from physics_crosscheck.harness.mutation.tree_mistakes import TreeMistake, tree_mistakes
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -172,24 +172,16 @@ def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
         ranking = ranked(wrong, is_reference=False)
     except ReferenceError as error:  # a fault so large that its file has other segments
         return _row(fault, FaultVerdict.CAUGHT, f"not diagnosed: {error}", size)
-    if not ranking.fits:
-        return _row(fault, FaultVerdict.CAUGHT, "", size)
-    first, wanted = ranking.fits[0], fault.mistake.causes
-    is_single = len(first.causes) == 1
-    right = wanted.issuperset(first.causes) or (is_single and bool(wanted & {*first.tied_with}))
-    verdict = FaultVerdict.NAMED if right and ranking.explained else FaultVerdict.CAUGHT
-    row = _row(fault, verdict, " and ".join(map(str, first.causes)), size)
-    return msgspec.structs.replace(row, estimate_error=_estimate_error(fault, numbers, ranking))
+    row = _row(fault, FaultVerdict.CAUGHT, "", size)
+    return with_ranking(row, ranking, fault.mistake.causes, _values(fault, numbers))
 
 
-def _estimate_error(fault: TreeFault, numbers: Numbers, ranking: Ranking) -> float | None:
-    """Return the error of one number's fitted value, relative to the fault."""
+def _values(fault: TreeFault, numbers: Numbers) -> tuple[float, float] | None:
+    """Return the right and the wrong value of a number; None for a typical mistake."""
     if fault.size is None:
         return None
-    ((index, value),), (cause,) = fault.mistake.values.items(), fault.mistake.causes
-    right = numbers.numerals[index].value
-    fit = next((fit for fit in ranking.fits if fit.causes == (cause,)), None)
-    return None if fit is None else number(abs(fit.estimates[0] - right) / abs(value - right))
+    ((index, wrong),) = fault.mistake.values.items()
+    return numbers.numerals[index].value, wrong
 
 
 def _is_faint(fault: TreeFault, numbers: Numbers) -> bool:

@@ -417,7 +417,7 @@ from tests.schedule.test_workers import sleep
 workers = Workers(1)
 workers.submit(sleep, 0)
 workers.turn()
-print(workers._scratch, workers._crew[0].process.pid, flush=True)
+print(workers._scratch, workers._running[0].process.pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -435,7 +435,7 @@ def test_a_pool_that_is_closed_leaves_no_worker_and_no_folder() -> None:
     with Workers(1) as pool:
         pool.submit(sleep, 0)
         pool.turn()
-        scratch, pid = pool._scratch, pool._crew[0].process.pid
+        scratch, pid = pool._scratch, pool._running[0].process.pid
         assert pid is not None
         assert alive(pid)
     assert not alive(pid)

@@ -10,9 +10,10 @@ from rich.console import Console
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.comparison import Compared, ComparedProperty, Comparison
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.versions import print_text
+from physics_crosscheck.harness.render.terminal.console import print_text
+from physics_crosscheck.harness.results.status import counted
 
-MOST_SHOWN = 20
+MAX_ROWS = 20
 """Maximum number of each kind; the record has all."""
 
 SHARE = 0.99
@@ -22,7 +23,7 @@ SIX_DIGITS = 5e-6
 """Maximum relative rounding of a number written with six digits."""
 
 MINOR = 1e-5
-"""Relative difference below which a property is minor: one line counts them."""
+"""Relative difference, or effect, below which a difference is minor: one line counts them."""
 
 
 def print_properties(
@@ -55,8 +56,7 @@ def print_properties(
 
 def minor_line(count: int) -> str:
     """Return the line that counts minor differences."""
-    noun = "difference" if count == 1 else "differences"
-    return f"  {count} minor {noun} (below 1e-5), see --json"
+    return f"  {counted(count, 'minor difference')} (below 1e-5), see --json"
 
 
 def is_explained(compared: Compared) -> bool:
@@ -70,10 +70,10 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
         return
     console.print(f"\n{title}")
     lines = _folded(rows)
-    for line in lines[:MOST_SHOWN]:
+    for line in lines[:MAX_ROWS]:
         print_text(console, f"  {line}")
-    if len(lines) > MOST_SHOWN:
-        console.print(f"  and {len(lines) - MOST_SHOWN} more, see --json")
+    if len(lines) > MAX_ROWS:
+        console.print(f"  and {len(lines) - MAX_ROWS} more, see --json")
 
 
 def _folded(rows: Sequence[ComparedProperty]) -> list[str]:

@@ -19,24 +19,26 @@ from physics_crosscheck.harness.records.comparison import (
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.compared_properties import (
+    MAX_ROWS,
+    MINOR,
     SIX_DIGITS,
     is_explained,
     line_name,
     minor_line,
     print_properties,
 )
-from physics_crosscheck.harness.render.terminal.console import STYLES, WORDS, print_wrapped
-from physics_crosscheck.harness.render.terminal.versions import print_text
+from physics_crosscheck.harness.render.terminal.console import (
+    STYLES,
+    WORDS,
+    print_text,
+    print_wrapped,
+)
 from physics_crosscheck.harness.results.causes import own_file_sentence
 from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.status import counted
 
-MOST_TOLD = 20
-MOST_TERMS = 8
+MAX_TERMS = 8
 NOT_COMPARED = "not compared"
-
-MINOR = 1e-5
-"""Relative effect below which a difference is minor: one line counts them."""
 
 MOST_EXPLAINED = 0.5
 """Share of a discrepancy above which a difference is its cause."""
@@ -258,7 +260,7 @@ def _by_joint(compared: Compared) -> str:
     worst = {name: max(sizes[i], sizes[n + i]) for i, name in enumerate(compared.joints)}
     order = sorted(worst, key=lambda name: -_rounded(worst[name]))
     apart = [name for name in order if worst[name] > 0]
-    return ", ".join(f"{name} {worst[name]:.1e}" for name in apart[:MOST_TOLD])
+    return ", ".join(f"{name} {worst[name]:.1e}" for name in apart[:MAX_ROWS])
 
 
 def _rounded(size: float) -> float:
@@ -274,10 +276,10 @@ def _print_terms(console: Console, comparison: Comparison, compared: Compared) -
     if shown:
         title = f"{'other ' if is_named else ''}measured terms that differ, largest effect first"
         console.print(f"\n{title}")
-        for term in shown[:MOST_TERMS]:
+        for term in shown[:MAX_TERMS]:
             print_text(console, f"  {term.message}")
-        if len(shown) > MOST_TERMS:
-            console.print(f"  and {len(shown) - MOST_TERMS} more, see --json")
+        if len(shown) > MAX_TERMS:
+            console.print(f"  and {len(shown) - MAX_TERMS} more, see --json")
     elif compared.terms:
         return
     elif outcome is Outcome.DIFFERS and not (
@@ -310,10 +312,10 @@ def _print_differences(console: Console, outcome: Outcome, compared: Compared) -
     ]
     if shown:
         console.print("\nwhere the files differ, A -> B")
-    for difference in shown[:MOST_TOLD]:
+    for difference in shown[:MAX_ROWS]:
         print_text(console, "  " + "  ".join(filter(None, _cells(difference, agrees))))
-    if len(shown) > MOST_TOLD:
-        console.print(f"  and {len(shown) - MOST_TOLD} more, see --json")
+    if len(shown) > MAX_ROWS:
+        console.print(f"  and {len(shown) - MAX_ROWS} more, see --json")
     if minor:
         print_text(console, minor_line(len(minor)))
     if still:

@@ -84,6 +84,12 @@ def print_wrapped(
             console.print(shown, soft_wrap=True)
 
 
+def print_text(console: Console, text: str, style: str = "") -> None:
+    """Print a text wrapped at the console's width, without splitting words."""
+    for line in wrapped(text, console.width):
+        console.print(f"[{style}]{escape(line)}[/]" if style else escape(line), soft_wrap=True)
+
+
 def wrapped(text: str, width: int) -> list[str]:
     """Return the lines of a text of at most `width` columns, unless a word is wider.
 

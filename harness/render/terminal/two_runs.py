@@ -9,12 +9,12 @@ from rich.console import Console
 
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.diff import Diff, RunDiff, Status
+from physics_crosscheck.harness.render.terminal.console import print_text
 from physics_crosscheck.harness.render.terminal.versions import (
-    MOST_TOLD,
+    MAX_CASES,
     counted_changes,
     error_change,
     print_changes,
-    print_text,
     verdicts,
 )
 from physics_crosscheck.harness.results.status import counted
@@ -48,10 +48,10 @@ def print_two_runs(console: Console, runs: RunDiff) -> None:
     for what, then, now in runs.versions:
         print_text(console, f"{what} {then} -> {now}")
     both = [case for case in runs.changed if case.before is not None and case.after is not None]
-    if shown_causes := both[:MOST_TOLD]:
+    if shown_causes := both[:MAX_CASES]:
         _print_table(console, shown_causes)
-    if len(both) > MOST_TOLD:
-        print_text(console, f"and {len(both) - MOST_TOLD} more, on the page")
+    if len(both) > MAX_CASES:
+        print_text(console, f"and {len(both) - MAX_CASES} more, on the page")
     for kind in (Status.GONE, Status.NEW):
         models: dict[str, list[str]] = {}
         for case in runs.changed:

@@ -12,10 +12,10 @@ from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.diff import WORST_FIRST, Changed, Diff
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.versions import Upgrade, Versions
-from physics_crosscheck.harness.render.terminal.console import STYLES, escape, wrapped
+from physics_crosscheck.harness.render.terminal.console import STYLES, escape, print_text
 from physics_crosscheck.harness.results.status import counted
 
-MOST_TOLD = 40
+MAX_CASES = 40
 
 
 def print_versions(console: Console, versions: Versions) -> None:
@@ -26,11 +26,11 @@ def print_versions(console: Console, versions: Versions) -> None:
         print_text(console, f"{versions.engine} {upgrade.before} -> {upgrade.after}", "bold")
         changed = [case for case in upgrade.cases if case.is_change or not case.is_compared]
         if changed:
-            _print_table(console, changed[:MOST_TOLD])
-            for case in changed[:MOST_TOLD]:
+            _print_table(console, changed[:MAX_CASES])
+            for case in changed[:MAX_CASES]:
                 _print_messages(console, case)
-        if len(changed) > MOST_TOLD:
-            print_text(console, f"and {len(changed) - MOST_TOLD} more")
+        if len(changed) > MAX_CASES:
+            print_text(console, f"and {len(changed) - MAX_CASES} more")
         for model in upgrade.models:
             print_text(console, f"{model.id}: {', '.join(model.kinds)}")
             for message in model.messages:
@@ -172,9 +172,3 @@ def _print_messages(console: Console, case: Diff) -> None:
     print_text(console, f"{case.summary}: {case.id}")
     for message in case.messages:
         print_text(console, f"  {message}")
-
-
-def print_text(console: Console, text: str, style: str = "") -> None:
-    """Print a text wrapped at the console's width, without splitting words."""
-    for line in wrapped(text, console.width):
-        console.print(f"[{style}]{escape(line)}[/]" if style else escape(line), soft_wrap=True)
