@@ -14,7 +14,7 @@ report: .venv/.report
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test: check
-	$(PYTEST) tests -m "not slow" --crosscheck models --require-engines --durations 10
+	$(PYTEST) tests -m "not slow" --crosscheck models --crosscheck-thorough --require-engines --durations 10
 
 # Whole pages, files and matrices, each five seconds and more; the longest folders first.
 test-slow: .venv/.test

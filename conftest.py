@@ -1,7 +1,7 @@
 """What this project asks of its own models, beyond that they agree.
 
-The validation itself is `pytest --crosscheck models`: every built-in model in every engine and
-scenario.
+The validation itself is `pytest --crosscheck models --crosscheck-thorough`: every built-in model in
+every engine and scenario, with all checks.
 """
 
 from __future__ import annotations

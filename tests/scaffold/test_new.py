@@ -213,7 +213,7 @@ MJCF = (REPOSITORY / "cart_pole" / "mujoco.xml").read_text()
 @pytest.mark.parametrize(("suffix", "old", "new", "says"), [
     (".urdf", '<child link="pole"/>', '<child link="bar"/>', r"m\.urdf:\d+: the child of joint"),
     (".urdf", 'mass value="0.25"', 'mass value="a"', "value of <mass> of link 'pole' is 'a'"),
-    (".urdf", "</robot>", "", r"m\.urdf:\d+: not XML"),
+    (".urdf", "</robot>", "", r"m\.urdf:\d+: the file ends before </robot>"),
     (".xml", "<worldbody>", "<worldbody><bod/>", r"m\.xml:\d+: MuJoCo can't load it"),
     (".xml", "<worldbody>", "<include file='../a.xml'/><worldbody>", "which is not below its"),
     (".txt", "", "", "unknown kind of model file"),
