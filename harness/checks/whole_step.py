@@ -164,9 +164,10 @@ class LawComparison:
         """
         order, posture = self._order, sample.law.posture
         eps, h = np.finfo(float).eps, self.model.step
-        unsure = DIGITS * eps * sample.law.problem.rounding(sample.acceleration) + _solver_bound(
-            posture.inverse, sample.engine.unbalanced[order]
-        )
+        problem = sample.law.problem
+        unsure = DIGITS * eps * problem.rounding(sample.acceleration)
+        for residual in (sample.engine.unbalanced[order], problem.residual(sample.acceleration)):
+            unsure = unsure + _solver_bound(posture.inverse, residual)
         defects = [np.abs(sample.engine.acceleration[order] - sample.acceleration) / scale]
         unsures = [unsure / scale]
         velocity = self.laws.advance(sample.law, sample.acceleration)

@@ -210,6 +210,12 @@ class Problem:
         result: Array = self.mass @ (a - self.free) - self.jacobian.T @ self.forces(a)[0]
         return result
 
+    def residual(self, a: Array) -> Array:
+        """Return the gradient, (nv,); zero where it is rounding, whose effect `rounding` has."""
+        gradient = self.gradient(a)
+        converged = float(np.linalg.norm(gradient)) <= self._negligible(a)
+        return np.zeros_like(gradient) if converged else gradient
+
     def solve(self, start: Array) -> Array:
         """Return the minimizer, (nv,), by Newton's method with an exact line search.
 

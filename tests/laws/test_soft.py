@@ -101,6 +101,17 @@ def test_the_gradient_bounds_the_error_of_any_answer() -> None:
             assert np.sqrt(gradient @ inverse @ gradient) < 1e-12 * size
 
 
+def test_an_answer_that_is_not_the_minimum_leaves_a_residual(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Catch a solution that stops early, and whose error then counts as the engine's."""
+    problem = on_plane(ball(FLAT, 0.3), 1e-3, [0.1, 0.2, 0.3, 1.0, -0.5, 0.2])[0].problem
+    assert not problem.residual(problem.solve(problem.free)).any()
+    early = problem.free
+    assert problem.residual(early) == pytest.approx(problem.gradient(early))
+    assert problem.residual(early).any()
+
+
 def test_dry_friction_holds_up_to_its_force() -> None:
     """Catch friction that has no limit, and friction that does not hold."""
     rows = Rows(step=0.002, safe=True, velocities=np.zeros(1))
