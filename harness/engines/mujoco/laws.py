@@ -7,20 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledForce, CompiledLength, Numbers
+from physics_crosscheck.harness.engines.compiled import CompiledForce, CompiledLength
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     Combination,
     acts,
     actuators,
+    armature_and_damping,
+    as_pair,
     box_fluid,
     control,
+    gear_of,
+    is_off,
+    numbers_of,
     of_actuator,
     of_tendon,
     output,
-    powers,
 )
 from physics_crosscheck.harness.engines.mujoco.rule import has_nonlinear_damping
 from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
+from physics_crosscheck.harness.engines.mujoco.state import BALL
 from physics_crosscheck.reference.mechanism.laws import (
     Anchor,
     ContactParameters,
@@ -29,7 +34,6 @@ from physics_crosscheck.reference.mechanism.laws import (
     DryFriction,
     Dynamics,
     Laws,
-    Range,
     SoftEquality,
     SoftLimit,
     Softness,
@@ -43,8 +47,6 @@ _DYNAMICS: Mapping[str, Dynamics] = {
 _CURVES: Mapping[str, Curve] = {
     "NONE": "none", "FIXED": "fixed", "AFFINE": "affine", "MUSCLE": "muscle",
 }  # fmt: skip
-_BALL = 1
-"""Value of mjtJoint."""
 
 
 def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
@@ -53,7 +55,7 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
 
     on = acts(m, "CONSTRAINT")
     integrator = mujoco.mjtIntegrator(m.opt.integrator).name.removeprefix("mjINT_").lower()
-    drives = [i for i in range(actuators(m)) if of_actuator(m, i, _gear(m, i)) is not None]
+    drives = [i for i in range(actuators(m)) if of_actuator(m, i, gear_of(m, i)) is not None]
     override = bool(int(m.opt.enableflags) & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
     laws = Laws(
         step=float(m.opt.timestep),
@@ -72,31 +74,26 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
         sums=tuple(
             (
                 tuple(k for k, i in enumerate(drives) if _driven_tendon(m, i) == t),
-                _pair(m.tendon_actfrcrange[t]),
+                as_pair(m.tendon_actfrcrange[t]),
             )
             for t in np.flatnonzero(m.tendon_actfrclimited)
         ),
         joint_ranges={
-            j: (_pair(m.jnt_actfrcrange[j]), bool(m.jnt_actgravcomp[j]))
+            j: (as_pair(m.jnt_actfrcrange[j]), bool(m.jnt_actgravcomp[j]))
             for j in range(m.njnt)
             if m.jnt_actfrclimited[j]
         },
         light=frozenset(int(i) for i in np.flatnonzero(np.array(m.body_simple) == 2)),
         uncovered=tuple(_uncovered(m)),
     )
-    return laws, (*_tendons(m), *(_path(of_actuator(m, i, _gear(m, i))) for i in drives))
+    return laws, (*_tendons(m), *(_path(of_actuator(m, i, gear_of(m, i))) for i in drives))
 
 
 def _has_no_rule(m: Any, integrator: str) -> bool:
     """Return whether damping that is not constant leaves the next state without a rule."""
     implicit = integrator.startswith("implicit")
-    curved = any(any(_own_damping(m, i)[1:]) for i in range(actuators(m)))
+    curved = any(any(armature_and_damping(m, i)[2:]) for i in range(actuators(m)))
     return has_nonlinear_damping(m) or curved or (implicit and box_fluid(m) is not None)
-
-
-def _own_damping(m: Any, i: int) -> Numbers:
-    """Return the coefficients of an actuator's own damper."""
-    return powers(m, "actuator_damping", i) if hasattr(m, "actuator_damping") else (0.0,)
 
 
 def _drive_damping(m: Any) -> dict[int, float]:
@@ -105,27 +102,28 @@ def _drive_damping(m: Any) -> dict[int, float]:
 
     damping: dict[int, float] = {}
     for i in range(actuators(m)):
-        coefficient = _own_damping(m, i)[0]
+        _, *coefficients = armature_and_damping(m, i)
+        coefficient = coefficients[0] if coefficients else 0.0
         if coefficient and m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
             joint = int(m.actuator_trnid[i][0])
-            damping[joint] = damping.get(joint, 0.0) + _gear(m, i)[0] ** 2 * coefficient
+            damping[joint] = damping.get(joint, 0.0) + gear_of(m, i)[0] ** 2 * coefficient
     return damping
 
 
 def _softness(reference: Any, impedance: Any) -> Softness:
-    return Softness(reference=_pair(reference), impedance=_numbers(impedance))
+    return Softness(reference=as_pair(reference), impedance=numbers_of(impedance))
 
 
 def _limits(m: Any) -> Iterator[SoftLimit]:
     """Yield the ranges of joints and tendons."""
     for j in np.flatnonzero(m.jnt_limited):
-        lower, upper = _pair(m.jnt_range[j])
+        lower, upper = as_pair(m.jnt_range[j])
         yield SoftLimit(
             joint=int(j), lower=lower, upper=upper, margin=float(m.jnt_margin[j]),
             softness=_softness(m.jnt_solref[j], m.jnt_solimp[j]),
         )  # fmt: skip
     for t in np.flatnonzero(m.tendon_limited):
-        lower, upper = _pair(m.tendon_range[t])
+        lower, upper = as_pair(m.tendon_range[t])
         yield SoftLimit(
             path=int(t), lower=lower, upper=upper, margin=float(m.tendon_margin[t]),
             softness=_softness(m.tendon_solref_lim[t], m.tendon_solimp_lim[t]),
@@ -151,7 +149,7 @@ def _equalities(m: Any) -> Iterator[SoftEquality]:
 
     kinds = mujoco.mjtEq
     for i in np.flatnonzero(m.eq_active0):
-        kind, data = kinds(m.eq_type[i]), _numbers(m.eq_data[i])
+        kind, data = kinds(m.eq_type[i]), numbers_of(m.eq_data[i])
         first, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
         both = (first,) if other < 0 else (first, other)
         softness = _softness(m.eq_solref[i], m.eq_solimp[i])
@@ -177,7 +175,7 @@ def _anchors(m: Any, i: int, *, weld: bool) -> tuple[Anchor, Anchor]:
     first, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
     if m.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
         return _site(m, first), _site(m, other)
-    data = _numbers(m.eq_data[i])
+    data = numbers_of(m.eq_data[i])
     first_origin, origin = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
     turn = data[6:10] if weld else (1.0, 0.0, 0.0, 0.0)
     return Anchor(body=first, position=first_origin, turn=turn), Anchor(body=other, position=origin)
@@ -186,16 +184,16 @@ def _anchors(m: Any, i: int, *, weld: bool) -> tuple[Anchor, Anchor]:
 def _site(m: Any, i: int) -> Anchor:
     return Anchor(
         body=int(m.site_bodyid[i]),
-        position=_numbers(m.site_pos[i]),
-        turn=_numbers(m.site_quat[i]),
+        position=numbers_of(m.site_pos[i]),
+        turn=numbers_of(m.site_quat[i]),
     )
 
 
 def _surface(m: Any, i: int, *, override: bool) -> Surface:
     """Return the surface of a geom; `override` replaces its numbers by those of the options."""
     o = m.opt
-    sliding, spinning, rolling = _numbers((o.o_friction[[0, 2, 3]]) if override else (
-        m.geom_friction[i]))  # fmt: skip
+    friction = o.o_friction[[0, 2, 3]] if override else m.geom_friction[i]
+    sliding, spinning, rolling = numbers_of(friction)
     return Surface(
         body=int(m.geom_bodyid[i]),
         dimension=int(m.geom_condim[i]),
@@ -216,12 +214,12 @@ def _pairs(m: Any, *, override: bool) -> Iterator[tuple[int, int, ContactParamet
         first, other = int(m.pair_geom1[i]), int(m.pair_geom2[i])
         touch = ContactParameters(
             dimension=int(m.pair_dim[i]),
-            friction=_numbers(o.o_friction if override else m.pair_friction[i]),
+            friction=numbers_of(o.o_friction if override else m.pair_friction[i]),
             margin=float(o.o_margin if override else m.pair_margin[i]),
             softness=_softness(o.o_solref, o.o_solimp)
             if override
             else _softness(m.pair_solref[i], m.pair_solimp[i]),
-            sliding=_pair(m.pair_solreffriction[i]),
+            sliding=as_pair(m.pair_solreffriction[i]),
         )
         yield first, other, touch
 
@@ -247,26 +245,24 @@ def _drive(m: Any, i: int, path: int) -> Drive:
     dynamics = mujoco.mjtDyn(m.actuator_dyntype[i]).name.removeprefix("mjDYN_")
     gain = mujoco.mjtGain(m.actuator_gaintype[i]).name.removeprefix("mjGAIN_")
     bias = mujoco.mjtBias(m.actuator_biastype[i]).name.removeprefix("mjBIAS_")
-    group = int(m.actuator_group[i])
-    off = 0 <= group <= 30 and bool(int(m.opt.disableactuator) >> group & 1)
     clamped = m.actuator_ctrllimited[index] and acts(m, "CLAMPCTRL")
     return Drive(
         path=path,
         control=index,
         state=first + count - 1 if first >= 0 else -1,
-        control_range=_pair(m.actuator_ctrlrange[index]) if clamped else None,
-        state_range=_pair(m.actuator_actrange[i]) if m.actuator_actlimited[i] else None,
-        force_range=_pair(m.actuator_forcerange[i]) if m.actuator_forcelimited[i] else None,
+        control_range=as_pair(m.actuator_ctrlrange[index]) if clamped else None,
+        state_range=as_pair(m.actuator_actrange[i]) if m.actuator_actlimited[i] else None,
+        force_range=as_pair(m.actuator_forcerange[i]) if m.actuator_forcelimited[i] else None,
         dynamics=_DYNAMICS.get(dynamics, "none"),
-        constants=_numbers(m.actuator_dynprm[i])[:3],
+        constants=numbers_of(m.actuator_dynprm[i])[:3],
         gain=_CURVES.get(gain, "none"),
-        gains=_numbers(m.actuator_gainprm[i])[:9],
+        gains=numbers_of(m.actuator_gainprm[i])[:9],
         bias=_CURVES.get(bias, "none"),
-        biases=_numbers(m.actuator_biasprm[i])[:9],
+        biases=numbers_of(m.actuator_biasprm[i])[:9],
         early=bool(m.actuator_actearly[i]),
-        stretch=_pair(m.actuator_lengthrange[output(m, i)]),
+        stretch=as_pair(m.actuator_lengthrange[output(m, i)]),
         period=_period(m, i),
-        on=not off and acts(m, "ACTUATION"),
+        on=not is_off(m, i) and acts(m, "ACTUATION"),
     )
 
 
@@ -281,11 +277,11 @@ def _period(m: Any, i: int) -> float:
     still = m.actuator_dyntype[i] in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_INTEGRATOR)
     if not (fixed and affine and matches and still):
         return 0.0
-    gear, kind = np.array(_gear(m, i)), kinds(m.actuator_trntype[i])
+    gear, kind = np.array(gear_of(m, i)), kinds(m.actuator_trntype[i])
     target, other = map(int, m.actuator_trnid[i])
     if kind == kinds.mjTRN_SITE and other >= 0 and not gear[:3].any():
         return float(2 * np.pi * np.linalg.norm(gear[3:]))
-    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT) and m.jnt_type[target] == _BALL:
+    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT) and m.jnt_type[target] == BALL:
         return float(2 * np.pi * np.linalg.norm(gear[:3]))
     return 0.0
 
@@ -322,23 +318,10 @@ def _unusual(m: Any, i: int) -> bool:
         mujoco.mjtDyn(m.actuator_dyntype[i]).name.removeprefix("mjDYN_") in _DYNAMICS,
         mujoco.mjtGain(m.actuator_gaintype[i]).name.removeprefix("mjGAIN_") in _CURVES,
         mujoco.mjtBias(m.actuator_biastype[i]).name.removeprefix("mjBIAS_") in _CURVES,
-        of_actuator(m, i, _gear(m, i)) is not None,
+        of_actuator(m, i, gear_of(m, i)) is not None,
         not (hasattr(m, "actuator_delay") and m.actuator_delay[i]),
         not (hasattr(m, "actuator_ctrlnum") and m.actuator_ctrlnum[i] != 1),
         not m.actuator_plugin[i] >= 0,
         m.actuator_actnum[i] <= 1,
     )
     return not all(names)
-
-
-def _gear(m: Any, i: int) -> Numbers:
-    return _numbers(m.actuator_gear[output(m, i)])
-
-
-def _numbers(values: Any) -> Numbers:
-    return tuple(float(value) for value in np.ravel(values))
-
-
-def _pair(values: Any) -> Range:
-    low, high = (float(value) for value in values)
-    return low, high

@@ -72,8 +72,8 @@ def mark(m: Any, site: int) -> CompiledFrame:
     """Return a site."""
     return CompiledFrame(
         body=int(m.site_bodyid[site]),
-        position=tuple(map(float, np.ravel(m.site_pos[site]))),
-        turn=tuple(map(float, np.ravel(m.site_quat[site]))),
+        position=numbers_of(m.site_pos[site]),
+        turn=numbers_of(m.site_quat[site]),
     )
 
 
@@ -129,7 +129,7 @@ def pulls(m: Any) -> Iterator[CompiledForce]:
                 of_tendon(m, i),
                 stiffness=powers(m, "tendon_stiffness", i) if acts(m, _SPRING) else (),
                 damping=powers(m, "tendon_damping", i) if acts(m, _DAMPER) else (),
-                rest=_pair(m.tendon_lengthspring[i]),
+                rest=as_pair(m.tendon_lengthspring[i]),
                 armature=float(m.tendon_armature[i]) if not spatial_tendon(m, i) else 0.0,
             )
     for i in range(actuators(m)):
@@ -194,10 +194,10 @@ def covered_actuator(m: Any, i: int) -> bool:
     )
     if not kept or not affine:
         return False
-    way = of_actuator(m, i, _gear(m, i))
+    way = of_actuator(m, i, gear_of(m, i))
     # Its own dampers and armature have no formula here on ball and free joints.
     return way is not None and not (
-        isinstance(way, CompiledLength) and way.joint >= 0 and any(_armature_and_damping(m, i))
+        isinstance(way, CompiledLength) and way.joint >= 0 and any(armature_and_damping(m, i))
     )
 
 
@@ -224,9 +224,9 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledForce]:
     """Yield its force, and its own damper and armature, which scale with gear^2 (motor side)."""
     import mujoco
 
-    gear = _gear(m, i)
+    gear = gear_of(m, i)
     name = m.actuator(i).name or f"actuator_{i}"
-    if acts(m, _ACTUATION) and not _off(m, i):
+    if acts(m, _ACTUATION) and not is_off(m, i):
         affine = m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE
         turning = m.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_AFFINE
         gain = [float(one) for one in m.actuator_gainprm[i][:3]]
@@ -238,10 +238,10 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledForce]:
             control=control(m, i),
             range=_range(m, i),
         )
-    armature, *damping = _armature_and_damping(m, i)
+    armature, *damping = armature_and_damping(m, i)
     way = of_actuator(m, i, (1.0, *gear[1:]))
     on_frame = isinstance(way, CompiledLength) and way.frame is not None
-    if any(_armature_and_damping(m, i)) and not on_frame:
+    if any(armature_and_damping(m, i)) and not on_frame:
         yield _compiled_pull(
             name,
             way,
@@ -261,23 +261,24 @@ def _compiled_pull(
 def _range(m: Any, i: int) -> tuple[float, float] | None:
     """Return the range of its input or state, or None."""
     if held_state(m, i) >= 0 and m.actuator_actlimited[i]:
-        return _pair(m.actuator_actrange[i])
+        return as_pair(m.actuator_actrange[i])
     index = control(m, i)
-    return _pair(m.actuator_ctrlrange[index]) if m.actuator_ctrllimited[index] else None
+    return as_pair(m.actuator_ctrlrange[index]) if m.actuator_ctrllimited[index] else None
 
 
-def _off(m: Any, i: int) -> bool:
-    """Return whether its group is disabled."""
+def is_off(m: Any, i: int) -> bool:
+    """Return whether an actuator's group is disabled."""
     group = int(m.actuator_group[i])
     return 0 <= group <= 30 and bool(int(m.opt.disableactuator) >> group & 1)
 
 
-def _gear(m: Any, i: int) -> Numbers:
-    return tuple(map(float, m.actuator_gear[output(m, i)]))
+def gear_of(m: Any, i: int) -> Numbers:
+    """Return the gear of an actuator, (6,)."""
+    return numbers_of(m.actuator_gear[output(m, i)])
 
 
-def _armature_and_damping(m: Any, i: int) -> Numbers:
-    """Return the armature and dampers of the actuator itself (MuJoCo 4)."""
+def armature_and_damping(m: Any, i: int) -> Numbers:
+    """Return the armature and the damping coefficients of an actuator itself (MuJoCo 4)."""
     if not hasattr(m, "actuator_armature"):
         return (0.0,)
     return (float(m.actuator_armature[i]), *powers(m, "actuator_damping", i))
@@ -286,10 +287,16 @@ def _armature_and_damping(m: Any, i: int) -> Numbers:
 def powers(m: Any, name: str, index: int) -> Numbers:
     """Return a stiffness or damping; MuJoCo 4 has polynomials."""
     higher = getattr(m, f"{name}poly")[index] if hasattr(m, f"{name}poly") else ()
-    return tuple(float(v) for v in np.ravel([*np.ravel(getattr(m, name)[index]), *higher]))
+    return numbers_of([*np.ravel(getattr(m, name)[index]), *higher])
 
 
-def _pair(values: Any) -> tuple[float, float]:
+def numbers_of(values: Any) -> Numbers:
+    """Return all numbers of an array, row by row."""
+    return tuple(float(value) for value in np.ravel(values))
+
+
+def as_pair(values: Any) -> tuple[float, float]:
+    """Return two numbers."""
     low, high = (float(value) for value in values)
     return low, high
 

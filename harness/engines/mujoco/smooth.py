@@ -153,6 +153,14 @@ def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
         tree.delete(user)
 
 
+_SMOOTH = _WRAPPED, _ARMATURES, _ELLIPSOIDS = (
+    "tendons around shapes that pull",
+    "armatures along tendons in space",
+    "ellipsoids in a medium",
+)
+"""Smooth forces among the features that `besides` counts."""
+
+
 def besides(m: Any) -> tuple[tuple[str, int], ...]:
     """Return the features of a compiled model that these settings leave out, with their counts."""
     held = int(np.count_nonzero(m.eq_active0)) if equalities_act(m) else 0
@@ -162,15 +170,14 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
         "saturation of actuators": sum(map(bool, _saturation(m)))
         + np.count_nonzero(m.jnt_actfrclimited)
         + np.count_nonzero(m.tendon_actfrclimited),
-        "tendons around shapes that pull": len(_uncovered_tendons(m)),
-        "armatures along tendons in space": len(_spatial_tendons_with_armature(m))
-        + len(_actuators_with_armature(m)),
+        _WRAPPED: len(_uncovered_tendons(m)),
+        _ARMATURES: len(_spatial_tendons_with_armature(m)) + len(_actuators_with_armature(m)),
         "equality constraints": held - len(straight_equalities(m)),
         "limits of position": np.count_nonzero(m.jnt_limited) + np.count_nonzero(m.tendon_limited),
         "dry friction": np.count_nonzero(m.dof_frictionloss)
         + np.count_nonzero(m.tendon_frictionloss),
         "contact geometry": np.count_nonzero(touching),
-        "ellipsoids in a medium": np.count_nonzero(ellipsoids(m)) if box_fluid(m) else 0,
+        _ELLIPSOIDS: np.count_nonzero(ellipsoids(m)) if box_fluid(m) else 0,
     }
     return tuple((what, int(count)) for what, count in counts.items() if count)
 
@@ -185,13 +192,6 @@ def _saturation(m: Any) -> Iterator[bool]:
 def smooth_omissions(m: Any) -> tuple[str, ...]:
     """Return the smooth forces of a compiled model that have no formula."""
     return (*uncovered(m), *(what for what, _ in besides(m) if what in _SMOOTH))
-
-
-_SMOOTH = (
-    "tendons around shapes that pull",
-    "armatures along tendons in space",
-    "ellipsoids in a medium",
-)
 
 
 def uncovered(m: Any) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     covered_actuator,
     has_box_drag,
     joint_name,
+    numbers_of,
     output,
     powers,
     pulls,
@@ -169,12 +170,12 @@ def _body(m: Any, i: int) -> CompiledBody:
     return CompiledBody(
         name=m.body(i).name,
         parent=int(m.body_parentid[i]),
-        position=_numbers(m.body_pos[i]),
-        turn=_numbers(m.body_quat[i]),
+        position=numbers_of(m.body_pos[i]),
+        turn=numbers_of(m.body_quat[i]),
         mass=float(m.body_mass[i]),
-        centre=_numbers(m.body_ipos[i]),
-        principal=_numbers(m.body_iquat[i]),
-        moments=_numbers(m.body_inertia[i]),
+        centre=numbers_of(m.body_ipos[i]),
+        principal=numbers_of(m.body_iquat[i]),
+        moments=numbers_of(m.body_inertia[i]),
         joints=tuple(_joint(m, j) for j in range(first, first + count)),
         lift=float(m.body_gravcomp[i]) if acts(m, "SPRING") or acts(m, "DAMPER") else 0.0,
         dragged=has_box_drag(m, i),
@@ -191,8 +192,8 @@ def _joint(m: Any, j: int) -> CompiledJoint:
     return CompiledJoint(
         name=m.joint(j).name,
         kind=kind,
-        position=_numbers(m.jnt_pos[j]),
-        axis=_numbers(m.jnt_axis[j]),
+        position=numbers_of(m.jnt_pos[j]),
+        axis=numbers_of(m.jnt_axis[j]),
         zero=float(m.qpos0[q]) if single else 0.0,
         rest=float(m.qpos_spring[q]) if single else 0.0,
         stiffness=_on(m, "SPRING", powers(m, "jnt_stiffness", j)),
@@ -200,15 +201,11 @@ def _joint(m: Any, j: int) -> CompiledJoint:
         armature=float(m.dof_armature[d]),
         friction=float(m.dof_frictionloss[d]),
         limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1])) if m.jnt_limited[j] else None,
-        rest_place=_numbers(m.qpos_spring[q : q + 3]) if kind == "free" else (0.0, 0.0, 0.0),
-        rest_turn=(1.0, 0.0, 0.0, 0.0) if single else _numbers(m.qpos_spring[turn : turn + 4]),
+        rest_place=numbers_of(m.qpos_spring[q : q + 3]) if kind == "free" else (0.0, 0.0, 0.0),
+        rest_turn=(1.0, 0.0, 0.0, 0.0) if single else numbers_of(m.qpos_spring[turn : turn + 4]),
     )
 
 
 def _on(m: Any, what: str, values: Numbers) -> Numbers:
     """Return the values, or zeros if a file's flags disable such forces."""
     return values if acts(m, what) else tuple(0.0 for _ in values)
-
-
-def _numbers(values: Any) -> Numbers:
-    return tuple(float(value) for value in np.ravel(values))

@@ -12,17 +12,19 @@ from physics_crosscheck.harness.engines.mujoco.state import States
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
 from physics_crosscheck.reference.mechanism.laws import Contact
 
-_EXACT: Mapping[str, object] = MappingProxyType({
+_EXACT: Mapping[str, float] = MappingProxyType({
     "solver": 2, "tolerance": 0.0, "iterations": 200, "ls_iterations": 200,
     "ls_tolerance": 1e-12, "noslip_iterations": 0, "jacobian": 0,
 })  # fmt: skip
 """Options of an exact solver: Newton's, with dense matrices (4.0.0 has a wrong sparse Hessian)."""
 
+_VALUE_NAMES = {"solver": "Newton", "jacobian": "dense"}
 
 _EDITS = (
-    "solver=Newton", "tolerance=0", "iterations=200", "ls_iterations=200", "ls_tolerance=1e-12",
-    "noslip_iterations=0", "jacobian=dense", "warmstart=disable", "island=disable",
-)  # fmt: skip
+    *(f"{name}={_VALUE_NAMES.get(name, f'{value:g}')}" for name, value in _EXACT.items()),
+    "warmstart=disable",
+    "island=disable",
+)
 
 
 def _uncovered(model: Any) -> Iterator[str]:
