@@ -79,15 +79,22 @@ class Document:
             ReadError(sentence=sentence, file=self.path, line=line, remedy=remedy, kind=kind)
         )
 
-    def child(self, element: XmlElement, tag: str) -> XmlElement | None:
-        """Return the child with this tag; several children are a problem unless they are equal."""
-        children = [one for one in element.children if one.tag == tag]
-        for other in children[1:]:
-            if other.content != children[0].content:
-                self.add_problem(
-                    other, f"a second <{tag}> in one <{element.tag}>", "keep one of them"
-                )
-        return children[0] if children else None
+    def child(self, element: XmlElement | None, path: str) -> XmlElement | None:
+        """Return the element at a path of tags, such as `axis/limit`, or None.
+
+        Several children of one tag are a problem unless they are equal.
+        """
+        for tag in path.split("/"):
+            if element is None:
+                return None
+            children = element.findall(tag)
+            for other in children[1:]:
+                if other.content != children[0].content:
+                    self.add_problem(
+                        other, f"a second <{tag}> in one <{element.tag}>", "keep one of them"
+                    )
+            element = children[0] if children else None
+        return element
 
     def numbers(
         self, element: XmlElement | None, key: str, default: tuple[float, ...], what: str
@@ -96,21 +103,7 @@ class Document:
         text = None if element is None else element.attributes.get(key)
         if element is None or text is None:
             return default
-        values = read_numbers(text, len(default))
-        if values is None:
-            count = len(default)
-            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            remedy = (
-                "write a number" if count == 1 else f"write {count} numbers, separated by spaces"
-            )
-            self.add_problem(
-                element,
-                f"{key} of {what} is {quote(text)}; expected {wanted}",
-                EXPAND if _UNEXPANDED.search(text) else remedy,
-                "file",
-            )
-            return default
-        return values
+        return self.parsed(element, f"{key} of {what}", text, default)
 
     def text_numbers(
         self, element: XmlElement | None, default: tuple[float, ...], what: str
@@ -118,18 +111,30 @@ class Document:
         """Return as many finite numbers of an element's text as the default has, or the default."""
         if element is None or not element.text.strip():
             return default
-        values = read_numbers(element.text, len(default))
-        if values is None:
-            count = len(default)
-            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            self.add_problem(
-                element,
-                f"<{element.tag}> of {what} is {quote(element.text.strip())}; expected {wanted}",
-                "write a number" if count == 1 else f"write {count} numbers, separated by spaces",
-                "file",
-            )
-            return default
-        return values
+        return self.parsed(element, f"<{element.tag}> of {what}", element.text.strip(), default)
+
+    def parsed(
+        self, element: XmlElement, place: str, text: str, default: tuple[float, ...]
+    ) -> tuple[float, ...]:
+        """Return as many finite numbers of a text as the default has.
+
+        Another text is a problem of its element, and gives the default. `place` begins the message.
+        """
+        count = len(default)
+        values = read_numbers(text, count)
+        if values is not None:
+            return values
+        wanted, remedy = "a finite number", "write a number"
+        if count > 1:
+            wanted = f"{count} finite numbers"
+            remedy = f"write {count} numbers, separated by spaces"
+        self.add_problem(
+            element,
+            f"{place} is {quote(text)}; expected {wanted}",
+            EXPAND if _UNEXPANDED.search(text) else remedy,
+            "file",
+        )
+        return default
 
     def number(self, element: XmlElement | None, key: str, default: float, what: str) -> float:
         """Return one number of an attribute."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from physics_crosscheck.harness.documents.document import EXPAND, Document, read_numbers
+from physics_crosscheck.harness.documents.document import EXPAND, Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.tree import (
@@ -111,6 +111,11 @@ class UrdfFile:
     springs: Mapping[str, tuple[float, float]]
     mimics: Mapping[str, Mimic]
     root: str
+
+    @property
+    def can_float(self) -> bool:
+        """False for a root link `world`: to some engines it is the world itself."""
+        return self.root != "world"
 
     @property
     def base(self) -> str:
@@ -218,8 +223,7 @@ def read_springs(document: Document) -> dict[str, tuple[float, float]]:
     """
     springs: dict[str, tuple[float, float]] = {}
     for name, stiffness in _spring_elements(document):
-        gazebo = stiffness.parent
-        rest = None if gazebo is None else document.child(gazebo, "springReference")
+        rest = document.child(stiffness.parent, "springReference")
         spring = _text(document, stiffness, name), _text(document, rest, name)
         if springs.setdefault(name, spring) != spring:
             document.add_problem(
@@ -240,17 +244,8 @@ def _text(document: Document, element: XmlElement | None, joint: str) -> float:
     """Return the number of a spring; 0 without an element."""
     if element is None:
         return 0.0
-    values = read_numbers(element.text, 1)
-    if values is None:
-        document.add_problem(
-            element,
-            f"<{element.tag}> of joint {quote(joint)} is "
-            f"{quote(element.text.strip())}; expected a finite number",
-            EXPAND if "$" in element.text else "write a number",
-            "file",
-        )
-        return 0.0
-    return values[0]
+    place = f"<{element.tag}> of joint {quote(joint)}"
+    return document.parsed(element, place, element.text.strip(), (0.0,))[0]
 
 
 def _body(document: Document, link: XmlElement, name: str) -> RigidBody:

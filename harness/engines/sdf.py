@@ -10,7 +10,7 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile, read_sdf
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
-from physics_crosscheck.harness.engines.source import read_document, refuse_problems, refused
+from physics_crosscheck.harness.engines.source import read_document, refuse_problems
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 
 
@@ -29,8 +29,7 @@ def load_sdf(path: Path, model: object = "") -> SdfFile:
     document = read_document(path)
     file = read_sdf(document, model)
     refuse_problems(document, unsupported=True)
-    if file is None:
-        raise refused(document.root, "it has no model that moves")
+    assert file is not None  # without a model there is a problem
     return file
 
 
@@ -58,10 +57,11 @@ def sdf_remarks(
         joint = file.joints.get(name)
         if joint is None:
             continue
-        if not reader.no_stops and joint.bounds[0] < joint.bounds[1]:
+        limits = None if joint.joint is None else joint.joint.limits
+        if limits and limits[0] < limits[1] and not reader.no_stops:
             yield from limit_remarks(
                 name,
-                bounds=joint.bounds,
+                bounds=limits,
                 reached=(float(z[:, i].min()), float(z[:, i].max())),
                 address=f"model/joint[{name}]",
             )

@@ -60,14 +60,10 @@ def refuse_problems(document: Document, *, unsupported: bool) -> None:
         EngineError: naming file, line and remedy.
     """
     for problem in sorted(document.obstacles, key=lambda entry: entry.line):
-        if problem.kind != "unsupported":
-            raise EngineError(
-                f"{problem.sentence}; {problem.remedy}", file=problem.file, line=problem.line
-            )
-        if unsupported:
-            raise UnsupportedError(
-                f"{problem.sentence}; {problem.remedy}", file=problem.file, line=problem.line
-            )
+        kind = UnsupportedError if problem.kind == "unsupported" else EngineError
+        if kind is EngineError or unsupported:
+            message = f"{problem.sentence}; {problem.remedy}"
+            raise kind(message, file=problem.file, line=problem.line)
 
 
 def read_source(path: Path) -> str:

@@ -13,8 +13,8 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.modelfiles.inertias import massless_groups
-from physics_crosscheck.harness.modelfiles.left_out import HELD
 from physics_crosscheck.harness.modelfiles.robot import (
+    HELD,
     BodyModel,
     LinkPart,
     Omission,

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.engines.protocol import Spring
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
 from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
+from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
 from physics_crosscheck.harness.modelfiles.sdf.read import read_sdf_robot
@@ -119,6 +119,7 @@ def _changed(
         tree=whole.tree,
         parts=tuple(replace(one, body=whole.tree.frames[one.name][0]) for one in robot.parts),
         limits=whole.limits,
+        home=home_of(whole.tree, whole.limits),
         left_out=(*free, *robot.left_out),
     )
 

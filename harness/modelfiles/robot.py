@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,13 @@ from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
+
+HELD = "joints that move nothing with inertia (held still)"
+
+FREE_MIMIC = "mimic without a gear: the joint is free"
+
+Note = tuple[str, str]
+"""The kind, and the name of a joint or a link."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,3 +158,18 @@ def _between(lower: float, upper: float) -> float:
     """Return the middle of two bounds, or the finite one of them."""
     finite = [bound for bound in (lower, upper) if abs(bound) != float("inf")]
     return sum(finite) / len(finite)
+
+
+def count_notes(notes: Iterable[Note], followers: Collection[str]) -> tuple[Omission, ...]:
+    """Count notes by kind, without the mimics of `followers`, which are enforced."""
+    counts: dict[str, int] = {}
+    places: dict[str, dict[str, None]] = {}
+    for what, where in notes:
+        if what == FREE_MIMIC and where in followers:
+            continue
+        counts[what] = counts.get(what, 0) + 1
+        places.setdefault(what, {}).update({where: None} if where else {})
+    return tuple(
+        Omission(what=what, count=count, where=tuple(places[what]))
+        for what, count in counts.items()
+    )

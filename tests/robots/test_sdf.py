@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.engines.sdf import load_sdf, sdf_remarks
+from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
@@ -166,6 +168,18 @@ def test_what_nothing_holds_floats_and_no_inertial_is_the_formats_one(tmp_path: 
     assert (free.kind, free.mass) == ("free", 1.0)
     assert free.inertia.tolist() == np.eye(3).tolist()
     assert not read(tmp_path, BASE, ARM, WELD, joint()).floats
+
+
+@pytest.mark.parametrize(
+    ("limit", "bounds"),
+    [("", ""), ("<lower>1</lower><upper>-1</upper>", ""), ("<lower>-1</lower>", "[-1, inf]")],
+)
+def test_only_limits_of_the_file_are_reported(tmp_path: Path, limit: str, bounds: str) -> None:
+    file = read(tmp_path, WELD, BASE, ARM, joint(f"<limit>{limit}</limit>")).file
+    reader, rest = UrdfReader(name="engine", no_inertial="none"), np.zeros((2, 1))
+    remarks = [one.message for one in sdf_remarks(load_sdf(file), reader, ["q"], rest, rest)]
+    ranges = [one.split(", and")[0] for one in remarks]
+    assert ranges == ([f"q is limited to {bounds}"] if bounds else [])
 
 
 def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Path) -> None:

@@ -151,6 +151,19 @@ def test_what_floats_beside_a_root_that_stands_still_counts_from_the_world(tmp_p
     assert read(tmp_path, link("a"), link("b"), joint("j", "a", "b"), floating=True).floats
 
 
+def test_a_root_link_named_world_never_floats(tmp_path: Path) -> None:
+    """A free joint on it moves another frame in each engine, so a correct file would fail."""
+    place = '<origin xyz="0 0.5 1" rpy="0.2 0 0"/>'
+    lines = (link("world", ""), link("a"), link("b"), joint("w", "world", "a", place, "fixed"))
+    robot = read(tmp_path, *lines, joint("j", "a", "b"), floating=True)
+    assert not robot.floats
+    assert [one.name for one in tree_of(robot).links] == ["j"]
+    assert told(robot)["a free joint of the world"] == ("world",)
+    task = model_task(prepare_tree(robot.file, floating=True), "mujoco")
+    case = run_case(task)
+    assert (case.outcome, case.reason) == (Outcome.AGREES, "")
+
+
 OPTIONS = {
     'balanceinertia="true"': False, 'boundmass="2.5"': False, 'boundinertia="0.2"': False,
     'inertiafromgeom="true"': False, 'fusestatic="false"': True, 'discardvisual="false"': True,

@@ -210,16 +210,14 @@ def _stated_body(
 ) -> RigidBody:
     """Return the body of an `<inertial>` that states its numbers, or of None."""
     what = f"link {quote(name)}"
-    mass = None if inertial is None else document.child(inertial, "mass")
-    inertia = None if inertial is None else document.child(inertial, "inertia")
+    mass, inertia = document.child(inertial, "mass"), document.child(inertial, "inertia")
     place = (
         None if inertial is None else read_pose(document, inertial, f"<inertial> of {what}").place
     )
     (weight,) = document.text_numbers(mass, (1.0,), what)
     tensor: list[float] = []
     for key, default in zip(_TENSOR, _UNIT, strict=True):
-        element = None if inertia is None else document.child(inertia, key)
-        tensor += document.text_numbers(element, (default,), what)
+        tensor += document.text_numbers(document.child(inertia, key), (default,), what)
     xx, yy, zz, xy, xz, yz = tensor
     body = RigidBody(
         name=name, parent=None, mass=weight, inertia=(xx, yy, zz, xy, xz, yz), lift=lift
@@ -269,15 +267,10 @@ def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str
         joint=_moving(document, frames, element, name, of_tree, links["child"])
         if of_tree is not None and is_valid
         else None,
-        friction=_friction(document, element, what),
+        friction=document.text_numbers(
+            document.child(element, "axis/dynamics/friction"), (0.0,), what
+        )[0],
     )
-
-
-def _friction(document: Document, joint: XmlElement, what: str) -> float:
-    axis = document.child(joint, "axis")
-    dynamics = None if axis is None else document.child(axis, "dynamics")
-    friction = None if dynamics is None else document.child(dynamics, "friction")
-    return document.text_numbers(friction, (0.0,), what)[0]
 
 
 def _moving(
@@ -287,7 +280,7 @@ def _moving(
     what, axis = f"joint {quote(name)}", document.child(element, "axis")
     if axis is None:
         document.add_problem(element, f"{what} has no <axis>", "write one: <axis><xyz>...")
-    xyz = None if axis is None else document.child(axis, "xyz")
+    xyz = document.child(axis, "xyz")
     direction = np.array(document.text_numbers(xyz, (0.0, 0.0, 1.0), what))
     inward = inverse(frames.place(child))
     frame = _expressed_in(document, axis, xyz) or name
@@ -297,11 +290,9 @@ def _moving(
             xyz or element, f"the axis of {what} has no length", "give a direction"
         )
         direction = np.array([0.0, 0.0, 1.0])
-    dynamics = None if axis is None else document.child(axis, "dynamics")
+    dynamics = document.child(axis, "dynamics")
     number = {
-        key: document.text_numbers(
-            None if dynamics is None else document.child(dynamics, key), (0.0,), what
-        )[0]
+        key: document.text_numbers(document.child(dynamics, key), (0.0,), what)[0]
         for key in ("damping", "spring_stiffness", "spring_reference")
     }
     return Joint(
@@ -320,7 +311,7 @@ def _expressed_in(document: Document, axis: XmlElement | None, xyz: XmlElement |
     """Return the frame of an axis: in versions to 1.4 the model's; empty for the joint's own."""
     if xyz is not None and xyz.attributes.get("expressed_in"):
         return xyz.attributes["expressed_in"]
-    flag = None if axis is None else document.child(axis, "use_parent_model_frame")
+    flag = document.child(axis, "use_parent_model_frame")
     if flag is not None:
         return MODEL if flag.text.strip().lower() in _TRUE else ""
     return MODEL if version(document) <= (1, 4) else ""
@@ -335,7 +326,7 @@ def version(document: Document) -> tuple[int, ...]:
 def _bounds(
     document: Document, joint: XmlElement, axis: XmlElement | None
 ) -> tuple[float, float] | None:
-    limit, what = None if axis is None else document.child(axis, "limit"), joint.get("name")
+    limit, what = document.child(axis, "limit"), joint.get("name")
     if limit is None:
         return None
     for tag in ("effort", "velocity"):
@@ -362,8 +353,7 @@ def read_mimics(document: Document, joints: Mapping[str, SdfJoint]) -> dict[str,
     """Return joints that follow others: multiplier * (leader - reference) + offset."""
     mimics: dict[str, Mimic] = {}
     for name, joint in joints.items():
-        axis = document.child(joint.element, "axis")
-        mimic = None if axis is None else document.child(axis, "mimic")
+        mimic = document.child(joint.element, "axis/mimic")
         if mimic is not None and joint.joint is not None:
             mimics[name] = _mimic(document, mimic, joints, name)
     return mimics
@@ -505,7 +495,7 @@ def _root(
 
 def _gravity(document: Document, world: XmlElement | None) -> Triple | None:
     """Return the gravity that a world states."""
-    gravity = None if world is None else document.child(world, "gravity")
+    gravity = document.child(world, "gravity")
     if gravity is None or not gravity.text.strip():
         return None
     x, y, z = document.text_numbers(gravity, GRAVITY, "the world")
@@ -514,8 +504,7 @@ def _gravity(document: Document, world: XmlElement | None) -> Triple | None:
 
 def _step(document: Document, world: XmlElement | None) -> dict[str, object]:
     """Return the step that a world states, s, as a setting."""
-    physics = None if world is None else document.child(world, "physics")
-    step = None if physics is None else document.child(physics, "max_step_size")
+    step = document.child(world, "physics/max_step_size")
     if step is None or not step.text.strip():
         return {}
     return {"step": document.text_numbers(step, (0.001,), "the world")[0]}

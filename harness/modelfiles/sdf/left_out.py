@@ -9,8 +9,7 @@ from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint, is_static
 from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
-from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
-from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.harness.modelfiles.robot import FREE_MIMIC, Note, Omission, count_notes
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
     {

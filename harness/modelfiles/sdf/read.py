@@ -86,9 +86,8 @@ def _bodies(file: SdfFile, still: Collection[str]) -> Iterator[RigidBody]:
     waiting = list(reversed(below.get(file.root, [])))
     while waiting:
         joint = waiting.pop()
-        of_world, outer = joint.parent == WORLD, file.frames.of_model()
-        if not of_world:
-            outer = inverse(file.frames.place(joint.parent))
+        of_world = joint.parent == WORLD
+        outer = file.frames.of_model() if of_world else inverse(file.frames.place(joint.parent))
         place = outer.compose(file.frames.place(joint.child))
         moving = joint.joint is not None and joint.name not in still
         x, y, z = place.origin.tolist()

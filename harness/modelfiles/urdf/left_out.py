@@ -8,8 +8,7 @@ from types import MappingProxyType
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile, UrdfJoint
-from physics_crosscheck.harness.modelfiles.left_out import FREE_MIMIC, Note, count_notes
-from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.harness.modelfiles.robot import FREE_MIMIC, Note, Omission, count_notes
 
 _VISUALS = ("visual", "material")
 _READ: Mapping[str, Collection[str]] = MappingProxyType(

@@ -58,7 +58,7 @@ class UrdfNumbers:
     def __init__(self, path: Path, *, floating: bool, held: Collection[str] = ()) -> None:
         self._document = Document(path)
         self._file = file = read_urdf(self._document)
-        self._held, self._floating = held, floating
+        self._held, self._floating = held, floating and file.can_float
         self.numerals: tuple[Number, ...] = numerals(self._document)
         owners = {id(link.element) for link in file.links.values()}
         owners |= {id(joint.element) for joint in file.joints.values()}

@@ -25,7 +25,7 @@ from physics_crosscheck.harness.modelfiles.build_tree import (
     part_of,
     robot_of,
 )
-from physics_crosscheck.harness.modelfiles.robot import Robot, refused
+from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, refused
 from physics_crosscheck.harness.modelfiles.urdf.left_out import urdf_left_out
 from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
 
@@ -42,7 +42,7 @@ def read_urdf_robot(path: Path, *, gravity: Triple = GRAVITY, floating: bool = F
         path: of the file.
         gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
-            fixed to the world.
+            fixed to the world, like a link named `world`.
     """
     try:
         document = Document(path)
@@ -58,6 +58,9 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
     parts = tuple(part_of(document, link.element, link.body) for link in file.links.values())
     mimics = enforceable(file.mimics, singles(file.joints))
     left_out = urdf_left_out(file, mimics)
+    if floating and not file.can_float:
+        floating = False
+        left_out += (Omission(what="a free joint of the world", count=1, where=(file.root,)),)
     if document.obstacles:
         return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
     build = build_tree(
