@@ -162,8 +162,8 @@ def entry_of(
         measured: measurement of its model; None for a file that the engine refuses.
         now: present dependencies of the case.
     """
-    verdict, full_run = case.verdict, case.full_run
-    assert verdict is not None or measured is None  # measured cases have a verdict
+    assert case.verdict is not None or measured is None  # measured cases have a verdict
+    numbers, full_run = numbers_of(case), case.full_run
     return summarized(
         AcceptedCase(
             system=case_id.system,
@@ -174,16 +174,16 @@ def entry_of(
             reason="",
             outcome=case.outcome,
             outcome_reason=case.reason.replace(f"{case.folder}: ", f"{case.model}: "),
-            discrepancy=verdict.discrepancy if verdict else None,
-            uncertainty=verdict.uncertainty if verdict else None,
-            component=verdict.component if verdict else "",
+            discrepancy=numbers.discrepancy,
+            uncertainty=numbers.uncertainty,
+            component=numbers.component,
             constants=measured.constants if measured else {},
-            global_error=full_run.global_error if full_run else None,
+            global_error=numbers.global_error,
             global_order=full_run.order if full_run else None,
-            time_step=full_run.time_step if full_run else None,
-            integrator=full_run.integrator if full_run else "",
-            order=verdict.order if verdict else None,
-            claimed_order=verdict.claimed_order if verdict else 0,
+            time_step=numbers.time_step,
+            integrator=numbers.integrator,
+            order=numbers.order,
+            claimed_order=numbers.claimed_order,
             engine_version=now.engine_version,
             resolution=now.resolution,
             numerics=now.numerics,

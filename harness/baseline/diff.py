@@ -61,10 +61,9 @@ ROUNDING = 1e-15
 def has_error_changed(before: Number, after: Number) -> bool:
     """Return whether an error at the time step changed by more than its uncertainty.
 
-    The error is a size, so its uncertainty is a share of it. The smaller of both decides: a rise is
-    as significant as the opposite fall. The share is 1 % below an error of 10 %. Rounding grows
-    along a motion as the error does. So it changes an error only near the amplitude, where the
-    error stops growing. There the share approaches 100 %, as the square of the error.
+    The uncertainty is a share of the smaller error, so a rise and the opposite fall count alike.
+    The share is 1 % up to an error of 10 % of the amplitude. Above, it grows with the square of
+    the error up to 100 %, because rounding changes errors that are close to the amplitude.
 
     Args:
         before, after: errors relative to the amplitude; None if not finite.
@@ -78,11 +77,11 @@ def has_error_changed(before: Number, after: Number) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Movement:
-    """The largest change of a segment's end; all zero if uncertainties cover it.
+    """A change of a segment's end; all zero without one.
 
     Attributes:
         size, uncertainty: relative to the component's movement over a segment.
-        component: component with the largest change.
+        component: the component of the state.
         place: start of the segment: a time, or the number of the state.
     """
 
@@ -126,7 +125,7 @@ class MotionChange:
     @property
     def largest(self) -> Movement:
         """The larger change of both motions, even one that uncertainties cover."""
-        return max(self.apart, self.equations, key=lambda one: one.size)
+        return _largest((self.apart, self.equations))
 
 
 def motion_of(then: AcceptedCase, snapshot: Snapshot, measured: Measurement) -> MotionChange:
@@ -134,29 +133,22 @@ def motion_of(then: AcceptedCase, snapshot: Snapshot, measured: Measurement) -> 
     now = measured.on_accepted
     if now is None:
         return MotionChange(is_comparable=False)
+    was = _Ends(then.end, then.end_uncertainty)
+    movements = _movements(was, _Ends(now.end, now.uncertainty), snapshot)
+    bound = max((movement.uncertainty for movement in movements), default=0.0)
     return MotionChange(
-        model=of_model(then, snapshot, now),
-        equations=of_equations(snapshot, now),
-        apart=of_model(then, snapshot, now, beyond=False),
+        model=_largest_significant(movements),
+        equations=equations_movement(snapshot, now),
+        apart=replace(_largest(movements), uncertainty=bound),
         scenario=_scenario(snapshot, measured.snapshot),
     )
 
 
-def of_model(
-    entry: AcceptedCase, snapshot: Snapshot, now: OnAccepted, *, beyond: bool = True
-) -> Movement:
-    """Return the change of the model's motion since it was accepted.
-
-    With `beyond` False, also return a change that uncertainties cover.
-    """
-    was = _Ends(entry.end, entry.end_uncertainty)
-    return _movement(was, _Ends(now.end, now.uncertainty), snapshot, beyond=beyond)
-
-
-def of_equations(snapshot: Snapshot, now: OnAccepted) -> Movement:
-    """Return the change of the equations' motion since it was accepted."""
-    nothing = (tuple(EQUATIONS * s for s in snapshot.scale),) * len(snapshot.end)
-    return _movement(_Ends(snapshot.end, nothing), _Ends(now.equations, nothing), snapshot)
+def equations_movement(snapshot: Snapshot, now: OnAccepted) -> Movement:
+    """Return the largest change of the equations' motion since it was accepted."""
+    bound = (tuple(EQUATIONS * s for s in snapshot.scale),) * len(snapshot.end)
+    was, present = _Ends(snapshot.end, bound), _Ends(now.equations, bound)
+    return _largest_significant(_movements(was, present, snapshot))
 
 
 @dataclass(frozen=True)
@@ -167,29 +159,32 @@ class _Ends:
     uncertainty: Rows
 
 
-def _movement(was: _Ends, now: _Ends, snapshot: Snapshot, *, beyond: bool = True) -> Movement:
-    """Return the largest movement of an end beyond both uncertainties, relative to its scale.
-
-    With `beyond` False, return the largest movement of all, with the largest uncertainty.
-    """
-    worst = Movement()
+def _movements(was: _Ends, now: _Ends, snapshot: Snapshot) -> list[Movement]:
+    """Return the movement of each end whose numbers are finite, with both uncertainties."""
+    movements = []
     rows = zip(was.value, was.uncertainty, now.value, now.uncertainty, snapshot.t, strict=True)
     for segment, (*ends, time) in enumerate(rows):
+        place = starts_at(time, segment)
         columns = zip(*ends, snapshot.scale, snapshot.components, strict=True)
         for a, ua, b, ub, scale, component in columns:
             if a is None or b is None or ua is None or ub is None:
                 continue
-            allowed = ua + ub + ROUNDING * (abs(a) + abs(b))
-            size = abs(b - a) / scale
-            if beyond and abs(b - a) <= allowed:
-                continue
-            bound = allowed / scale if beyond else max(worst.uncertainty, allowed / scale)
-            if size > worst.size:
-                place = starts_at(time, segment)
-                worst = Movement(size=size, uncertainty=bound, component=component, place=place)
-            elif not beyond:
-                worst = replace(worst, uncertainty=bound)
-    return worst
+            size, bound = abs(b - a), ua + ub + ROUNDING * (abs(a) + abs(b))
+            movements.append(
+                Movement(
+                    size=size / scale, uncertainty=bound / scale, component=component, place=place
+                )
+            )
+    return movements
+
+
+def _largest_significant(movements: Iterable[Movement]) -> Movement:
+    """Return the largest movement beyond its uncertainty; all zero without one."""
+    return _largest(one for one in movements if one.size > one.uncertainty)
+
+
+def _largest(movements: Iterable[Movement]) -> Movement:
+    return max(movements, key=lambda movement: movement.size, default=Movement())
 
 
 def _scenario(was: Snapshot, now: Snapshot) -> str:
@@ -271,15 +266,15 @@ def diff_cases(
         return msgspec.structs.replace(bare, status=Status.NEW if before is None else Status.GONE)
     if not (before.outcome.is_run and after.outcome.is_run):
         return _not_run(bare, before, after, causes)
-    found = _DiffBuilder(before, after, motion, causes)
-    found.compare()
+    builder = _DiffBuilder(before, after, motion, causes)
+    builder.compare()
     distance = None if motion is None or not motion.is_comparable else motion.largest
     return msgspec.structs.replace(
         bare,
-        status=found.status,
-        kinds=found.all_kinds,
-        changed=found.all_changed,
-        messages=tuple(found.messages),
+        status=builder.status,
+        kinds=builder.all_kinds,
+        changed=builder.all_changed,
+        messages=tuple(builder.messages),
         moved=None if distance is None else distance.size,
         uncertainty=None if distance is None else distance.uncertainty,
     )
@@ -301,12 +296,13 @@ def _not_run(
         status=Status.IMPROVED if after.outcome is Outcome.AGREES else Status.CHANGED,
         kinds=_blamed(causes),
         changed=("verdict",),
-        messages=tuple(filter(None, (_outcomes(before, after), after.reason))),
+        messages=tuple(filter(None, (verdict_change(before, after), after.reason))),
     )
 
 
-def _outcomes(before: CaseNumbers, after: CaseNumbers) -> str:
-    return f"{after.outcome}, accepted as {before.outcome}"
+def verdict_change(before: CaseNumbers, after: CaseNumbers) -> str:
+    """Return a sentence on two different outcomes."""
+    return f"the verdict changed from {before.outcome} to {after.outcome}"
 
 
 def _harmless(causes: Mapping[str, str] | None) -> tuple[str, ...]:
@@ -358,7 +354,7 @@ class _DiffBuilder:
     def compare(self) -> None:
         """Collect all changes."""
         if not self._same_outcome:
-            self.messages.append(_outcomes(self.before, self.after))
+            self.messages.append(verdict_change(self.before, self.after))
             self.changed.append("verdict")
         if self.motion is not None:
             self._compare_motion(self.motion)
@@ -426,18 +422,18 @@ class _DiffBuilder:
             blamed = () if other_method(before, after) else _blamed(self.causes)
             unattributed = () if self.kinds or self.causes is None else ("outcome",)
             self.add("verdict", kinds=blamed or unattributed, better=agrees)
-        elif self.motion is not None and agrees:
-            return
-        if self.motion is None and before.component != after.component:
-            return
-        if (self.motion is None or self._same_outcome) and has_discrepancy_changed(before, after):
-            message = f"the discrepancy is {_in_words(after)}, accepted as {_in_words(before)}"
+        if self.motion is None:
+            is_comparable = before.component == after.component
+        else:
+            is_comparable = self._same_outcome and not agrees
+        if is_comparable and has_discrepancy_changed(before, after):
+            message = f"the discrepancy changed from {_in_words(before)} to {_in_words(after)}"
             self.add("discrepancy", message, _blamed(self.causes), better=False)
 
     def _compare_digits(self) -> None:
         then, now = self.before.digits, self.after.digits
         if then is not None and now is not None and abs(now - then) >= DIGITS:
-            message = f"{now:.1f} digits agree, accepted with {then:.1f}"
+            message = f"the agreeing digits changed from {then:.1f} to {now:.1f}"
             self.add("digits", message, better=now > then)
 
     def _compare_cost(self) -> None:

@@ -35,10 +35,8 @@ from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.records.baseline import RobotOptions
 from physics_crosscheck.harness.records.case import ModelKey
 
-BESIDE = "(beside)"
-"""Placeholder for the files of a folder that no model file names: a `space.py` may open any of
-them.
-"""
+OTHER_FILES = "(beside)"
+"""Name of the common hash of all files of a folder that no model file names; code may read any."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class ModelFiles:
         engines: engines that run the file.
         hashes: hash of each file's content, by name relative to the folder.
         copies: files whose differences are worth showing.
-        beside: names of the files covered by these hashes, alone or together.
+        covered: names of the files covered by these hashes, alone or together.
     """
 
     folder: Path
@@ -59,7 +57,7 @@ class ModelFiles:
     engines: tuple[str, ...]
     hashes: dict[str, str]
     copies: tuple[str, ...]
-    beside: frozenset[str] = frozenset()
+    covered: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -151,12 +149,10 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
                 named[where] = digest(path)
         rest = {other: others[other] for other in others if other not in named}
         if rest:
-            named[BESIDE] = _together(rest)
-        own_and_beside = frozenset((*copies, *named, *others))
+            named[OTHER_FILES] = _together(rest)
+        covered = frozenset((*copies, *named, *others))
         hashes |= named
-        model_files.append(
-            ModelFiles(folder, name, sidecar.engines, hashes, copies, own_and_beside)
-        )
+        model_files.append(ModelFiles(folder, name, sidecar.engines, hashes, copies, covered))
     declared = _together({"system.py": system, **others})
     return FolderFiles(folder, declared, tuple(model_files), tuple(broken))
 
@@ -202,7 +198,7 @@ def with_reads(model: ModelFiles | None, reads: Mapping[str, str]) -> dict[str, 
         return {}
     besides = {}
     for name, state in reads.items():
-        if name not in model.beside:
+        if name not in model.covered:
             besides[name] = state
         elif more := without_content(state):
             besides[f"./{name}"] = more
@@ -217,7 +213,7 @@ def as_now(model: ModelFiles, accepted: Mapping[str, str]) -> dict[str, str]:
     besides = {
         name: state
         for name, state in accepted.items()
-        if name not in model.hashes and name != BESIDE
+        if name not in model.hashes and name != OTHER_FILES
     }
     return {**states_now(model.folder, besides), **model.hashes}
 
@@ -235,7 +231,7 @@ def changed_names(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     return [name for name in sorted({*then, *now}) if differs(name)]
 
 
-def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey, str]:
+def model_hashes(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey, str]:
     """Return the hash of each model of a folder in each engine; {} if a file cannot be read.
 
     Args:

@@ -8,7 +8,7 @@ the equations on the accepted snapshot.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import msgspec
@@ -19,7 +19,7 @@ from physics_crosscheck.harness.baseline.classify import (
     unaccepted,
     unaccepted_findings,
 )
-from physics_crosscheck.harness.baseline.diff import diff_cases, motion_of
+from physics_crosscheck.harness.baseline.diff import diff_cases, motion_of, verdict_change
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, versions
 from physics_crosscheck.harness.baseline.stale import robot_options, scan_target, stale_models
@@ -71,7 +71,7 @@ class Accepted:
     snapshots: Mapping[CaseId, Snapshot] = field(repr=False)
     absent: frozenset[str] = frozenset()
 
-    def meant(self, engine: str) -> bool:
+    def includes(self, engine: str) -> bool:
         """Return whether a run includes an engine; engines of missing extras are not included."""
         return engine not in self.absent and (not self.engines or engine in self.engines)
 
@@ -178,26 +178,26 @@ def _why_changed(
     case: Case, measured: Measurement | Failure, entry: AcceptedCase, snapshot: Snapshot | None
 ) -> str:
     """Return how a case differs from the accepted difference; "" if it does not."""
-    if case.outcome != entry.outcome:
-        return f"the outcome is {case.outcome}, accepted as {entry.outcome}"
+    numbers = numbers_of(case)
+    if numbers.outcome is not entry.outcome:
+        return verdict_change(entry.numbers, numbers)
     if isinstance(measured, Failure):
         return measured.reason
     assert snapshot is not None  # measured cases have a snapshot
-    motion = motion_of(entry, snapshot, measured)
-    diff = diff_cases(entry.id, entry.numbers, numbers_of(case), motion=motion)
+    # A changed scenario alone leaves the difference accepted, so no message is about it.
+    motion = replace(motion_of(entry, snapshot, measured), scenario="")
+    diff = diff_cases(entry.id, entry.numbers, numbers, motion=motion)
     return diff.messages[0] if _DECISIVE.intersection(diff.changed) else ""
 
 
 def mark_models(models: Iterable[Model], baseline: Accepted | None) -> tuple[Model, ...]:
     """Mark the models whose findings were all accepted with the reason of the acceptance."""
-    return (
-        tuple(models)
-        if baseline is None
-        else tuple(_model(accepted_system, baseline) for accepted_system in models)
-    )
+    if baseline is None:
+        return tuple(models)
+    return tuple(_marked_model(model, baseline) for model in models)
 
 
-def _model(model: Model, baseline: Accepted) -> Model:
+def _marked_model(model: Model, baseline: Accepted) -> Model:
     accepted = baseline.system_of(model.folder, model.system)
     if accepted is None or not model.findings:
         return model
@@ -222,15 +222,15 @@ def changes_since(
 def _missing(cases: Sequence[Case], baseline: Accepted) -> Iterator[AcceptedCase]:
     """Yield accepted cases that no longer exist in the folders, unless a failure explains it."""
     seen = {baseline.id_of(case) for case in cases}
-    barred = {case_id for case in cases for case_id in _stands_for(case, baseline)}
+    barred = {case_id for case in cases for case_id in _covered_cases(case, baseline)}
     for _, accepted_system in baseline.folders.values():
         entries = {} if accepted_system is None else accepted_system.cases
         for case, entry in entries.items():
-            if baseline.meant(case.engine) and case not in seen and case not in barred:
+            if baseline.includes(case.engine) and case not in seen and case not in barred:
                 yield entry
 
 
-def _stands_for(case: Case, baseline: Accepted) -> tuple[CaseId, ...]:
+def _covered_cases(case: Case, baseline: Accepted) -> tuple[CaseId, ...]:
     """Return the accepted cases that a failure covers: those of an unreadable model or folder.
 
     A folder is identified by its path, because the name of its system is unknown after a failure.
@@ -243,14 +243,14 @@ def _stands_for(case: Case, baseline: Accepted) -> tuple[CaseId, ...]:
     return tuple(
         accepted
         for accepted in accepted_system.cases
-        if (whole or accepted.model == case.model) and baseline.meant(accepted.engine)
+        if (whole or accepted.model == case.model) and baseline.includes(accepted.engine)
     )
 
 
 def _change(case: Case, measured: Measured, baseline: Accepted) -> Diff | None:
     """Return the change of one case; None if it is as accepted."""
     after = numbers_of(case)
-    if barred := _stands_for(case, baseline):
+    if barred := _covered_cases(case, baseline):
         message = f"{case.outcome}; the baseline has {counted(len(barred), 'case')} of it"
         return bare_diff(case.id, Status.NOT_RUN, (message,), after=after)
     accepted_system = baseline.system_of(case.folder, case.system)

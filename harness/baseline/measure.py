@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.baseline.diff import of_equations
+from physics_crosscheck.harness.baseline.diff import equations_movement
 from physics_crosscheck.harness.baseline.snapshot import (
     ends,
     same_motion,
@@ -117,7 +117,7 @@ def is_accepted(present: Snapshot, accepted: Snapshot, now: OnAccepted) -> bool:
     Otherwise a change of the equations too small to change the motion would be reported in every
     later run, since the old ends would remain the reference.
     """
-    return same_motion(present, accepted) and not of_equations(accepted, now)
+    return same_motion(present, accepted) and not equations_movement(accepted, now)
 
 
 def comparable(present: Snapshot, accepted: Snapshot) -> bool:

@@ -168,7 +168,7 @@ def _points(count: int) -> Array:
 
 
 def _interpolate(nodes: Array, places: Array) -> Array:
-    """Interpolate between nodes at places in [0, 1], (len(at), inputs)."""
+    """Interpolate between nodes at places in [0, 1], (len(places), inputs)."""
     if len(nodes) == 1:
         return np.repeat(nodes, len(places), axis=0)
     values: Array = _matrix(len(nodes), tuple(places.tolist())) @ nodes

@@ -25,9 +25,8 @@ from physics_crosscheck.harness.modelfiles.path_states import digest_of
 
 T = TypeVar("T")
 
-MOST = 512 * 2**20
-"""Maximum size of a file in bytes, enough for thousands of cases."""
-
+MAX_BYTES = 512 * 2**20
+"""Maximum size of a file, enough for thousands of cases."""
 
 ACCEPTED = ".accepted"
 """Suffix of accepted texts, so that no tool takes them for models or code."""
@@ -66,7 +65,7 @@ def _files(folder: Path) -> list[Path]:
 
 def _read(path: Path, reader: Callable[[bytes], T]) -> T:
     try:
-        return reader(read_regular(path, MOST))
+        return reader(read_regular(path, MAX_BYTES))
     except OSError as error:
         reason = f"can't be read: {error.strerror}"
     except FileError as error:

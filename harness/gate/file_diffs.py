@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.baseline.fingerprint import BESIDE, FolderFiles, changed_names
+from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, FolderFiles, changed_names
 from physics_crosscheck.harness.baseline.store import accepted_text
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
@@ -81,7 +81,7 @@ def _file_diff(
 
 def _whole_change(file: Path, name: str, accepted: str) -> str:
     """Return how a file changed as a whole; empty if its lines changed."""
-    if name == BESIDE:
+    if name == OTHER_FILES:
         return "a file beside the models changed, or was added or removed"
     if file.is_dir():
         return f"files were added to or removed from {name}"

@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import structs
 
-from physics_crosscheck.harness.baseline.fingerprint import inputs, with_reads_of_system
+from physics_crosscheck.harness.baseline.fingerprint import model_hashes, with_reads_of_system
 from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.graph import Job, Task
@@ -84,7 +84,7 @@ class TargetPlan:
             self._key = key_of_file(place, self._reading)
         else:
             self._key = None if self._cache is None else key_of_folder(place, self._reading)
-            self._hashes = inputs(place, options.resolution, options.baseline)
+            self._hashes = model_hashes(place, options.resolution, options.baseline)
 
     @property
     def facts(self) -> TargetFacts:

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.baseline.diff import (
     ERROR_SHARE,
     diff_accepted,
     diff_cases,
-    of_model,
+    motion_of,
 )
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
@@ -44,22 +44,24 @@ from tests.baseline.samples import (
 DIFFERS = Outcome.DIFFERS
 
 
-def told(move: float = 0.0, equations: float = 0.0, then: AcceptedCase = ENTRY, **now: Any) -> Diff:
-    """What is told where the motion moved, and some quantities are others."""
+def difference(
+    move: float = 0.0, equations: float = 0.0, then: AcceptedCase = ENTRY, **now: Any
+) -> Diff:
+    """The difference of a case whose motion moved and whose quantities changed."""
     return diff_accepted(then, entry(**now), SNAPSHOT, measurement(move, equations))
 
 
 def test_a_case_that_was_run_again_is_as_accepted() -> None:
-    change = told()
+    change = difference()
     assert (change.status, change.kinds, change.messages) == (Status.SAME, (), ())
 
 
 def test_another_machines_rounding_is_no_change() -> None:
-    assert told(move=1e-14).status is Status.SAME
+    assert difference(move=1e-14).status is Status.SAME
 
 
 def test_a_motion_that_moved_though_nothing_changed_is_told_as_unexplained() -> None:
-    change = told(move=1e-9)
+    change = difference(move=1e-9)
     assert (change.status, change.kinds) == (Status.CHANGED, ("unexplained",))
     assert change.messages == (
         "the model's motion changed by 1.0e-09 ± 8e-13 of its displacement, in x near t = 0 s",
@@ -70,46 +72,47 @@ def test_of_states_that_no_motion_joins_the_state_is_told() -> None:
     snapshot = msgspec.structs.replace(SNAPSHOT, t=(None,) * 3)
     end = (ENDS[0], (ENDS[1][0] + 1e-9, ENDS[1][1]), ENDS[2])
     now = OnAccepted(end=end, uncertainty=UNCERTAIN, equations=ENDS)
-    assert str(of_model(ENTRY, snapshot, now)).endswith("of its displacement, in x near state 2")
+    motion = motion_of(ENTRY, snapshot, msgspec.structs.replace(measurement(), on_accepted=now))
+    assert str(motion.model).endswith("of its displacement, in x near state 2")
 
 
 def test_a_motion_that_moved_with_the_engine_alone_is_the_engines() -> None:
-    change = told(move=1e-6, engine_version="e 99.0")
+    change = difference(move=1e-6, engine_version="e 99.0")
     assert (change.status, change.kinds) == (Status.CHANGED, ("engine",))
     assert change.moved == pytest.approx(1e-6, rel=1e-3)
 
 
 def test_a_motion_that_moved_with_files_and_engine_may_be_eithers() -> None:
-    change = told(move=1e-6, engine_version="e 99.0", files={"space.py": "other"})
+    change = difference(move=1e-6, engine_version="e 99.0", files={"space.py": "other"})
     assert change.kinds == ("model", "engine")
 
 
 def test_a_motion_that_moved_with_the_declaration_alone_is_the_equations() -> None:
     files = FILES | {"system.py": "another"}
-    assert told(move=1e-6, files=files).kinds == ("equations",)
-    assert told(move=1e-6, resolution=1e-6).kinds == ("numbers",)
+    assert difference(move=1e-6, files=files).kinds == ("equations",)
+    assert difference(move=1e-6, resolution=1e-6).kinds == ("numbers",)
 
 
 def test_equations_and_model_that_moved_are_both_told() -> None:
-    change = told(move=1e-6, equations=1e-6, files=FILES | {"m.xml": "another"})
+    change = difference(move=1e-6, equations=1e-6, files=FILES | {"m.xml": "another"})
     assert change.kinds == ("model", "equations")
     assert change.messages[1:] == (
         "the equations' motion changed by 1.0e-06 ± 2e-11 of its displacement, in x near t = 1 s",
         "model and equations changed alike, and agree",
     )
-    alone = told(equations=1e-6)
+    alone = difference(equations=1e-6)
     assert (alone.status, alone.kinds) == (Status.CHANGED, ("equations",))
 
 
 def test_a_new_version_of_the_tools_numerics_is_told_and_passes_where_nothing_moved() -> None:
-    change = told(numerics=NUMERICS + 1)
+    change = difference(numerics=NUMERICS + 1)
     assert (change.status, change.kinds) == (Status.WITHIN, ("tool",))
-    assert told(numerics=NUMERICS + 1, move=1e-6).kinds == ("tool",)
+    assert difference(numerics=NUMERICS + 1, move=1e-6).kinds == ("tool",)
 
 
 def test_a_limit_that_is_not_known_is_not_compared() -> None:
     unknown = entry(end_uncertainty=((None, None),) * 3)
-    assert told(move=1.0, then=unknown).moved == 0.0
+    assert difference(move=1.0, then=unknown).moved == 0.0
 
 
 @pytest.mark.parametrize(("share", "status"), [
@@ -118,16 +121,16 @@ def test_a_limit_that_is_not_known_is_not_compared() -> None:
 def test_a_global_error_counts_beyond_a_hundredth_of_itself(share: float, status: Status) -> None:
     assert ERROR_SHARE == 0.01
     assert ENTRY.global_error is not None
-    assert told(global_error=share * ENTRY.global_error).status is status
+    assert difference(global_error=share * ENTRY.global_error).status is status
 
 
 def test_a_global_error_that_is_large_is_known_to_its_own_share() -> None:
     large = entry(global_error=0.9)
-    assert told(then=large, global_error=1.5).status is Status.SAME
-    assert told(then=large, global_error=2.0).status is Status.CHANGED
-    change = told(global_error=None)
+    assert difference(then=large, global_error=1.5).status is Status.SAME
+    assert difference(then=large, global_error=2.0).status is Status.CHANGED
+    change = difference(global_error=None)
     assert (change.status, change.messages) == (Status.CHANGED, ("the error at dt is not finite",))
-    again = told(then=entry(global_error=None))
+    again = difference(then=entry(global_error=None))
     assert (again.status, again.messages) == (Status.IMPROVED, ("the error at dt is finite now",))
 
 
@@ -152,8 +155,8 @@ def test_one_rule_says_in_every_comparison_whether_an_error_changed(
 ) -> None:
     was = entry(global_error=then)
     if is_measured:
-        found = told(then=was, global_error=now)
-        back = told(then=entry(global_error=now), global_error=then)
+        found = difference(then=was, global_error=now)
+        back = difference(then=entry(global_error=now), global_error=then)
     else:
         numbers = was.numbers, entry(global_error=now).numbers
         found = diff_cases(was.id, *numbers)
@@ -180,7 +183,7 @@ def test_discrepancies_of_two_components_are_not_compared_but_their_digits_are()
 
 
 def test_a_step_an_integrator_and_orders_are_numbers() -> None:
-    change = told(time_step=0.004, integrator="RK4", claimed_order=4, order=3.9)
+    change = difference(time_step=0.004, integrator="RK4", claimed_order=4, order=3.9)
     assert change.kinds == ("numbers",)
     assert change.status is Status.IMPROVED
     assert change.messages == (
@@ -192,39 +195,39 @@ def test_a_step_an_integrator_and_orders_are_numbers() -> None:
 
 
 def test_a_higher_order_at_a_higher_error_is_no_improvement() -> None:
-    assert told(global_error=0.05, claimed_order=4).status is Status.CHANGED
-    assert told(global_error=0.001, claimed_order=0).status is Status.IMPROVED
+    assert difference(global_error=0.05, claimed_order=4).status is Status.CHANGED
+    assert difference(global_error=0.001, claimed_order=0).status is Status.IMPROVED
 
 
 def test_a_known_differences_size_counts() -> None:
     was = entry(outcome=DIFFERS, discrepancy=1e-3)
-    assert told(then=was, outcome=DIFFERS, discrepancy=1e-3 + 1e-14).status is Status.EXPECTED
-    assert told(then=was, outcome=DIFFERS, discrepancy=1.1e-3).status is Status.CHANGED
+    assert difference(then=was, outcome=DIFFERS, discrepancy=1e-3 + 1e-14).status is Status.EXPECTED
+    assert difference(then=was, outcome=DIFFERS, discrepancy=1.1e-3).status is Status.CHANGED
 
 
 def test_a_known_difference_without_a_digit_is_the_same_until_it_has_one() -> None:
     was = entry(outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
-    same = told(then=was, outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
+    same = difference(then=was, outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
     assert same.status is Status.EXPECTED
-    other = told(then=was, outcome=Outcome.UNRESOLVED, discrepancy=1e-3, uncertainty=1e-4)
+    other = difference(then=was, outcome=Outcome.UNRESOLVED, discrepancy=1e-3, uncertainty=1e-4)
     assert other.status is Status.CHANGED
-    assert "accepted as unknown ± unknown" in other.messages[0]
+    assert "from unknown ± unknown to 1.000e-03" in other.messages[0]
 
 
 def test_a_difference_that_is_mended_is_an_improvement() -> None:
     was = entry(outcome=DIFFERS, discrepancy=1e-3)
-    change = told(then=was, move=1e-6, files=FILES | {"m.xml": "mended"})
+    change = difference(then=was, move=1e-6, files=FILES | {"m.xml": "mended"})
     assert (change.status, change.kinds) == (Status.IMPROVED, ("model",))
 
 
 def test_a_lost_digit_is_told() -> None:
-    change = told(outcome=Outcome.UNRESOLVED, uncertainty=1e-6)
+    change = difference(outcome=Outcome.UNRESOLVED, uncertainty=1e-6)
     assert change.status is Status.CHANGED
-    assert change.messages[0] == "UNRESOLVED, accepted as AGREES"
+    assert change.messages[0] == "the verdict changed from AGREES to UNRESOLVED"
 
 
 def test_an_outcome_that_changed_with_the_method_alone_is_an_outcome() -> None:
-    change = told(outcome=Outcome.UNRESOLVED, integrator="RK4")
+    change = difference(outcome=Outcome.UNRESOLVED, integrator="RK4")
     assert change.kinds == ("outcome", "numbers")
 
 
@@ -247,7 +250,7 @@ def test_other_coordinates_can_t_be_compared() -> None:
 
 def test_constants_that_the_motion_says_are_told_where_they_moved() -> None:
     now = {"k": Identified(value=47.05, standard_error=1e-6), "c": ENTRY.constants["k"]}
-    assert told(constants=now).messages == ("the motion implies k 47 -> 47.05",)
+    assert difference(constants=now).messages == ("the motion implies k 47 -> 47.05",)
 
 
 def classified(

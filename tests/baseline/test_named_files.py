@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.baseline.fingerprint import BESIDE, folder_files
+from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, folder_files
 from physics_crosscheck.harness.modelfiles.parts import named_files
 from physics_crosscheck.harness.planning.cache import key_of_file
 
@@ -31,7 +31,7 @@ def named(folder: Path, body: str) -> set[str]:
     text = f"<mujoco>{body}</mujoco>" if not body.startswith("<?") else body
     (folder / "m.xml").write_text(text)
     (model,) = folder_files(folder).models
-    return set(model.hashes) - set(model.copies) - {BESIDE}
+    return set(model.hashes) - set(model.copies) - {OTHER_FILES}
 
 
 @pytest.mark.parametrize("body", [

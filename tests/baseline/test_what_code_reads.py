@@ -12,7 +12,12 @@ from pathlib import Path
 import pytest
 
 import physics_crosscheck.harness.modelfiles.code_reads
-from physics_crosscheck.harness.baseline.fingerprint import BESIDE, as_now, folder_files, with_reads
+from physics_crosscheck.harness.baseline.fingerprint import (
+    OTHER_FILES,
+    as_now,
+    folder_files,
+    with_reads,
+)
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import is_content
 from physics_crosscheck.harness.planning.cache import Cache
@@ -148,7 +153,7 @@ def test_what_was_read_elsewhere_counts_and_what_lies_in_the_folder_counts_once(
         model,
         {"mass.txt": CONTENT, "../shared/mass.txt": CONTENT, "system.py": f"{CONTENT}; times:1"},
     )
-    assert set(accepted) == {*model.copies, BESIDE, "../shared/mass.txt", "./system.py"}
+    assert set(accepted) == {*model.copies, OTHER_FILES, "../shared/mass.txt", "./system.py"}
     now = as_now(model, accepted)
     assert set(now) == set(accepted)
     (folder.parent / "shared" / "mass.txt").write_text("1.4")

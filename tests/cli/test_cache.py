@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.audits import audits
-from physics_crosscheck.harness.baseline.fingerprint import inputs
+from physics_crosscheck.harness.baseline.fingerprint import model_hashes
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.planning import cache as caches
@@ -336,7 +336,7 @@ def test_the_source_of_an_adapter_counts(
     caches._adapter.cache_clear()
 
     def hashes() -> dict[ModelKey, str]:
-        found = inputs(folder, 1e-9, None)
+        found = model_hashes(folder, 1e-9, None)
         return {key: with_surroundings(one, key[-1], 0.0, False) for key, one in found.items()}
 
     before = hashes()

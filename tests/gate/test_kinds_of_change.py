@@ -1,4 +1,4 @@
-"""Kinds of change to a system and its models, each told for what it is."""
+"""Kinds of change to a system and its models: each has its own status and message."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def _newer(_: object) -> str:
 
 
 def seen(found: GateResult, model: str) -> tuple[set[Status], set[str], str]:
-    """Statuses and kinds of the cases of a model, and all that was told of them."""
+    """Statuses and kinds of the cases of a model, and all their messages."""
     mine = [c for c in found.changes if c.id.model == model]
-    told = " | ".join(sentence for c in mine for sentence in c.messages)
-    return {c.status for c in mine}, {kind for c in mine for kind in c.kinds}, told
+    sentences = " | ".join(sentence for c in mine for sentence in c.messages)
+    return {c.status for c in mine}, {kind for c in mine for kind in c.kinds}, sentences
 
 
 def changed_lines(found: GateResult) -> list[str]:
-    """All that was told of files, with the line."""
+    """All changes of files, with the line."""
     return [
         f"{os.path.basename(diff.path)}:{one.line} {one.message}"
         for diff in found.file_diffs
@@ -77,7 +77,7 @@ MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
     ("a constant by 1 % in a URDF", "robot.urdf", 'mass value="1.3"', 'mass value="1.313"',
      CHANGED, {"model"}, "the motion implies m 1.3 -> 1.313"),
     ("a constant by 1e-6 in Python", "space.py", "DAMPING = 0.9 ", "DAMPING = 0.9000009 ",
-     CHANGED, {"model"}, "DIFFERS, accepted as AGREES"),
+     CHANGED, {"model"}, "the verdict changed from AGREES to DIFFERS"),
     ("a tilted axis", "mujoco.xml", 'axis="1 0 0"', 'axis="1 0 0.01"', CHANGED, {"model"}, ""),
     ("an armature", "mujoco.xml", 'springref="0"', 'springref="0" armature="0.1"',
      CHANGED, {"model"}, "the model's motion changed"),
@@ -148,18 +148,18 @@ def changed(pristine: Repository, tmp_path_factory: pytest.TempPathFactory) -> G
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("index", "name", "status", "kinds", "told"),
+    ("index", "name", "status", "kinds", "expected"),
     [(i, row[1], *row[4:]) for i, row in enumerate(MODEL_CHANGES)],
     ids=[row[0] for row in MODEL_CHANGES],
 )
 def test_a_change_of_a_model_file_is_told_for_what_it_is(
-    changed: GateResult, index: int, name: str, status: Any, kinds: set[str], told: str
+    changed: GateResult, index: int, name: str, status: Any, kinds: set[str], expected: str
 ) -> None:
     model = copied(index, name).removesuffix(".toml")
     statuses, seen_kinds, sentences = seen(changed, model)
     assert statuses == (status if isinstance(status, set) else {status}), sentences
     assert seen_kinds == kinds
-    assert told in sentences
+    assert expected in sentences
 
 
 def test_a_change_of_one_model_file_runs_its_cases_alone(repository: Repository) -> None:
@@ -188,7 +188,7 @@ def test_line_ends_are_no_change(repository: Repository) -> None:
 SYSTEM_CHANGES: list[tuple[str, str, str, Status, set[str], str]] = [
     ("a comment", '"spring stiffness"', '"stiffness of the spring"', WITHIN, {"text"}, ""),
     ("a constant by 1e-6", '"k", 47.0', '"k", 47.000047', CHANGED, {"equations"},
-     "DIFFERS, accepted as AGREES"),
+     "the verdict changed from AGREES to DIFFERS"),
     ("an equation", "D=c * x.v**2 / 2", "D=c * x.v**2 * Rational(501, 1000)", CHANGED,
      {"equations"}, "the equations' motion changed"),
     ("a start", "q={x: 0.25}", "q={x: 0.3}", CHANGED, {"scenario"}, "the scenario changed"),
@@ -202,26 +202,26 @@ SYSTEM_CHANGES: list[tuple[str, str, str, Status, set[str], str]] = [
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "status", "kinds", "told"),
+    ("old", "new", "status", "kinds", "expected"),
     [row[1:] for row in SYSTEM_CHANGES],
     ids=[row[0] for row in SYSTEM_CHANGES],
 )
 def test_a_change_of_the_declaration_is_told_for_what_it_is(
-    repository: Repository, old: str, new: str, status: Any, kinds: set[str], told: str
+    repository: Repository, old: str, new: str, status: Any, kinds: set[str], expected: str
 ) -> None:
     repository.edit("system.py", old, new)
     found = repository.gate("pymunk")
     statuses = {c.status for c in found.changes}
     if "released" in new:
-        assert {(str(c.id), c.status) for c in found.of(NEW, GONE)} == {
+        assert {(str(c.id), c.status) for c in found.with_status(NEW, GONE)} == {
             (f"{SYSTEM}/space.py/released [pymunk]", NEW),
             (f"{SYSTEM}/space.py/free [pymunk]", GONE),
         }
         return
     assert status in statuses
     assert statuses <= {status, WITHIN}
-    assert {kind for c in found.of(status) for kind in c.kinds} == kinds
-    assert told in " | ".join(sentence for c in found.changes for sentence in c.messages)
+    assert {kind for c in found.with_status(status) for kind in c.kinds} == kinds
+    assert expected in " | ".join(message for c in found.changes for message in c.messages)
     assert found.passes == status.passes
 
 
@@ -229,11 +229,11 @@ def test_model_and_equations_changed_alike_are_both_told_and_agree(repository: R
     repository.edit("system.py", '"k", 47.0', '"k", 48.0')
     repository.edit("space.py", "STIFFNESS = 47.0", "STIFFNESS = 48.0")
     found = repository.gate("pymunk")
-    _, kinds, told = seen(found, "space.py")
+    _, kinds, sentences = seen(found, "space.py")
     assert kinds == {"model", "equations"}
-    assert "model and equations changed alike, and agree" in told
-    assert "the motion implies k 47 -> 48" in told
-    assert "DIFFERS" not in told
+    assert "model and equations changed alike, and agree" in sentences
+    assert "the motion implies k 47 -> 48" in sentences
+    assert "DIFFERS" not in sentences
     assert {c.status for c in found.changes} == {CHANGED}
 
 
@@ -242,10 +242,10 @@ def test_another_engine_version_with_the_same_motion_passes_and_is_told(
 ) -> None:
     monkeypatch.setattr(PymunkEngine, "version", _newer)
     found = repository.gate()
-    statuses, kinds, told = seen(found, "space.py")
+    statuses, kinds, sentences = seen(found, "space.py")
     assert statuses == {WITHIN}
     assert kinds == {"engine"}
-    assert "engine version pymunk 7" in told
+    assert "engine version pymunk 7" in sentences
     assert found.passes
     assert {c.status for c in found.changes if c.id.engine != "pymunk"} == {SAME}
 

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.baseline.fingerprint import robot_file
 from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
-from physics_crosscheck.harness.gate.accept import Accepted, accept
+from physics_crosscheck.harness.gate.accept import Acceptance, accept
 from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.result import GateResult
@@ -93,7 +93,7 @@ class Robots:
         wanted = GateOptions(baseline=self.baseline, engines=("mujoco",), jobs=1, **options)
         return gate(chosen, wanted, nothing)
 
-    def accept(self, reason: str, found: GateResult) -> Accepted:
+    def accept(self, reason: str, found: GateResult) -> Acceptance:
         return accept(found, (), reason, self.baseline)
 
     def run(self, **options: Any) -> Results:
@@ -269,8 +269,8 @@ def test_a_file_that_is_no_xml_or_changes_meanwhile_is_no_pass(
 ) -> None:
     robots.edit("</robot>", "")
     found = robots.gate()
-    assert [change.id.scenario for change in found.of(Status.NOT_RUN)] == ["-"]
-    assert not found.of(Status.GONE)
+    assert [change.id.scenario for change in found.with_status(Status.NOT_RUN)] == ["-"]
+    assert not found.with_status(Status.GONE)
     robots.arm.write_text(ARM.replace("boom", "jib"))
     real = gating._run
 
@@ -345,8 +345,8 @@ def test_a_file_that_an_engine_refuses_is_accepted_as_refused(robots: Robots) ->
     possible, impossible = 'izz="0.006"', 'izz="0.6"'
     robots.edit(possible, impossible)
     found = robots.gate()
-    (change,) = found.of(Status.CHANGED)
-    assert change.messages[0] == "REFUSED, accepted as AGREES"
+    (change,) = found.with_status(Status.CHANGED)
+    assert change.messages[0] == "the verdict changed from AGREES to REFUSED"
     assert "inertia must satisfy" in change.messages[1]
     assert gate_lines(found)[0].startswith("FAIL  ")
     robots.accept("MuJoCo refuses it", found)

@@ -24,7 +24,7 @@ def test_versions_are_read_in_their_order_and_environments_of_ones_own(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["pymunk", "7.0"], "name two versions of it or more"),
         (["pymunk"], "name two versions of it or more"),
@@ -38,8 +38,8 @@ def test_versions_are_read_in_their_order_and_environments_of_ones_own(tmp_path:
         (["pymunk", "7.0", "7.1=nowhere/at/all"], "there is no such environment"),
     ],
 )
-def test_what_means_nothing_is_refused(words: list[str], told: str) -> None:
-    with pytest.raises(FolderError, match=re.escape(told)):
+def test_what_means_nothing_is_refused(words: list[str], message: str) -> None:
+    with pytest.raises(FolderError, match=re.escape(message)):
         asked_versions(words)
 
 

@@ -1,4 +1,4 @@
-"""What changes of a case from one version to the next: each kind is told, and nothing else is."""
+"""Changes of a case from one version to the next: each kind is reported, and nothing else."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_verdict_that_changes_comes_before_a_limit_that_moves() -> None:
     after = run("2.0", case(), differs, does=measurement(move=1e-3))
     found = between(before, after)
     assert [one.changed for one in found.cases] == [("verdict", "limit"), ("limit",)]
-    assert found.cases[0].messages[0] == "DIFFERS, accepted as AGREES"
+    assert found.cases[0].messages[0] == "the verdict changed from AGREES to DIFFERS"
 
 
 def test_a_known_difference_that_stays_is_no_change_and_one_that_is_mended_is() -> None:

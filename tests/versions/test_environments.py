@@ -84,30 +84,30 @@ class Installer:
 
 def made(parent: Path, installer: Installer) -> tuple[Path, list[str]]:
     """The environment's folder, and the lines that were told."""
-    told: list[str] = []
-    return environment(WANTED, parent, told.append, installer), told
+    lines: list[str] = []
+    return environment(WANTED, parent, lines.append, installer), lines
 
 
 def test_its_commands_are_told_before_they_are_run(tmp_path: Path) -> None:
     installer = Installer()
-    place, told = made(tmp_path, installer)
+    place, lines = made(tmp_path, installer)
     python = str(interpreter(place))
     assert installer.commands == [
         [sys.executable, "-m", "venv", str(place)],
         [python, "-m", "pip", "install", "--disable-pip-version-check", "the-engine==1.2"],
     ]
-    assert [line.strip() for line in told[1::2]] == [" ".join(c) for c in installer.commands]
-    assert told[2].startswith("  echo 'import site; site.addsitedir(")
+    assert [line.strip() for line in lines[1::2]] == [" ".join(c) for c in installer.commands]
+    assert lines[2].startswith("  echo 'import site; site.addsitedir(")
     (beside,) = place.rglob("*.pth")
-    assert beside.read_text().strip() in told[2]
+    assert beside.read_text().strip() in lines[2]
 
 
 def test_it_is_used_again(tmp_path: Path) -> None:
     first, _ = made(tmp_path, Installer())
     again = Installer()
-    place, told = made(tmp_path, again)
+    place, lines = made(tmp_path, again)
     assert (place, again.commands) == (first, [])
-    assert told == [f"e 1.2: in {place}"]
+    assert lines == [f"e 1.2: in {place}"]
 
 
 @pytest.mark.parametrize("fails", ["venv", "pip"])

@@ -42,13 +42,13 @@ def test_remarks_are_gained_and_lost() -> None:
     assert found.messages == ("a limit is ignored", "the step is 0.002 s")
 
 
-@pytest.mark.parametrize(("now", "told"), [(0.1, False), (0.1 + 1e-15, False), (0.2, True)])
+@pytest.mark.parametrize(("now", "is_reported"), [(0.1, False), (0.1 + 1e-15, False), (0.2, True)])
 def test_a_remark_is_another_where_its_number_is_and_not_where_it_is_rounded(
-    now: float, told: bool
+    now: float, is_reported: bool
 ) -> None:
     was = model(audit=(remark("the damping is 0.1", 0.1, "damping"),))
     present = model(audit=(remark(f"the damping is {now}", now, "damping"),))
-    assert (changed(present, was) is not None) is told
+    assert (changed(present, was) is not None) is is_reported
 
 
 def test_remarks_on_two_links_are_two_and_another_count_is_the_same_remark() -> None:

@@ -221,7 +221,7 @@ def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_othe
 @pytest.mark.slow
 def test_a_sweep_of_versions_that_makes_no_sense_is_told_once(home: Home) -> None:
     sweep = "sweep", "oscillator", "--versions", "toy"
-    for words, told in (
+    for words, message in (
         ((*sweep, "1.0"), "name two versions of it or more"),
         ((*sweep, "1.0", "2.0", "--engine", "mujoco"), "--engine names another engine"),
         ((*sweep, "1.0", "2.0", "--scheduler", "tcp://x"), "leave out --scheduler"),
@@ -231,4 +231,4 @@ def test_a_sweep_of_versions_that_makes_no_sense_is_told_once(home: Home) -> Non
         assert ran.returncode == 2, ran.stdout + ran.stderr
         (line,) = ran.stderr.strip().splitlines()
         assert line.startswith("crosscheck: ")
-        assert told in line
+        assert message in line

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.fingerprint import BESIDE, folder_files
+from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, folder_files
 from physics_crosscheck.harness.interfaces.cli.targets import Targets
 from physics_crosscheck.harness.modelfiles.choice import NamedModel
 from physics_crosscheck.harness.modelfiles.folders import FolderError, NamedFolders
@@ -165,7 +165,7 @@ def _hashes(wanted: Targets) -> Hashes:
             continue
         for model_files in scan.models:
             hashes[str(folder), model_files.model] = {
-                str(folder) if name == BESIDE else os.path.normpath(folder / name): value
+                str(folder) if name == OTHER_FILES else os.path.normpath(folder / name): value
                 for name, value in model_files.hashes.items()
             }
         if scan.broken or not scan.models:
