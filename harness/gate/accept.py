@@ -32,21 +32,21 @@ class AcceptError(ValueError):
 
 
 @dataclass(frozen=True)
-class Accepted:
+class Acceptance:
     """The result of an acceptance.
 
     Attributes:
         files: baseline files that changed.
         cases: cases with a new or changed entry.
-        left: ids of requested cases whose engine is missing; their entries are unchanged.
+        unchanged: ids of requested cases whose engine is missing, so their entries stay.
     """
 
     files: tuple[Path, ...]
     cases: tuple[CaseId, ...]
-    left: tuple[str, ...]
+    unchanged: tuple[str, ...]
 
 
-def accept(result: GateResult, patterns: Sequence[str], reason: str, baseline: Path) -> Accepted:
+def accept(result: GateResult, patterns: Sequence[str], reason: str, baseline: Path) -> Acceptance:
     """Write the matching cases of a gate's result to the baseline; all cases without patterns.
 
     An entry whose motion did not change keeps its numbers and its reason, so that the diff under
@@ -57,13 +57,13 @@ def accept(result: GateResult, patterns: Sequence[str], reason: str, baseline: P
         FolderError: for a pattern that matches nothing; nothing was written.
         OSError: from the file system; nothing was written.
     """
-    ids = [change.id for change in _asked_for(result, patterns)]
+    ids = [change.id for change in _matching(result, patterns)]
     return accept_each(result, dict.fromkeys(ids, reason), ids if patterns else (), baseline)
 
 
 def accept_each(
     result: GateResult, reasons: Mapping[CaseId, str], named: Collection[CaseId], baseline: Path
-) -> Accepted:
+) -> Acceptance:
     """Write some cases, each with its reason, which replaces the old reason if `named`.
 
     Raises:
@@ -93,10 +93,10 @@ def accept_each(
             texts |= _texts(scan, [c for c in chosen if c.id.system == name and c.now is not None])
     files = write_baseline(baseline, [systems[name] for name in touched], texts)
     absent = tuple(str(change.id) for change in requested if _absent(change))
-    return Accepted(tuple(files), tuple(rewritten), absent)
+    return Acceptance(tuple(files), tuple(rewritten), absent)
 
 
-def _asked_for(result: GateResult, patterns: Sequence[str]) -> list[Change]:
+def _matching(result: GateResult, patterns: Sequence[str]) -> list[Change]:
     """Select the changes that match the patterns; all without patterns.
 
     Raises:
@@ -216,11 +216,7 @@ def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str]
     texts = {}
     for change in changes:
         model = change.id.model
-        for name in next(
-            system_baseline.copies
-            for system_baseline in scan.models
-            if system_baseline.model == model
-        ):
+        for name in next(files.copies for files in scan.models if files.model == model):
             data = (scan.base / name).read_bytes()
             if digest_of(data) != change.files[name]:
                 raise AcceptError(

@@ -187,7 +187,7 @@ def _as_accepted(entry: AcceptedCase) -> Change:
     return Change(diff=msgspec.structs.replace(diff, run=False), entry=entry)
 
 
-MOST_TOLD = 5
+MAX_FINDINGS = 5
 """Maximum number of findings reported for a case."""
 
 
@@ -228,7 +228,7 @@ def _with_audit(
         return change
     diff = msgspec.structs.replace(
         change.diff,
-        messages=(*change.messages, *_told(new)),
+        messages=(*change.messages, *_finding_messages(new)),
         changed=(*change.diff.changed, "audit"),
     )
     if of_model not in moved:  # no motion shows it, in this case or another
@@ -237,11 +237,11 @@ def _with_audit(
     return replace(change, diff=diff, findings=new)
 
 
-def _told(findings: tuple[AuditFinding, ...]) -> list[str]:
+def _finding_messages(findings: tuple[AuditFinding, ...]) -> list[str]:
     messages = [
         (f"the audit finds {finding.location}: " if finding.location else "the audit: ")
         + finding.message
-        for finding in findings[:MOST_TOLD]
+        for finding in findings[:MAX_FINDINGS]
     ]
-    more = len(findings) - MOST_TOLD
+    more = len(findings) - MAX_FINDINGS
     return messages + ([f"and {counted(more, 'finding')} more"] if more > 0 else [])

@@ -40,8 +40,17 @@ class GateResult:
     @property
     def passes(self) -> bool:
         """True if there are cases, all of them pass, and nothing else failed."""
-        passes = all(change.status.passes for change in self.changes)
-        return bool(self.changes) and passes and not self.failures
+        return bool(self.changes) and not self.failing and not self.failures
+
+    @property
+    def is_incomplete(self) -> bool:
+        """True if there is no case, one could not run, or another check failed."""
+        return bool(not self.changes or self.with_status(Status.NOT_RUN) or self.failures)
+
+    @property
+    def failing(self) -> tuple[Change, ...]:
+        """The changes that do not pass, worst first."""
+        return tuple(change for change in self.changes if not change.status.passes)
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -54,7 +63,7 @@ class GateResult:
             if what != "audit"
         )
 
-    def of(self, *statuses: Status) -> tuple[Change, ...]:
+    def with_status(self, *statuses: Status) -> tuple[Change, ...]:
         """Return the changes with one of the given statuses."""
         return tuple(change for change in self.changes if change.status in statuses)
 

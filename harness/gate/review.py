@@ -12,15 +12,16 @@ from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.results.status import counted
 
-ASKED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
+_UNDECIDED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
 """Statuses that a person decides one by one."""
 
 KEYS = "[a]ccept  [A]ccept all of this file  [r]eject  [s]kip  [q]uit"
 
 Ask = Callable[[str], str]
-"""Show a question, and return the typed line; raises EOFError if there is no input."""
+"""Shows a question, and returns the typed line; raises EOFError if there is no input."""
 
-Tell = Callable[[str], None]
+ShowLine = Callable[[str], None]
+"""Prints a line."""
 
 
 @dataclass
@@ -31,13 +32,13 @@ class Decisions:
         reasons: reasons of the accepted cases.
         kept: accepted cases that keep their old reason.
         rejected: cases to restore.
-        left: undecided cases.
+        undecided: skipped cases, and all after an early exit.
     """
 
     reasons: dict[CaseId, str] = field(default_factory=dict)
     kept: set[CaseId] = field(default_factory=set)
     rejected: list[Change] = field(default_factory=list)
-    left: list[Change] = field(default_factory=list)
+    undecided: list[Change] = field(default_factory=list)
 
 
 class Review:
@@ -49,15 +50,15 @@ class Review:
         show: function that prints a line.
     """
 
-    def __init__(self, result: GateResult, ask: Ask, show: Tell) -> None:
-        self._found, self._ask, self._tell = result, ask, show
+    def __init__(self, result: GateResult, ask: Ask, show: ShowLine) -> None:
+        self._result, self._ask, self._print = result, ask, show
         self._decided = Decisions()
         self._reason = ""
-        self._told: set[tuple[str, str]] = set()
+        self._shown: set[tuple[str, str]] = set()
 
     def walk(self) -> Decisions:
         """Ask about every change; changes after an early exit remain undecided."""
-        waiting = list(by_file(self._found.of(*ASKED)))
+        waiting = list(by_file(self._result.with_status(*_UNDECIDED)))
         count = len(waiting)
         try:
             while waiting:
@@ -67,20 +68,20 @@ class Review:
                 waiting = [one for one in rest if one not in together]
             self._unmoved()
         except EOFError:
-            self._decided.left += waiting
+            self._decided.undecided += waiting
         return self._decided
 
     def _show(self, change: Change, where: str) -> None:
-        self._tell("")
+        self._print("")
         head, *rest = change_lines(change)
-        self._tell(f"{where}  {head}")
+        self._print(f"{where}  {head}")
         for line in rest:
-            self._tell(line)
-        for diff in self._found.file_diffs:
-            if diff.concerns(change.id) and (diff.system, diff.file) not in self._told:
-                self._told.add((diff.system, diff.file))
+            self._print(line)
+        for diff in self._result.file_diffs:
+            if diff.concerns(change.id) and (diff.system, diff.file) not in self._shown:
+                self._shown.add((diff.system, diff.file))
                 for line in diff_lines(diff):
-                    self._tell(line)
+                    self._print(line)
 
     def _decide(self, change: Change, others: Sequence[Change]) -> Sequence[Change]:
         """Ask about one change; return the other changes that the answer covers."""
@@ -95,7 +96,7 @@ class Review:
                 self._decided.rejected.append(change)
                 return ()
             if key == "s":
-                self._decided.left.append(change)
+                self._decided.undecided.append(change)
                 return ()
             if key == "q":
                 raise EOFError
@@ -111,11 +112,11 @@ class Review:
 
     def _unmoved(self) -> None:
         """Ask once about all cases whose files changed but whose motions did not."""
-        unmoved = self._found.of(Status.WITHIN)
+        unmoved = self._result.with_status(Status.WITHIN)
         if not unmoved:
             return
-        self._tell("")
-        self._tell(
+        self._print("")
+        self._print(
             f"{counted(len(unmoved), 'case')} moved as accepted after a change of files or versions"
         )
         key = ""

@@ -59,9 +59,8 @@ class GateOptions:
 
     def left_out(self, engines: Collection[str]) -> frozenset[str]:
         """Return the engines to ignore: not requested, or of extras that are not installed."""
-        absent = absent_extras()
-        unasked = {name for name in engines if self.engines and name not in self.engines}
-        return frozenset(unasked | {name for name in engines if name in absent})
+        wanted = set(self.engines or engines) - set(absent_extras())
+        return frozenset(engines) - wanted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.records.baseline import ChangedLine, FileDiff
 from physics_crosscheck.harness.records.case import CaseId, model_path
-from physics_crosscheck.harness.records.codes import gate_code, part_code
+from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.render.terminal.console import wrapped, wrapped_command
 from physics_crosscheck.harness.results.causes import cause_sentences
@@ -59,8 +59,7 @@ def gate_lines(result: GateResult, width: int = 80, given: Sequence[str] = ()) -
     lines += _failures(result, width)
     for text in _causes(result):
         lines += wrapped(text, width)
-    bad = [change for change in result.changes if not change.status.passes]
-    groups, place = _groups(bad), _sole_edit(result, bad)
+    groups, place = _groups(result.failing), _sole_edit(result)
     for group in groups[:MAX_GROUPS]:
         named = place is not None and Path(place.path).name == group[0].id.model
         lines += _group_lines(group, width, with_audit=not named)
@@ -74,8 +73,7 @@ def verdict(result: GateResult) -> str:
     """Return the first word of the output: `ok`, `FAIL` or `ERROR`."""
     if result.passes:
         return "ok"
-    cannot_tell = result.of(Status.NOT_RUN) or not result.changes or result.failures
-    return "ERROR" if cannot_tell else "FAIL"
+    return "ERROR" if result.is_incomplete else "FAIL"
 
 
 def _headline(result: GateResult, width: int) -> list[str]:
@@ -86,17 +84,17 @@ def _headline(result: GateResult, width: int) -> list[str]:
         return wrapped(f"{word}  no cases found. {remedy}", width)
     if word == "ok":
         return wrapped(f"ok  {total(result)}", width)
-    bad = [change for change in result.changes if not change.status.passes]
+    bad = result.failing
     what = f"{len(bad)} of {counted(len(result.changes), 'case')}"
-    status = _one({change.status for change in bad})
-    if place := _sole_edit(result, bad):
+    status = _sole_item({change.status for change in bad})
+    if place := _sole_edit(result):
         edit = ", ".join(line.edit for line in place.changes)
         effect = "broke" if status is Status.NOT_RUN else "changed"
         where = _where(place, place.changes[0])
         if all(line.old for line in place.changes):
             return wrapped(f"{word}  {where} {edit} {effect} {what}", width)
         return wrapped(f"{word}  {where} {effect} {what}; {edit}", width)
-    if status is Status.CHANGED and (upgrade := _one({_upgrade(change) for change in bad})):
+    if status is Status.CHANGED and (upgrade := _sole_item({_upgrade(change) for change in bad})):
         return wrapped(f"{word}  {upgrade} changed {what}", width)
     if not bad:
         return wrapped(f"{word}  {counted(len(result.failures), 'check')} failed", width)
@@ -117,7 +115,7 @@ def _be(changes: Sequence[Change]) -> str:
 Item = TypeVar("Item")
 
 
-def _one(items: Collection[Item]) -> Item | None:
+def _sole_item(items: Collection[Item]) -> Item | None:
     """Return the only item of a collection; None if it has several or none."""
     return next(iter(items)) if len(items) == 1 else None
 
@@ -130,18 +128,19 @@ def _upgrade(change: Change) -> str:
     return f"{was.engine_version} -> {now.engine_version}"
 
 
-def _concerned(result: GateResult, bad: Sequence[Change]) -> list[FileDiff]:
-    return [diff for diff in result.file_diffs if any(diff.concerns(one.id) for one in bad)]
+def _concerned(result: GateResult) -> list[FileDiff]:
+    """Return the changed files that cases that fail depend on."""
+    failing = [change.id for change in result.failing]
+    return [diff for diff in result.file_diffs if any(map(diff.concerns, failing))]
 
 
-def _sole_edit(result: GateResult, bad: Sequence[Change]) -> FileDiff | None:
+def _sole_edit(result: GateResult) -> FileDiff | None:
     """Return a file with edits of one line, if all cases that fail depend on it and on no other.
 
     Files outside of the folder, such as an engine's own modules, do not count.
     """
-    diffs = [diff for diff in _concerned(result, bad) if not diff.is_outside]
-    diff = _one(diffs)
-    if diff is None or diff.more or not all(diff.concerns(one.id) for one in bad):
+    diff = _sole_item([diff for diff in _concerned(result) if not diff.is_outside])
+    if diff is None or diff.more or not all(diff.concerns(one.id) for one in result.failing):
         return None
     is_one_line = len({line.line for line in diff.changes}) == 1
     return diff if is_one_line and all(line.edit for line in diff.changes) else None
@@ -149,10 +148,9 @@ def _sole_edit(result: GateResult, bad: Sequence[Change]) -> FileDiff | None:
 
 def _edit_list(result: GateResult, width: int) -> list[str]:
     """Return the edits, except one in the headline; other files share one line."""
-    bad = [change for change in result.changes if not change.status.passes]
-    diffs = _concerned(result, bad)
+    diffs = _concerned(result)
     edits = [(diff, line) for diff in diffs for line in diff.changes if line.edit]
-    shown = [] if _sole_edit(result, bad) else edits[:MAX_EDITS]
+    shown = [] if _sole_edit(result) else edits[:MAX_EDITS]
     lines = []
     for diff, line in shown:
         lines += wrapped(f"  {_where(diff, line)} {line.edit}", width)
@@ -172,20 +170,19 @@ def _edit_list(result: GateResult, width: int) -> list[str]:
 
 def _remedy(result: GateResult, width: int, given: Sequence[str]) -> list[str]:
     """Return the remedy: undo the edit, or accept the changes, with the command."""
-    bad = [change for change in result.changes if not change.status.passes]
-    usable = [change for change in bad if change.status is not Status.NOT_RUN]
-    if len(usable) < len(bad) or not bad:
+    bad = result.failing
+    if not bad or result.with_status(Status.NOT_RUN):
         return wrapped("Fix: correct the error below and run crosscheck gate again.", width)
-    place = _sole_edit(result, bad)
-    sole = None if place is None else _one(place.changes)
+    place = _sole_edit(result)
+    sole = None if place is None else _sole_item(place.changes)
     if sole is not None and sole.old:
         undo = f"set it back to {sole.old}, or accept the change:"
     else:
         undo = {
             Status.NEW: "accept them:",
             Status.GONE: "restore the files, or accept the removal:",
-        }.get(usable[0].status, "undo the edit, or accept the change:")
-    words = ["crosscheck accept", '--reason "WHY"', *given, *_patterns(usable)]
+        }.get(bad[0].status, "undo the edit, or accept the change:")
+    words = ["crosscheck accept", '--reason "WHY"', *given, *_patterns(bad)]
     return [*wrapped(f"Fix: {undo}", width), *wrapped_command(words, width)]
 
 
@@ -205,12 +202,12 @@ def _failures(result: GateResult, width: int) -> list[str]:
 def _remarks(result: GateResult, width: int) -> list[str]:
     """Return a line for the cases that pass but are not simply as accepted."""
     lines = []
-    if better := _groups(result.of(Status.IMPROVED)):
+    if better := _groups(result.with_status(Status.IMPROVED)):
         names = ", ".join(group[0].id.path for group in better)
         lines += wrapped(f"  improved: {names}; crosscheck accept keeps the improvement", width)
     known_differences = Counter(
         f"{change.id.path}: {change.entry.outcome} ({change.entry.reason})"
-        for change in result.of(Status.EXPECTED)
+        for change in result.with_status(Status.EXPECTED)
         if change.entry is not None
     )
     for text, number in known_differences.most_common(MAX_KNOWN):
@@ -224,19 +221,14 @@ def _groups(changes: Sequence[Change]) -> list[list[Change]]:
     """Group cases by model, status and code, in the order of the worst."""
     groups: dict[tuple[str, str, Status, str], list[Change]] = {}
     for change in changes:
-        key = change.id.system, change.id.model, change.status, change_code(change)
+        key = change.id.system, change.id.model, change.status, change.diff.code
         groups.setdefault(key, []).append(change)
     return list(groups.values())
 
 
-def change_code(change: Change) -> str:
-    """Return the message code of a case in the gate; "" if it is as accepted."""
-    return gate_code(change.status, change.kinds)
-
-
 def code_hint(result: GateResult) -> str:
     """Return how to explain the first code that a failing gate prints; "" otherwise."""
-    codes = [change_code(change) for change in result.changes if not change.status.passes]
+    codes = [change.diff.code for change in result.failing]
     return explain_hint([*codes, *(part_code() for _ in result.failures)])
 
 
@@ -249,7 +241,7 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
         with_audit: whether to list audit findings, which the headline may already show.
     """
     first = group[0]
-    name = with_code(change_code(first), first.id.path)
+    name = with_code(first.diff.code, first.id.path)
     lines = wrapped(f"{first.status}  {name}", width)
     messages = [
         [text for text in sentences(one) if with_audit or not text.startswith("the audit")]
@@ -296,7 +288,7 @@ def accepted_lines(
 def change_lines(change: Change) -> list[str]:
     """Return the lines of one case in a review."""
     kinds = f" ({', '.join(change.kinds)})" if change.kinds else ""
-    name = with_code(change_code(change), str(change.id))
+    name = with_code(change.diff.code, str(change.id))
     return [f"{change.status}  {name}{kinds}", *(f"  {text}" for text in sentences(change))]
 
 

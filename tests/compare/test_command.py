@@ -183,10 +183,10 @@ def test_files_that_are_refused_are_failures_told_before_a_worker_is_started(
         "a.urdf": "<!DOCTYPE r [<!ENTITY a 'b'>]><robot/>", "b.urdf": "hello", "c.xml": "",
     }.items():  # fmt: skip
         (tmp_path / name).write_text(text)
-    for one, other, told in (
+    for one, other, message in (
         ("a.urdf", "b.urdf", "a.urdf:1: refused: it declares entities or a DTD"),
         ("b.urdf", "a.urdf", "b.urdf:1: not XML at column 1: syntax error; write well-formed XML"),
         ("c.xml", "a.urdf", "c.xml:1: not XML: the file has no element; write well-formed XML"),
     ):
         done = commands.crosscheck("compare", one, other, cwd=tmp_path)
-        assert (done.returncode, done.stderr) == (3, f"crosscheck: {told}\n")
+        assert (done.returncode, done.stderr) == (3, f"crosscheck: {message}\n")

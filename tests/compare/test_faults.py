@@ -65,17 +65,17 @@ def test_one_literal_off_by_a_millionth_is_named(
     # A millionth of a term is seen as about that, not as rounding.
     assert 1e-9 < (result(found).discrepancy or 0.0) < 1e-5
     # What the files say is told where both have bodies, and measured elsewhere.
-    told = [
+    reported = [
         *(one.message for one in result(found).properties),
         *(one.message for one in result(found).terms),
     ]
     assert bool(result(found).terms) != bool(result(found).properties)
     for message in messages:
-        assert any(message in one for one in told), told
+        assert any(message in one for one in reported), reported
     # Nothing else is accused: every term told has a share in the fault.
     kinds = {message.partition(" ")[0] for message in messages} - {"(+1.0e-06)"}
-    assert {one.partition(" ")[0] for one in told} <= kinds
-    assert len(told) <= (1 if result(found).properties else 4)
+    assert {one.partition(" ")[0] for one in reported} <= kinds
+    assert len(reported) <= (1 if result(found).properties else 4)
     (trial,) = result(found).differences
     (edit,) = trial.edits
     assert trial.explained == 1.0
@@ -201,9 +201,9 @@ def test_a_product_of_inertia_shows_across_formats(tmp_path: Path) -> None:
     b = written(tmp_path, "arm.urdf", URDF, ('izz="0.003" ixy="0"', 'izz="0.003" ixy="0.00002"'))
     found = compared(a, b, engine_b="mujoco")
     assert found.outcome is Outcome.DIFFERS
-    (told,) = (one for one in result(found).properties if one.moves)
-    assert (told.kind, told.about) == ("inertia", "fore")
-    assert str(told.where_b).endswith("arm.urdf:10")
+    (difference,) = (one for one in result(found).properties if one.moves)
+    assert (difference.kind, difference.about) == ("inertia", "fore")
+    assert str(difference.where_b).endswith("arm.urdf:10")
     assert (result(found).explained or 0.0) > 1 - 1e-6
 
 

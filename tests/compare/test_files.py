@@ -49,13 +49,13 @@ def between(
 
 
 def test_a_number_of_a_vector_is_one_difference(tmp_path: Path) -> None:
-    told, made = between(
+    found, made = between(
         tmp_path,
         ".xml",
         '<m>\n<b name="rod" pos="0 1\n 2"/></m>',
         '<m><b name="rod" pos="0  1.0 2.5"/></m>',
     )
-    assert told == [("b[rod]@pos[2]", 2, 1, "2", "2.5")]
+    assert found == [("b[rod]@pos[2]", 2, 1, "2", "2.5")]
     assert made == '<m>\n<b name="rod" pos="0 1\n 2.5"/></m>'
 
 
@@ -69,7 +69,7 @@ def test_the_same_said_otherwise_is_no_difference(tmp_path: Path, one: str, othe
     assert between(tmp_path, ".xml", one, other)[0] == []
 
 
-@pytest.mark.parametrize(("one", "other", "told"), [
+@pytest.mark.parametrize(("one", "other", "expected"), [
     ('<m><b n="1"/></m>', '<m><b n="1" k="2"/></m>', ("b@k", "nothing", "2")),
     ('<m><b n="1" k="2"/></m>', '<m><b n="1"/></m>', ("b@k", "2", "nothing")),
     ('<m><b n="1 2"/></m>', '<m><b n="1 2 3"/></m>', ("b@n", "1 2", "1 2 3")),
@@ -80,26 +80,26 @@ def test_the_same_said_otherwise_is_no_difference(tmp_path: Path, one: str, othe
     ('<m><j name="a"/></m>', '<m><j name="b"/></m>', ("j[a]@name", "a", "b")),
 ])  # fmt: skip
 def test_every_kind_of_difference_can_be_made(
-    tmp_path: Path, one: str, other: str, told: tuple[str, ...]
+    tmp_path: Path, one: str, other: str, expected: tuple[str, ...]
 ) -> None:
     found, made = between(tmp_path, ".xml", one, other)
-    assert [(label, old, new) for label, _, _, old, new in found] == [told]
+    assert [(label, old, new) for label, _, _, old, new in found] == [expected]
     assert between(tmp_path, ".xml", made, other)[0] == []
 
 
 def test_numbers_of_python_are_told_by_their_names_or_lines(tmp_path: Path) -> None:
     one = "MASS = 2.0  # kg\n\ndef build():\n    '''Old.'''\n    return MASS, -0.5, 7\n"
     other = "\nMASS = 2.5\ndef build():\n    'New.'\n    return MASS, +0.5, 7.0\n"
-    told, made = between(tmp_path, ".py", one, other)
-    assert told == [("MASS", 1, 2, "2.0", "2.5"), ("number", 5, 5, "-0.5", "+0.5")]
+    found, made = between(tmp_path, ".py", one, other)
+    assert found == [("MASS", 1, 2, "2.0", "2.5"), ("number", 5, 5, "-0.5", "+0.5")]
     assert "MASS = 2.5  # kg" in made
     assert "return MASS, +0.5, 7" in made
 
 
 def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path: Path) -> None:
     one, other = "a = 1\nb = a\n", "a = 1\nb = a * 2\n"
-    told, made = between(tmp_path, ".py", one, other)
-    assert [entry[:3] for entry in told] == [("code", 2, 2)]
+    found, made = between(tmp_path, ".py", one, other)
+    assert [entry[:3] for entry in found] == [("code", 2, 2)]
     assert made == other
 
 

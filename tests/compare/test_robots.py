@@ -147,9 +147,9 @@ def test_frames_of_links_lumps_and_zeros_of_joints_are_conventions(tmp_path: Pat
         ('<origin xyz="0.01 0.05 -0.45"/>', turned()),
     )
     found = compared(a, b, engine_b="mujoco")
-    (told,) = moving(found)
-    assert told.startswith("zero of joint elbow: 0.3 rad from that of A")
-    remedy = told.partition("--joints=")[2].rstrip(")")
+    (message,) = moving(found)
+    assert message.startswith("zero of joint elbow: 0.3 rad from that of A")
+    remedy = message.partition("--joints=")[2].rstrip(")")
     agrees(compared(a, b, engine_b="mujoco", joints=remedy))
 
 
@@ -168,9 +168,11 @@ def turned() -> str:
 def test_a_joint_that_differs_has_the_lines_of_both_files(tmp_path: Path) -> None:
     a = written(tmp_path, "a.urdf", URDF)
     b = written(tmp_path, "b.urdf", URDF, ('damping="0.07"', 'damping="0.08"'))
-    (told,) = (one for one in result(compared(a, b, "mujoco", "mujoco")).properties if one.moves)
+    (difference,) = (
+        one for one in result(compared(a, b, "mujoco", "mujoco")).properties if one.moves
+    )
     line = URDF[: URDF.index('<joint name="shoulder"')].count("\n") + 1
-    assert (told.kind, str(told.where_a), str(told.where_b)) == (
+    assert (difference.kind, str(difference.where_a), str(difference.where_b)) == (
         "damping",
         f"{a}:{line}",
         f"{b}:{line}",
@@ -243,11 +245,11 @@ def test_a_frame_of_one_name_is_held_against_its_namesake(tmp_path: Path) -> Non
         b = written(tmp_path, "arm.urdf", URDF, ('<joint name="shoulder"', tip))
         for engine in ("mujoco", "pybullet"):
             found = agrees(compared(a, b, engine_b=engine))
-            told = [one for one in idle(found) if one.startswith("frame tip")]
+            messages = [one for one in idle(found) if one.startswith("frame tip")]
             if z == "-0.1":
-                assert told == []
+                assert messages == []
             else:
-                (sentence,) = told
+                (sentence,) = messages
                 assert "in B 0.02 m away" in sentence
                 assert "turned by 0.1 rad" in sentence
 
@@ -429,8 +431,8 @@ def test_a_mass_of_the_kuka_is_named(tmp_path: Path, mass: str, engine: str) -> 
     b = written(tmp_path, "b.urdf", text, ('"1.8"', f'"{mass}"'))
     found = compared(a, b, engine, engine)
     assert found.outcome is Outcome.DIFFERS
-    (told,) = moving(found)
-    assert told.startswith(f"link lbr_iiwa_link_6: mass 1.8 in A, {mass} in B")
+    (message,) = moving(found)
+    assert message.startswith(f"link lbr_iiwa_link_6: mass 1.8 in A, {mass} in B")
     assert result(found).terms == ()
     line = text[: text.index('"1.8"')].count("\n") + 1
     (edit,) = single(found).edits

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.gate.accept import Accepted, accept
+from physics_crosscheck.harness.gate.accept import Acceptance, accept
 from physics_crosscheck.harness.gate.gate import gate
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.gate.survey import GateOptions
@@ -52,7 +52,7 @@ class Repository:
         wanted = GateOptions(baseline=self.baseline, engines=engines, jobs=2, **options)
         return gate(folders, wanted, nothing)
 
-    def accept(self, reason: str, *patterns: str, found: GateResult | None = None) -> Accepted:
+    def accept(self, reason: str, *patterns: str, found: GateResult | None = None) -> Acceptance:
         return accept(found or self.gate(), patterns, reason, self.baseline)
 
 

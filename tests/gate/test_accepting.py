@@ -123,7 +123,7 @@ def test_cases_of_an_absent_engine_keep_what_was_accepted(
     repository.edit("mujoco.xml", '"47.0"', '"48.0"')
     before = read_baseline(repository.baseline)[SYSTEM].cases
     done = repository.accept("stiffer")
-    assert len(done.left) == 3
+    assert len(done.unchanged) == 3
     after = read_baseline(repository.baseline)[SYSTEM].cases
     assert {str(case) for case in before if before[case] != after[case]} == {
         f"{SYSTEM}/mujoco.xml/{name} [mujoco]" for name in ("free", "step", "resonance")
@@ -195,9 +195,9 @@ def test_accept_and_gate_work_from_the_command_line(
     out = capsys.readouterr().out
     assert "space.py:7 DAMPING 0.9 -> 0.91 changed 3 of 12 cases" in " ".join(out.split())
     assert cli.main(["accept", "-v", "--reason", "a new damper", "*/space.py/*"]) == AGREE
-    told = capsys.readouterr().out
-    assert told.startswith(f"Accepted 3 cases of {SYSTEM}\n")
-    assert told.count(f"  {SYSTEM}/") == 3
+    out = capsys.readouterr().out
+    assert out.startswith(f"Accepted 3 cases of {SYSTEM}\n")
+    assert out.count(f"  {SYSTEM}/") == 3
     assert cli.main(["gate"]) == AGREE
     assert "ok  12 cases: 3 known differences, 9 as accepted (0 run" in capsys.readouterr().out
     assert cli.main(["accept", "--reason", "x", "nothing/*"]) == USAGE

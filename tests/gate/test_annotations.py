@@ -138,7 +138,7 @@ def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Pat
                 engine="e",
                 status=status,
                 kinds=("model",),
-                messages=("<b>|told`",),
+                messages=("<b>|text`",),
                 moved=0.1,
             )
         )
@@ -157,7 +157,7 @@ def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Pat
     ]
     assert [n.level for n in made] == ["error"] * 4 + ["notice"]
     assert "<b>" not in summary(found)
-    assert "&#60;b&#62;&#124;told&#96;" in summary(found)
+    assert "&#60;b&#62;&#124;text&#96;" in summary(found)
 
 
 def test_a_run_annotates_the_diagnosed_line(tmp_path: Path) -> None:
@@ -265,8 +265,8 @@ def test_the_workflow_and_the_hooks_call_commands_that_there_are(
     for name, *options in called:
         with pytest.raises(SystemExit):
             cli.main([name, "--help"])
-        told = capsys.readouterr().out
-        assert all(option in told for option in options if option.startswith("--"))
+        help_text = capsys.readouterr().out
+        assert all(option in help_text for option in options if option.startswith("--"))
     for hook in hooks:
         assert re.search(hook["files"], "models/drum_pendulum/robot.urdf")
         assert not re.search(hook["files"], "README.md")

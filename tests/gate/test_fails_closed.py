@@ -119,8 +119,8 @@ def test_an_accepted_text_that_was_changed_is_not_shown_as_the_accepted_one(
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     found = repository.gate()
     assert not found.passes
-    told = [line.message for diff in found.file_diffs for line in diff.changes]
-    assert told == ["changed; the accepted text is not kept, so its lines are unknown"]
+    messages = [line.message for diff in found.file_diffs for line in diff.changes]
+    assert messages == ["changed; the accepted text is not kept, so its lines are unknown"]
 
 
 def test_a_file_that_can_t_be_opened_is_named(

@@ -47,9 +47,9 @@ def changed(repository: Repository) -> GateResult:
 def test_each_is_decided_with_its_reason_and_its_files_are_told_once(changed: GateResult) -> None:
     person = Person("?", "a", "", "a new  damper", "r", "s")
     decided = person.review(changed)
-    first, second, third = changed.of(Status.CHANGED)
+    first, second, third = changed.with_status(Status.CHANGED)
     assert decided.reasons == {first.id: "a new damper"}
-    assert (decided.rejected, decided.left) == ([second], [third])
+    assert (decided.rejected, decided.undecided) == ([second], [third])
     text = "\n".join(person.heard)
     assert text.count(f"changed in {SYSTEM}: space.py") == 1
     assert "DAMPING 0.9 -> 0.91" in text
@@ -61,14 +61,14 @@ def test_the_others_of_a_file_are_accepted_with_it(changed: GateResult) -> None:
     decided = Person("A", "a new damper").review(changed)
     assert len(decided.reasons) == 3
     assert set(decided.reasons.values()) == {"a new damper"}
-    assert decided.rejected == decided.left == []
+    assert decided.rejected == decided.undecided == []
 
 
 def test_who_quits_has_decided_what_was_decided(changed: GateResult) -> None:
-    first, *rest = changed.of(Status.CHANGED)
+    first, *rest = changed.with_status(Status.CHANGED)
     for answers in (["a", "right", "q"], ["a", "right"]):
         decided = Person(*answers).review(changed)
-        assert (list(decided.reasons), decided.left) == ([first.id], rest)
+        assert (list(decided.reasons), decided.undecided) == ([first.id], rest)
 
 
 def test_an_empty_reason_is_the_last_one(changed: GateResult) -> None:

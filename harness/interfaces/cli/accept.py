@@ -38,9 +38,9 @@ def main(options: argparse.Namespace) -> int:
     console = terminal()
     lines = accepted_lines(done.cases, done.files, console.width, with_cases=options.verbose)
     print_status_lines(console, lines)
-    for case in done.left:
+    for case in done.unchanged:
         print(f"crosscheck: {case} is unchanged: its engine is not installed", file=sys.stderr)
-    return FAIL if done.left else AGREE
+    return FAIL if done.unchanged else AGREE
 
 
 def separate_patterns(options: argparse.Namespace) -> list[str]:

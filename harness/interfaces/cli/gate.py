@@ -26,7 +26,6 @@ from physics_crosscheck.harness.modelfiles.folders import (
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robots_below
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (
     print_hint,
@@ -66,7 +65,7 @@ def _accept_options(options: argparse.Namespace) -> list[str]:
 
 def code(result: GateResult) -> int:
     """Return the exit code of a gate."""
-    if result.of(Status.NOT_RUN) or not result.changes or result.failures:
+    if result.is_incomplete:
         return FAIL
     return AGREE if result.passes else DIFFER
 

@@ -35,7 +35,7 @@ def main(options: argparse.Namespace) -> int:
         result = gate(folders, what, progress)
     decided = Review(result, input, _print_line).walk()
     _print_line("")
-    for change in result.of(Status.NOT_RUN):
+    for change in result.with_status(Status.NOT_RUN):
         for line in change_lines(change):
             _print_line(line)
     try:
@@ -49,9 +49,9 @@ def main(options: argparse.Namespace) -> int:
     if done.files:
         for line in accepted_lines(done.cases, done.files, terminal().width, with_cases=True):
             _print_line(line)
-    if result.of(Status.NOT_RUN) or result.failures:
+    if result.with_status(Status.NOT_RUN) or result.failures:
         return FAIL
-    return DIFFER if decided.rejected or decided.left else AGREE
+    return DIFFER if decided.rejected or decided.undecided else AGREE
 
 
 def _summarize(result: GateResult, decided: Decisions) -> None:
@@ -59,8 +59,8 @@ def _summarize(result: GateResult, decided: Decisions) -> None:
     counts = {
         "accepted": len(decided.reasons),
         "rejected": len(decided.rejected),
-        "not decided": len(decided.left),
-        "could not run": len(result.of(Status.NOT_RUN)),
+        "not decided": len(decided.undecided),
+        "could not run": len(result.with_status(Status.NOT_RUN)),
     }
     summary_text = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
     _print_line(summary_text or "Nothing to review: every case is as accepted")
