@@ -3,7 +3,12 @@ from __future__ import annotations
 import pytest
 
 from physics_crosscheck.harness.extras.sweep.draws import Design, draws
-from physics_crosscheck.harness.extras.sweep.factors import SweepError, factor, factors, meant
+from physics_crosscheck.harness.extras.sweep.factors import (
+    SweepError,
+    factor,
+    factors,
+    matching_factors,
+)
 
 
 def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
@@ -38,15 +43,17 @@ CONSTANTS = {"link[a]@mass": 2.0, "link[b]@mass": 0.5, "link[b]@ixy": 0.0, "x": 
 
 
 def test_multiples_are_of_what_is_declared_and_a_pattern_means_all_of_a_kind() -> None:
-    light, heavy = meant(factors(["link[*]@mass=x0.5:x1.5"]), CONSTANTS)
+    light, heavy = matching_factors(factors(["link[*]@mass=x0.5:x1.5"]), CONSTANTS)
     assert (light.name, light.low, light.high) == ("link[a]@mass", 1.0, 3.0)
     assert (heavy.name, heavy.low, heavy.high) == ("link[b]@mass", 0.25, 0.75)
-    (below,) = meant(factors(["x=x1:x2"]), CONSTANTS)
+    (below,) = matching_factors(factors(["x=x1:x2"]), CONSTANTS)
     assert (below.low, below.high) == (-8.0, -4.0)
-    (listed,) = meant(factors(["x=x1,x3"]), CONSTANTS)
+    (listed,) = matching_factors(factors(["x=x1,x3"]), CONSTANTS)
     assert listed.values == (-4.0, -12.0)
     # What is nought has no multiples; brackets and dots of a name are no pattern.
-    assert [one.name for one in meant(factors(["*ix*=x1:x2", "link.a.@mass=1:2"]), CONSTANTS)] == []
+    assert [
+        one.name for one in matching_factors(factors(["*ix*=x1:x2", "link.a.@mass=1:2"]), CONSTANTS)
+    ] == []
 
 
 @pytest.mark.parametrize(
@@ -59,7 +66,7 @@ def test_multiples_are_of_what_is_declared_and_a_pattern_means_all_of_a_kind() -
 )
 def test_what_a_factor_can_not_be_for_a_constant_is_told(texts: list[str], said: str) -> None:
     with pytest.raises(SweepError, match=f"--vary {said}"):
-        meant(factors(texts), CONSTANTS)
+        matching_factors(factors(texts), CONSTANTS)
 
 
 def test_a_constant_is_varied_once() -> None:

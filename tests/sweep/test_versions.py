@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.extras.sweep.versions import MAX_LISTED, moved
+from physics_crosscheck.harness.extras.sweep.versions import MAX_LISTED, compare_rows
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 
@@ -30,7 +30,7 @@ def row(index: int = 0, **other: Any) -> SweepRow:
 
 
 def test_rows_within_their_uncertainties_and_a_hundredth_of_their_errors_are_the_same() -> None:
-    found = moved([row()], [row(discrepancy=1.5e-12, global_error=1.005e-3)])
+    found = compare_rows([row()], [row(discrepancy=1.5e-12, global_error=1.005e-3)])
     assert (found.cases, dict(found.changed), found.largest) == (1, {}, [])
 
 
@@ -42,7 +42,7 @@ def test_verdicts_limits_and_errors_are_counted_apart() -> None:
         row(2, global_error=2e-3),
         row(3),
     ]
-    found = moved(before, after)
+    found = compare_rows(before, after)
     assert (found.cases, found.changed) == (
         4, {"verdict": 1, "discrepancy": 2, "error at dt": 1},
     )  # fmt: skip
@@ -52,12 +52,12 @@ def test_verdicts_limits_and_errors_are_counted_apart() -> None:
 def test_what_one_version_has_not_is_not_compared_and_few_of_many_are_told() -> None:
     before = [row(i) for i in range(20)]
     after = [row(i, global_error=1e-3 * (2 + i)) for i in range(5, 30)]
-    found = moved(before, after)
+    found = compare_rows(before, after)
     assert (found.cases, found.changed) == (15, {"error at dt": 15})
     assert [pair.after.index for pair in found.largest] == list(range(19, 19 - MAX_LISTED, -1))
 
 
 def test_a_case_that_failed_has_no_numbers_and_another_verdict() -> None:
     none: dict[str, Any] = {"discrepancy": None, "uncertainty": None, "global_error": None}
-    found = moved([row()], [row(outcome=Outcome.FAILED, **none)])
+    found = compare_rows([row()], [row(outcome=Outcome.FAILED, **none)])
     assert found.changed == {"verdict": 1}

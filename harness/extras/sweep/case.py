@@ -64,11 +64,11 @@ def _row(source: Source, block: Block, case: Planned) -> SweepRow:
             source.run(case, block.resolution, Path(place), record)
         except Exception as error:
             failure = failure_of(error, _error_text(error))
-            record.tell(outcome=Outcome.FAILED, reason=failure.reason, kind=failure.kind)
-    record.tell(seconds=time.process_time() - began)
+            record.update(outcome=Outcome.FAILED, reason=failure.reason, kind=failure.kind)
+    record.update(seconds=time.process_time() - began)
     named = Path(block.folder)
     folder = named.parent if named.is_file() else named
-    record.tell(reason=original_paths(record.row.reason, Path(place), folder))
+    record.update(reason=original_paths(record.row.reason, Path(place), folder))
     return record.row
 
 

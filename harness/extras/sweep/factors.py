@@ -115,7 +115,9 @@ def factors(texts: Sequence[str]) -> tuple[Factor, ...]:
     return parsed
 
 
-def meant(factors: Sequence[Factor], constants: Mapping[str, float]) -> tuple[Factor, ...]:
+def matching_factors(
+    factors: Sequence[Factor], constants: Mapping[str, float]
+) -> tuple[Factor, ...]:
     """Return the factors of constants that exist, one per constant.
 
     Raises:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 
 from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, draws
-from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError, meant
+from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError, matching_factors
 from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
 from physics_crosscheck.harness.extras.sweep.survey import Pairing, SourceSurvey
 from physics_crosscheck.harness.jobs.limits import Limits
@@ -184,7 +184,7 @@ def plan(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> CasePlan:
     _check_names(options, surveys)
     parts, first = [], 0
     for survey in surveys:
-        own_factors = meant(options.factors, survey.constants)
+        own_factors = matching_factors(options.factors, survey.constants)
         for varied in own_factors:
             _check_sign(varied, survey)
         # Segments of a robot's states extrapolate to zero step, so none of them has a time step.
@@ -200,7 +200,7 @@ def plan(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> CasePlan:
         absent = sorted({name for survey in surveys for name in survey.absent})
         why = f"; not installed: {', '.join(absent)}" if absent else ""
         raise SweepError(f"no case is left: no model of these folders runs in what is asked{why}")
-    return CasePlan(options=replace(options), parts=tuple(parts))
+    return CasePlan(options=options, parts=tuple(parts))
 
 
 def _check_names(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> None:
@@ -216,11 +216,12 @@ def _check_names(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> None
     scenarios = dict.fromkeys(name for one in surveys for name in one.known_scenarios)
     for name in options.scenarios:
         if name not in scenarios:
-            scenario_names = ", ".join(scenarios)
-            raise SweepError(f"--scenario {name}: unknown scenario; scenarios are {scenario_names}")
+            raise SweepError(
+                f"--scenario {name}: unknown scenario; scenarios are {', '.join(scenarios)}"
+            )
     integrators = dict.fromkeys(name for one in surveys for name in one.known_integrators)
     for name in options.integrators:
-        if name.casefold() not in {scenario_names.casefold() for scenario_names in integrators}:
+        if name.casefold() not in map(str.casefold, integrators):
             raise SweepError(
                 f"--integrator {name}: no model has it; they have {', '.join(integrators)}"
             )

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
+
 from physics_crosscheck.harness.checks.verdict import Verdict
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, Model
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -93,14 +95,13 @@ class CaseRecord:
     def __init__(self, row: SweepRow) -> None:
         self.row = row
 
-    def tell(self, **more: Any) -> None:
+    def update(self, **fields: Any) -> None:
         """Set fields of the row."""
-        values = {name: getattr(self.row, name) for name in self.row.__struct_fields__}
-        self.row = SweepRow(**{**values, **more})
+        self.row = msgspec.structs.replace(self.row, **fields)
 
-    def tell_verdict(self, verdict: Verdict) -> None:
+    def set_verdict(self, verdict: Verdict) -> None:
         """Set the fields that follow from the segments."""
-        self.tell(
+        self.update(
             outcome=verdict.outcome,
             reason=verdict.reason,
             kind=verdict.kind,
@@ -118,7 +119,7 @@ class CaseRecord:
         try:
             yield
         finally:
-            self.tell(**{field: time.process_time() - began})
+            self.update(**{field: time.process_time() - began})
 
     @contextmanager
     def stepping(self, model: Timed) -> Iterator[None]:
@@ -126,7 +127,7 @@ class CaseRecord:
         try:
             yield
         finally:
-            self.tell(engine_seconds=model.seconds, steps=model.steps)
+            self.update(engine_seconds=model.seconds, steps=model.steps)
 
     def check_step(self, model: Model, case: Planned) -> None:
         """Set the model's time step.
@@ -134,7 +135,7 @@ class CaseRecord:
         Raises:
             EngineError: if another step was requested.
         """
-        self.tell(step=number(model.step))
+        self.update(step=number(model.step))
         if case.step is not None and model.step != case.step:
             raise EngineError(
                 f"{case.model}: {case.engine} steps it by {model.step:g} s, where"

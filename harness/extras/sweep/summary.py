@@ -127,11 +127,11 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
                 system=system,
                 engine=engine_name,
                 integrator=integrator,
-                outcomes=dict(ranking.outcomes),
-                least_digits=number(ranking.digits),
-                worst_error=number(ranking.error),
+                outcomes=dict(group.outcomes),
+                least_digits=number(group.digits),
+                worst_error=number(group.error),
             )
-            for (system, engine_name, integrator), ranking in sorted(groups.items())
+            for (system, engine_name, integrator), group in sorted(groups.items())
         ),
         worst=tuple(worst.values()),
         sampled=tuple(sorted(sampled, key=lambda row: row.index)),

@@ -9,7 +9,7 @@ from typing import Any
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.sweep.case import swept
-from physics_crosscheck.harness.extras.sweep.factors import Factor, meant
+from physics_crosscheck.harness.extras.sweep.factors import Factor, matching_factors
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import merged
@@ -104,9 +104,9 @@ def survey(task: SurveyTask) -> SourceSurvey:
     """
     with record_reads(Path(task.folder)) as seen:
         constants = swept(task.folder, frozenset(), task.content).constants
-        varied = frozenset(one.name for one in meant(task.factors, constants))
+        varied = frozenset(one.name for one in matching_factors(task.factors, constants))
         source = swept(task.folder, varied, task.content)
-        named = [one for one in source.runs(task.only) if _meant(task, *one)]
+        named = [one for one in source.runs(task.only) if _is_selected(task, *one)]
         runs = [one for one in named if source.follows(*one)]
         absent = {name for _, name in runs if engines()[name].version() is None}
         pairings = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
@@ -164,7 +164,7 @@ def _wanted(integrator: str, wanted: tuple[str, ...]) -> bool:
     return not wanted or integrator.casefold() in {name.casefold() for name in wanted}
 
 
-def _meant(task: SurveyTask, model: str, engine: str) -> bool:
+def _is_selected(task: SurveyTask, model: str, engine: str) -> bool:
     return not task.models or any(
         model == name and one in ("", engine) for name, one in task.models
     )

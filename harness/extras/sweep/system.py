@@ -199,7 +199,7 @@ class Swept(Source):
             raise StepError(f"{case.model}: {why}")
         with record.stepping(model):
             coordinates = prepared.coordinates.with_constants(equations.values)
-            record.tell_verdict(self._verdict(case, motion, model, coordinates, resolution))
+            record.set_verdict(self._verdict(case, motion, model, coordinates, resolution))
             self._full_run(case, motion, model, coordinates, record)
 
     def _verdict(
@@ -233,11 +233,11 @@ class Swept(Source):
         run = sampled_run(model, coordinates, motion, model.step)
         amplitude = filled(np.maximum(motion.amplitude, FLOOR * self.amplitude))
         error = largest(run, amplitude[: len(self.system.coordinates)])
-        record.tell(global_error=number(error))
+        record.update(global_error=number(error))
         why, kind = failure(run, error, motion)
         if why:
             message = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
-            record.tell(outcome=Outcome.FAILED, reason=message, kind=kind)
+            record.update(outcome=Outcome.FAILED, reason=message, kind=kind)
 
 
 def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:

@@ -178,9 +178,7 @@ class SweptTree(Source):
         if place.is_dir():
             self._sidecars = sidecars_of(place)
         self._files: dict[tuple[str, str], _FileNumbers] = {}
-        self._integrators: dict[
-            tuple[str, str], tuple[str, Mapping[str, Mapping[str, object]]]
-        ] = {}
+        self._integrators: dict[tuple[str, str], Integrators] = {}
         self._varied = frozenset[str]()
 
     def varying(self, varied: frozenset[str]) -> SweptTree:
@@ -191,8 +189,8 @@ class SweptTree(Source):
         """
         other = copy(self)
         other._varied = varied & self.constants.keys()
+        files = [self._file(*one).constants for one in self.runs(())]
         for name in sorted(other._varied):
-            files = [self._file(*one).constants for one in self.runs(())]
             values = sorted({constants[name] for constants in files if name in constants})
             if len(values) > 1:
                 raise SidecarError(
@@ -246,7 +244,7 @@ class SweptTree(Source):
         """Run every segment of the drawn file; accelerations decide what motions can't resolve."""
         file = self._file(case.model, case.engine)
         constants = {name: v for name, v in case.constants.items() if name in file.index}
-        record.tell(constants=constants)
+        record.update(constants=constants)
         values = {file.index[name]: value for name, value in constants.items()}
         with record.timing("reference_seconds"):
             target = file.drawn(values)
@@ -262,7 +260,7 @@ class SweptTree(Source):
             verdict = judge(task, (model, coordinates))
         if verdict.outcome is Outcome.UNRESOLVED:
             verdict = judge(task)
-        record.tell_verdict(verdict)
+        record.set_verdict(verdict)
 
     def _task(self, model: str, engine: str) -> TreeTask:
         return model_task(self._prepared, engine, self._sidecar(model))

@@ -55,7 +55,7 @@ class CasePair:
 
 
 @dataclass
-class Moved:
+class SweepChanges:
     """Differences between two versions.
 
     Attributes:
@@ -69,14 +69,14 @@ class Moved:
     largest: list[CasePair] = field(default_factory=list)
 
 
-def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
+def compare_rows(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> SweepChanges:
     """Compare the rows of two versions, by their numbers.
 
     Rows of one number have the same draw. The rows of the earlier version stay in memory, about 2
     kB each.
     """
     earlier_rows = {row.index: row for row in before}
-    changes = Moved()
+    changes = SweepChanges()
     largest = LargestItems[CasePair](lambda pair: pair.size, MAX_LISTED)
     for row in after:
         if row.index not in earlier_rows:
@@ -158,13 +158,13 @@ def _print_changes(name: str, before: Path, after: Path) -> bool:
     plans = read_plan(before), read_plan(after)
     if not all(plans):
         return False
-    changes = moved(read_rows(before), read_rows(after))
+    changes = compare_rows(read_rows(before), read_rows(after))
     for line in _lines(name, changes):
         print(line)
     return bool(changes.changed)
 
 
-def _lines(name: str, changes: Moved) -> Iterator[str]:
+def _lines(name: str, changes: SweepChanges) -> Iterator[str]:
     parts = counted_changes(changes.changed)
     yield f"{name}: {counted(changes.cases, 'case')}: {'; '.join(parts) or 'none changed'}"
     for pair in changes.largest:
