@@ -133,7 +133,7 @@ def test_a_case_with_poisoned_constants_comes_out_the_same(
     brief(folder)
     for task in tasks(folder):
         assert engines()[task.engine].version() is not None
-        shorter = dataclasses.replace(task, resolution=1e-6)
+        shorter = dataclasses.replace(task, resolution=1e-6, thorough=True)
         plain = run_case(shorter)
         poisoning = Poisoning(engines()[task.engine], task.target.system.constants)
         monkeypatch.setattr(
