@@ -128,3 +128,21 @@ def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> 
     outcomes = [what for key, _, what in planted(file, 1, rng) if key in ("frictionloss", "range")]
     assert outcomes == ["DIFFERS"] * len(outcomes)
     assert outcomes
+
+
+MESHED = """<mujoco><asset><mesh file="absent.stl"/></asset><worldbody><body>
+<joint name="hinge" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="2" diaginertia="0.1 0.06 0.05"/>
+<geom type="mesh" mesh="absent"/></body></worldbody></mujoco>"""
+
+
+def test_a_missing_shape_leaves_whole_steps_uncompared_and_the_motion_judged(
+    tmp_path: Path,
+) -> None:
+    """Catch a case that fails since only contacts need a file."""
+    file = tmp_path / "meshed.xml"
+    file.write_text(MESHED)
+    case = run_case(model_task(prepare(file), "mujoco"))
+    assert case.outcome is Outcome.AGREES
+    assert case.whole_step is not None
+    assert case.whole_step.outcome is None
+    assert "absent.stl" in case.whole_step.uncovered[0]
