@@ -42,12 +42,17 @@ def test_notebooks_are_pages_with_their_code(site: Path) -> None:
         assert "physics_crosscheck" in page, path.name
 
 
+def sources() -> list[Path]:
+    """Return what is in the folders that a site is made of, without compiled code."""
+    paths = [path for name in ("docs", "examples") for path in (ROOT / name).rglob("*")]
+    return sorted(path for path in paths if "__pycache__" not in path.parts)
+
+
 @pytest.mark.slow
 def test_notebooks_show_pictures_tables_and_formulas(tmp_path: Path) -> None:
-    folders = [ROOT / "docs", ROOT / "examples"]
-    before = [sorted(folder.rglob("*")) for folder in folders]
+    before = sources()
     site = build(tmp_path, notebooks=True)
-    assert [sorted(folder.rglob("*")) for folder in folders] == before
+    assert sources() == before
     pages = {path.stem: path.read_text() for path in (site / "examples").glob("*.html")}
     assert len(pages) == 3
     for name, page in pages.items():
