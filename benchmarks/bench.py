@@ -84,7 +84,8 @@ def report(console: Console, found: Results) -> None:
     for cases in (1, 2_000, 10_000):
         times = math.ceil(cases / len(found.cases))
         results = multiplied(found, times)
-        with tempfile.TemporaryDirectory() as folder:
+        # A browser that ends may still write its profile.
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             path = Path(folder) / "index.html"
             began = time.perf_counter()
             write_report(path, results)
@@ -167,7 +168,7 @@ def comparisons(console: Console) -> None:
     path = Path(data.origin).parent / "kuka_iiwa" / "model.urdf"
     table = Table("B", "outcome", "discrepancy", "uncertainty", "told", "work", title="compare")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    code = "import harness.cli.compare"
+    code = "import physics_crosscheck.harness.interfaces.cli.compare"
     subprocess.run([sys.executable, "-c", code], check=True)  # this interpreter
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder:
