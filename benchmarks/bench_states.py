@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.robot_record import settings_of
+from physics_crosscheck.harness.checks.findings import settings_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.harness.modelfiles.robot import Robot, home_of

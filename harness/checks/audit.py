@@ -8,14 +8,15 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.checks.audit_finding import finding, source_line
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
-from physics_crosscheck.harness.checks.poses import check_poses
-from physics_crosscheck.harness.checks.robot_record import (
+from physics_crosscheck.harness.checks.findings import (
+    finding,
     format_omission,
     negative_findings,
     robot_findings,
+    source_line,
 )
+from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Model

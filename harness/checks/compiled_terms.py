@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.audit_finding import finding
+from physics_crosscheck.harness.checks.findings import finding
 from physics_crosscheck.harness.checks.linearizations import Linearized
 from physics_crosscheck.harness.checks.prepare import MassAndForce
 from physics_crosscheck.harness.engines.protocol import Model

@@ -18,15 +18,14 @@ import msgspec
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.checks.followers import Followers
-from physics_crosscheck.harness.checks.robot_record import (
+from physics_crosscheck.harness.checks.findings import (
     format_omission,
     robot_findings,
     settings_of,
     sidecar_beside,
-    tree_record,
 )
-from physics_crosscheck.harness.checks.system_record import system_record
+from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.system_record import system_record, tree_record
 from physics_crosscheck.harness.checks.verdict import component_scale, filled
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines

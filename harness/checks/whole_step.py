@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.robot_record import format_omission
+from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.checks.verdict import Verdict, motions_in_words
 from physics_crosscheck.harness.engines.protocol import (
     Array,

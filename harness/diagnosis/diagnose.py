@@ -3,7 +3,7 @@
 Each hypothesis is one number: a literal of the model file, changed in the engine's model, or a
 constant or missing term, changed in the equations. Each is fitted to the defects of all
 scenarios together (Gauss-Newton). The ranking is by the remaining discrepancy. If no single
-hypothesis explains it, pairs are fitted (`harness.diagnosis.pairs`).
+hypothesis explains it, pairs are fitted.
 """
 
 from __future__ import annotations

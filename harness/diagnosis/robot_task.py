@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.robot_record import place_of
+from physics_crosscheck.harness.checks.findings import place_of
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit

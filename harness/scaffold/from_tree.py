@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.findings import format_omission, settings_of
 from physics_crosscheck.harness.checks.prepare import prepare
-from physics_crosscheck.harness.checks.robot_record import format_omission, settings_of
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.reading import read_regular

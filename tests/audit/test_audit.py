@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.audit import audit_declared, declared_bindings
-from physics_crosscheck.harness.checks.audit_finding import source_line
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
+from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.protocol import Force, Model, StateForce
 from physics_crosscheck.harness.engines.registry import absent_extras

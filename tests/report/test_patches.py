@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from physics_crosscheck.harness.checks.audit_finding import source_line
+from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.outcome import Outcome

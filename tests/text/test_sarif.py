@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.checks.audit_finding import source_line
+from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause

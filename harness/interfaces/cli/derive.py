@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from physics_crosscheck.harness.checks.derivation import derivation, tree_derivation
-from physics_crosscheck.harness.checks.robot_record import format_omission
+from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
 from physics_crosscheck.harness.interfaces.cli.targets import (

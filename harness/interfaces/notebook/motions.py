@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 
+from physics_crosscheck.harness.checks.findings import settings_of
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.not_run import not_of_a_tree
 from physics_crosscheck.harness.checks.prepare import joints_of
-from physics_crosscheck.harness.checks.robot_record import settings_of
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines

@@ -1,4 +1,4 @@
-"""Records and findings of a robot file, and the settings for running it."""
+"""Findings about a file by reading it, and the settings for running a robot file."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
-from physics_crosscheck.harness.checks.system_record import quantities
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
@@ -22,29 +23,56 @@ from physics_crosscheck.harness.modelfiles.numbers import Number, numerals
 from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
-from physics_crosscheck.harness.records.system import Scenario, System
-from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.tree import WORLD
-from physics_crosscheck.reference.solving.segments import Segments
+
+
+def finding(
+    kind: AuditKind,
+    subject: tuple[str, ...],
+    message: str,
+    *,
+    location: SourceLine | None = None,
+    expected: float | None = None,
+    found: float | None = None,
+    replacement: str = "",
+    severity: Literal["finding", "note"] = "finding",
+) -> AuditFinding:
+    """Build a finding or a note; most have no source line and compare no two numbers."""
+    return AuditFinding(
+        kind=kind,
+        subject=subject,
+        message=message,
+        location=location,
+        expected=number(expected),
+        found=number(found),
+        replacement=replacement,
+        severity=severity,
+    )
+
+
+def source_line(location: Location) -> SourceLine:
+    """Return the source line of a number, with its byte range."""
+    return SourceLine(
+        file=str(location.file),
+        line=location.line,
+        span=(location.start, location.end),
+        text=location.text,
+    )
+
 
 STANDALONE_SETTINGS: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
 """Settings of every engine: they switch off the effects that the equations omit."""
-
-METHOD = "recursion along the tree; Gauss collocation of order 16, checked by DOP853"
 
 
 def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     """Return findings for non-physical inertias; notes for fixed bodies."""
     still = {part.name for part in robot.parts if part.body == WORLD}
     return tuple(
-        AuditFinding(
-            kind=one.kind,
-            subject=(one.link, one.kind),
-            message=f"{one.sentence}; {one.remedy}",
+        finding(
+            one.kind,
+            (one.link, one.kind),
+            f"{one.sentence}; {one.remedy}",
             location=SourceLine(file=str(one.file), line=one.line or None),
-            expected=None,
-            found=None,
             severity="note" if one.link in still else "finding",
         )
         for one in impossible_inertias(robot)
@@ -65,12 +93,11 @@ def _remarks(file: Path) -> Iterator[AuditFinding]:
     for engine in engines_reading(file.suffix):
         with suppress(EngineError):  # its own case reports that it cannot read the file
             for remark in engine.file_remarks(file) if engine.version() is not None else ():
-                yield AuditFinding(
-                    kind=remark.kind,
-                    subject=remark.subject or (remark.message,),
-                    message=remark.message,
+                yield finding(
+                    remark.kind,
+                    remark.subject or (remark.message,),
+                    remark.message,
                     location=place_of(file, remark),
-                    expected=None,
                     found=remark.value,
                     severity="finding" if remark.fault else "note",
                 )
@@ -107,14 +134,13 @@ def _parts(file: Path) -> tuple[Path, ...]:
 def finding_of(number: Number, what: str) -> AuditFinding:
     """Return the finding about a negative number; a spring may be negative."""
     word = next(word for word in _EFFECTS if word in what.lower())
-    return AuditFinding(
-        kind=_NEGATIVES[word],
-        subject=(number.address,),
-        message=f"{number.address} is {number.value:g}: negative {word} {_EFFECTS[word]}",
+    return finding(
+        _NEGATIVES[word],
+        (number.address,),
+        f"{number.address} is {number.value:g}: negative {word} {_EFFECTS[word]}",
         location=SourceLine(
             file=str(number.file), line=number.line, span=number.span, text=number.text
         ),
-        expected=None,
         found=number.value,
         severity="note" if word == "stiffness" else "finding",
     )
@@ -162,46 +188,3 @@ def sidecar_beside(file: Path) -> tuple[str, ...]:
 def format_omission(omission: Omission) -> str:
     """Format an omission, such as: dry friction (7)."""
     return omission.what if omission.count == 1 else f"{omission.what} ({omission.count})"
-
-
-def tree_record(
-    folder: str,
-    system: TreeSystem,
-    drawn: Segments,
-    scenario: str,
-    motion: float = 0.0,
-) -> System:
-    """Return the record of a tree: its joints, the sampled states and its motion.
-
-    Args:
-        folder: the system folder, or the file.
-        system: the tree.
-        drawn: the sampled states.
-        scenario: name of the states.
-        motion: duration of a motion from rest, seconds; 0 for none.
-    """
-    count = len(drawn.start)
-    return System(
-        name=system.name,
-        folder=folder,
-        title=system.title,
-        source=system.source,
-        kind="autonomous",
-        coordinates=quantities(system.coordinates),
-        constants=(),
-        inputs=(),
-        outputs=(),
-        scenarios=(
-            Scenario(
-                name=scenario,
-                description=f"{counted(count, 'state')}, each under its own forces"
-                + (f"; and a motion of {motion:g} s from rest" if motion else ""),
-                duration=drawn.length,
-                inputs={},
-                segments=count,
-                method=METHOD,
-                bound=number(float(drawn.bound.max())),
-                global_bound=None,
-            ),
-        ),
-    )
