@@ -101,9 +101,10 @@ def unsaturated(
         limits = actuator.control_range if actuator.state < 0 else actuator.state_range
         low, high = limits or ((0.0, 1.0) if actuator.gain == "muscle" else (-1.0, 1.0))
         value = (low + high) / 2 + shares[i] * (high - low) / 2
-        largest = _largest_force(laws, posture, i)
-        if np.isfinite(largest) and unit != still:
-            value = float(np.clip((shares[i] * largest - still) / (unit - still), low, high))
+        least, largest = _force_range(laws, posture, i)
+        if np.isfinite([least, largest]).all() and unit != still:
+            force = (least + largest) / 2 + shares[i] * (largest - least) / 2
+            value = _clipped((force - still) / (unit - still), limits)
         if actuator.state < 0:
             controls[actuator.control] = value
         else:
@@ -111,20 +112,23 @@ def unsaturated(
     return controls, states
 
 
-def _largest_force(laws: Laws, posture: Posture, index: int) -> float:
-    """Return a force of a drive that no limit reaches, shared by all drives of its joint."""
-    actuator = laws.drives[index]
-    row = np.abs(posture.rows[actuator.path])
-    largest = [] if actuator.force_range is None else [min(map(abs, actuator.force_range))]
-    largest += [min(map(abs, limits)) / len(on) for on, limits in laws.sums if index in on]
+def _force_range(laws: Laws, posture: Posture, index: int) -> Range:
+    """Return forces of a drive that no limit reaches; all drives of its joint share the range."""
+    actuator, tree = laws.drives[index], posture.parent.tree
+    ranges = [] if actuator.force_range is None else [actuator.force_range]
+    ranges += [_share(limits, len(on)) for on, limits in laws.sums if index in on]
     for joint, (limits, _) in laws.joint_ranges.items():
-        gear = float(np.max(row[posture.parent.tree.velocities[joint]]))
-        drives = sum(
-            bool(posture.rows[other.path][posture.parent.tree.velocities[joint]].any())
-            for other in laws.drives
-        )
-        largest += [min(map(abs, limits)) / gear / max(1, drives)] if gear else []
-    return min(largest, default=np.inf)
+        rows = [posture.rows[other.path][tree.velocities[joint]] for other in laws.drives]
+        drives = sum(bool(row.any()) for row in rows)
+        ranges += [_share(limits, drives * gear) for gear in rows[index] if gear]
+    lower, upper = zip(*ranges, strict=True) if ranges else ((-np.inf,), (np.inf,))
+    return max(lower), min(upper)
+
+
+def _share(limits: Range, parts: float) -> Range:
+    """Return a range divided by a number of either sign."""
+    low, high = sorted(limit / parts for limit in limits)
+    return low, high
 
 
 def _clipped(value: float, limits: Range | None) -> float:

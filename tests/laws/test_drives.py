@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck.reference.laws.drives import Driven, drive
-from physics_crosscheck.reference.laws.mechanics import LawTree
+from physics_crosscheck.reference.laws.drives import Driven, drive, unsaturated
+from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.bodies import ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.mechanism.laws import Drive, Laws
@@ -22,6 +22,21 @@ CART = RigidBody(
 )
 
 
+def cart(
+    drives: tuple[dict[str, Any], ...], x: float, v: float, **laws: Any
+) -> tuple[Laws, Posture]:
+    """Return drives on a cart, each with its own path, and the cart at a state."""
+    pulls = [ForceElement(name=f"p{i}", joints=(("x", 1.0),)) for i in range(len(drives))]
+    tree = assembled([CART], (0, 0, 0), pulls).tree
+    whole = LawTree(
+        tree=replace(tree, pulls=()), paths=tree.pulls, bodies=((WORLD, IDENTITY),),
+        masses=np.zeros(1), centers=np.zeros((1, 3)),
+    )  # fmt: skip
+    numbers = tuple(Drive(path=i, **{"control": 0, **one}) for i, one in enumerate(drives))
+    posture = next(whole.postures(np.array([[x]]), np.array([[v]])))
+    return Laws(step=STEP, integrator="euler", drives=numbers, **laws), posture
+
+
 def driven(
     *drives: dict[str, Any],
     x: float = 0.3,
@@ -30,22 +45,9 @@ def driven(
     state: float = 0.4,
     **laws: Any,
 ) -> Driven:
-    """Return the forces of drives on a cart, each with its own path."""
-    pulls = [ForceElement(name=f"p{i}", joints=(("x", 1.0),)) for i in range(len(drives))]
-    tree = assembled([CART], (0, 0, 0), pulls).tree
-    whole = LawTree(
-        tree=replace(tree, pulls=()), paths=tree.pulls, bodies=((WORLD, IDENTITY),),
-        masses=np.zeros(1), centers=np.zeros((1, 3)),
-    )  # fmt: skip
-    numbers = tuple(Drive(path=i, control=0, **one) for i, one in enumerate(drives))
-    posture = next(whole.postures(np.array([[x]]), np.array([[v]])))
-    return drive(
-        Laws(step=STEP, integrator="euler", drives=numbers, **laws),
-        posture,
-        np.full(len(drives), 0.5),
-        np.array([control]),
-        np.array([state]),
-    )
+    """Return the forces of drives on a cart."""
+    accelerations, states = np.full(len(drives), 0.5), np.array([state])
+    return drive(*cart(drives, x, v, **laws), accelerations, np.array([control]), states)
 
 
 def test_a_servo_is_limited_where_its_file_says() -> None:
@@ -62,6 +64,32 @@ def test_a_servo_is_limited_where_its_file_says() -> None:
     assert limited.joint_forces == pytest.approx([9.0])
     assert limited.damping == pytest.approx(0.0)
     assert driven(servo).damping == pytest.approx(2.0)
+
+
+SERVO = {"gains": (40.0,), "bias": "affine", "biases": (0.0, -40.0, -2.0)}
+
+
+@pytest.mark.parametrize(("drives", "laws"), [
+    ([{**SERVO, "force_range": (0.0, 100.0)}], {}),
+    ([{**SERVO, "force_range": (-90.0, -10.0)}], {}),
+    ([SERVO, {**SERVO, "control": 1}], {"sums": (((0, 1), (0.0, 100.0)),)}),
+    ([SERVO, {**SERVO, "control": 1}], {"joint_ranges": {0: ((20.0, 100.0), False)}}),
+    ([{**SERVO, "force_range": (0.0, 100.0)}], {"joint_ranges": {0: ((-50.0, 20.0), False)}}),
+])  # fmt: skip
+def test_a_range_on_one_side_of_zero_is_drawn_inside(
+    drives: list[dict[str, Any]], laws: dict[str, Any]
+) -> None:
+    """Catch controls that put each drive at its limit if its range starts at zero or beyond."""
+    numbers, posture = cart(tuple(drives), 0.3, -0.2, **laws)
+    ones = np.ones(len(drives))
+    forces = []
+    for share in (-0.8, 0.0, 0.8):
+        controls, states = unsaturated(numbers, posture, ones, share * ones)
+        result = drive(numbers, posture, ones, controls, states)
+        assert not result.clipped
+        assert result.damping[0, 0] == pytest.approx(2.0 * len(drives))  # no joint is at a limit
+        forces.append(result.joint_forces[0])
+    assert np.all(np.diff(forces) > 5.0)
 
 
 def test_the_sum_of_drives_on_a_tendon_is_scaled() -> None:
