@@ -46,6 +46,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="run every check, also where a cheaper one decides",
     )
     group.addoption(
+        "--crosscheck-smooth",
+        action="store_true",
+        help="check robot files without limits, friction, contacts and drives only",
+    )
+    group.addoption(
         "--crosscheck-limit",
         metavar="S",
         default="120",

@@ -181,6 +181,7 @@ def check(
     floating: bool = False,
     model: str = "",
     thorough: bool = False,
+    smooth: bool = False,
 ) -> Results:
     """Run every model and robot file in every scenario, and compare it with its equations.
 
@@ -198,6 +199,7 @@ def check(
         floating: True lets the root link of a URDF move.
         model: model to read from an SDFormat file that has several.
         thorough: True runs every check, also where a cheaper one decides.
+        smooth: True checks robot files without limits, friction, contacts and drives only.
 
     Raises:
         FolderError: if a path is not a target, or an engine is unknown.
@@ -226,6 +228,7 @@ def check(
         model=model,
         choice=targets.choice,
         thorough=bool(thorough),
+        smooth=bool(smooth),
     )
     with without_main():
         record = run(targets.folders, options, lambda *_: None, robots=targets.robots).results

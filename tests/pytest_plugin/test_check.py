@@ -92,6 +92,9 @@ def test_robot_files_are_checked_as_folders_are_also_in_a_list(tmp_path: Path) -
     assert {c.model for c in result.cases if c.engine == "pymunk"} == {"space.py"}
     (case,) = check(arm, engines=["mujoco"], floating=True).cases
     assert case.scenario == "floating states"
+    assert result.case(model="lamp.xml", engine="mujoco").whole_step is not None
+    (case,) = check(lamp, engines=["mujoco"], smooth=True).cases
+    assert case.whole_step is None
 
 
 @pytest.mark.skipif(PinocchioEngine().version() is None, reason="pinocchio is not installed")

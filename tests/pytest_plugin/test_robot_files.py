@@ -106,6 +106,17 @@ def test_a_sound_robot_passes_and_one_that_can_t_be_read_fails_by_its_line(
     done.stdout.fnmatch_lines(["XC401 FAILED: *robots/broken.urdf:2: *", "1 ok, 1 ERROR; largest*"])
 
 
+def test_smooth_cases_compare_no_whole_step(project: Project, robots: Path) -> None:
+    """Catch an option that does not reach the cases."""
+    (project.path / "conftest.py").write_text(
+        "def pytest_crosscheck_case(record):\n"
+        "    return [] if record.whole_step is None else 'whole steps'\n"
+    )
+    lamp = ("--crosscheck", "robots/deep/lamp.xml", "-k", "mujoco or states and not pinocchio")
+    project.run(*lamp).assert_outcomes(failed=1, deselected=len(LIT) - 1)
+    project.run(*lamp, "--crosscheck-smooth").assert_outcomes(passed=1, deselected=len(LIT) - 1)
+
+
 def test_what_an_engine_drops_fails_with_its_cause_and_line_and_the_audit_finds_it(
     project: Project, robots: Path
 ) -> None:

@@ -52,12 +52,14 @@ class RunSettings:
         limits: limits of a task.
         baseline: folder of the accepted differences.
         thorough: whether every check of a case runs.
+        smooth: whether robot files run without limits, friction, contacts and drives only.
     """
 
     resolution: float
     limits: Limits
     baseline: Path
     thorough: bool
+    smooth: bool
 
 
 def run_settings(config: pytest.Config) -> RunSettings:
@@ -76,6 +78,7 @@ def run_settings(config: pytest.Config) -> RunSettings:
             ),
             baseline=config.rootpath / config.getoption("crosscheck_baseline"),
             thorough=config.getoption("crosscheck_thorough"),
+            smooth=config.getoption("crosscheck_smooth"),
         )
     except (argparse.ArgumentTypeError, ValueError) as error:
         raise pytest.UsageError(f"--crosscheck: {error}") from None
@@ -109,7 +112,8 @@ class CaseRunner:
     def prepared(self, target: Path) -> Preparation | Failure:
         """Prepare a system folder or a robot file, once."""
         if target not in self._prepared:
-            self._prepared[target] = self._ask(tasks.target, target)
+            smooth = self._settings.smooth and target.is_file()
+            self._prepared[target] = self._ask(partial(tasks.target, smooth=smooth), target)
         return self._prepared[target]
 
     def case(self, case_id: CaseId, target: Path, model: Sidecar | Path) -> Case:
@@ -245,12 +249,14 @@ class Checker:
         resolution: float | None = None,
         floating: bool = False,
         model: str = "",
+        smooth: bool = False,
     ) -> Results:
         """Run models as `check` does; the results are true if all of them agree.
 
         Args:
             paths: as for `check`, relative to the root folder.
             engines, floating, model: as for `check`.
+            smooth: as for `check`; also with --crosscheck-smooth.
             resolution: smallest relative discrepancy to detect; None: that of the command line.
 
         Raises:
@@ -261,7 +267,8 @@ class Checker:
         # As for `check`, a name without a path is a built-in system.
         named = [str(root / name) if (root / name).exists() else name for name in names]
         wanted = settings.resolution if resolution is None else resolution
-        key = tuple(named), tuple(engines), wanted, floating, model
+        smooth = smooth or settings.smooth
+        key = tuple(named), tuple(engines), wanted, floating, model, smooth
         if key not in self._results:
             self._results[key] = check(
                 *named,
@@ -273,6 +280,7 @@ class Checker:
                 thorough=settings.thorough,
                 floating=floating,
                 model=model,
+                smooth=smooth,
             )
         results = self._results[key]
         if results.untested and not self._config.getoption("crosscheck_require_engines"):
