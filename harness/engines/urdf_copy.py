@@ -1,9 +1,9 @@
 """Copies of a URDF that engines load; the user's file does not change.
 
 PyBullet and DART give each link without `<inertial>` 1 kg and 1 kg m^2, even if welded.
-`BulletURDFImporter::getMassAndInertia2` warns about it on stderr only. In DART it is an option
+PyBullet's `UrdfParser::parseLink` warns about it on stderr only. In DART it is an option
 (`DartLoader::Options::mDefaultInertia`). The default does not affect a root that is fixed to the
-world, and a floating root needs a mass, so the root is left unchanged.
+world.
 """
 
 from __future__ import annotations
@@ -21,33 +21,42 @@ from physics_crosscheck.harness.engines.source import temporary_file
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""
 
+SMALLEST_MASS = "1e-300"
+"""A mass in kg that is too small to be visible in a motion."""
+
 _NAMED = 6
 """The most links that a sentence names."""
 
 
-def bare_links(robot: XmlElement) -> list[str]:
-    """Return the names of links that have a parent and no `<inertial>`."""
+def bare_links(robot: XmlElement, *, floats: bool = False) -> list[XmlElement]:
+    """Return the links without `<inertial>` that have a parent, and a floating root."""
     carried = {child.get("link") for child in robot.findall("joint/child")}
     links = {link.get("name", ""): link for link in robot.findall("link")}
     return [
-        name for name, link in links.items() if name in carried and link.find("inertial") is None
+        link
+        for name, link in links.items()
+        if (floats or name in carried) and link.find("inertial") is None
     ]
 
 
 def zero_missing_inertials(robot: XmlElement) -> None:
-    """Give these links an explicit mass and moments of inertia of zero."""
-    bare = set(bare_links(robot))
-    for link in robot.findall("link"):
-        if link.get("name", "") in bare:
-            inertial = link.add("inertial")
-            inertial.add("mass", {"value": "0"})
-            moments = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0")
-            inertial.add("inertia", moments)
+    """Give links without `<inertial>` no mass and no moments of inertia.
+
+    A root gets the smallest mass, since PyBullet fixes a floating root without mass
+    (`ConvertURDF2BulletInternal`: `bool isFixedBase = (mass == 0)`).
+    """
+    carried = [link.get("name") for link in bare_links(robot)]
+    for link in bare_links(robot, floats=True):
+        inertial = link.add("inertial")
+        inertial.add("mass", {"value": "0" if link.get("name") in carried else SMALLEST_MASS})
+        moments = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0")
+        inertial.add("inertia", moments)
 
 
-def bare_cause(names: Sequence[str], title: str) -> str:
+def bare_cause(links: Sequence[XmlElement], title: str) -> str:
     """Return the cause that a diagnosis reports."""
-    shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    names = [f"{link.get('name', '')}, line {link.place[1]}" for link in links]
+    shown = "; ".join(names[:_NAMED]) + ("; ..." if len(names) > _NAMED else "")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
     return f"{title}'s own 1 kg and 1 kg m^2 of {count} without <inertial> ({shown})"
 
@@ -104,11 +113,11 @@ def _without(robot: XmlElement, tag: str) -> None:
 
 
 def with_masses(robot: XmlElement) -> None:
-    """Give links with zero mass a mass that is too small to be visible in a motion."""
+    """Give links with zero mass the smallest mass."""
     for inertial in robot.findall("link/inertial"):
         mass = inertial.find("mass")
         if mass is not None and float(mass.get("value", "0")) == 0:
-            mass.set("value", "1e-300")
+            mass.set("value", SMALLEST_MASS)
 
 
 def without_limits(robot: XmlElement) -> None:

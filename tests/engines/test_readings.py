@@ -229,6 +229,37 @@ def test_a_welded_link_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path
     assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
 
 
+FLOATING = (
+    f'<robot name="r">{{}}<link name="a">{BODY}</link><joint name="w" type="fixed">'
+    '<parent link="root"/><child link="a"/></joint></robot>'
+)
+
+
+def test_a_floating_root_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path: Path) -> None:
+    """Catch a correction that PyBullet turns into a fixed root, so that no cause is named."""
+    path = tmp_path / "root.urdf"
+    path.write_text(FLOATING.format('\n<link name="root"/>'))
+    speed = {}
+    for bare in (True, False):
+        settings = {"step": H, "gravity": [0, 0, 0], "bare_links": bare, "floating": True}
+        model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
+        causes = "".join(model.corrective_settings)
+        assert ("a link without <inertial> (root, line 2)" in causes) is bare
+        speed[bare] = moved(model, 0.0, 0.0, H, push=1.0)[1] / H
+    assert speed == pytest.approx({True: 1 / 2, False: 1.0})
+
+
+def test_a_floating_root_of_zero_mass_is_refused_by_one_that_fixes_it(tmp_path: Path) -> None:
+    """Catch a robot that floats in its equations and is fixed in PyBullet."""
+    path = tmp_path / "root.urdf"
+    zero = BODY.replace('mass value="1"', 'mass value="0"').replace("0.01", "0")
+    assert zero.count('"0"') >= 4
+    path.write_text(FLOATING.format(f'\n<link name="root">{zero}</link>'))
+    settings = {"step": H, "gravity": [0, 0, 0], "floating": True}
+    with pytest.raises(EngineError, match=r"root\.urdf:2: PyBullet fixes the floating root 'root'"):
+        engines()["pybullet"].load(ModelSpec(path, settings=settings))
+
+
 def test_a_point_mass_moves_in_one_and_is_refused_by_the_other(tmp_path: Path) -> None:
     point = BELOW.replace("0.01", "0").replace("0 0 -1", "0 0 -2")
     model = load("pybullet", urdf(body=point), tmp_path)

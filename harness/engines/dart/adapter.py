@@ -294,7 +294,8 @@ def _corrective_settings(
             for key, (links, cause) in checks.items()
             if not settings[key] and (names := links(declared.robot))
         }
-    bare = bare_links(declared.robot) if settings["bare_links"] else []
+    floats = bool(settings["floating"])
+    bare = bare_links(declared.robot, floats=floats) if settings["bare_links"] else []
     lost = "" if settings["trimmed_numbers"] else dropped_cause(declared.file.document, "DART")
     causes = {bare_cause(bare, "DART"): BARE} if bare else {}
     return {**causes, **({lost: TRIMMED} if lost else {})}

@@ -34,6 +34,7 @@ from physics_crosscheck.harness.engines.pybullet.inertias import (
     check_inertias,
     held_inertias,
     lost_inertias,
+    refuse_fixed_root,
 )
 from physics_crosscheck.harness.engines.pybullet.remarks import (
     CAUSES,
@@ -180,9 +181,11 @@ class PybulletModel(Model):
         uses_file_inertias = self._setting("inertia_from_file")
         self._lost = lost_inertias(robot, held_inertias(self._body)) if uses_file_inertias else {}
         self._long = {} if self._setting("unit_axes") else long_axes(robot)
-        self._bare = bare_links(robot) if self._setting("bare_links") else []
         self._joints, self._joint_names, balls = self._moving_joints()
-        floats = self._setting("floating")
+        floats = bool(self._setting("floating"))
+        self._bare = bare_links(robot, floats=floats) if self._setting("bare_links") else []
+        if floats:
+            refuse_fixed_root(file, self._body)
         base = [Base(self._body, file.base)] if floats else []
         self._turning: list[Base | Ball] = [*base, *balls]
         turned = (name for one in self._turning for name in one.names)

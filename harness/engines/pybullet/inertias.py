@@ -14,8 +14,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import refused
 from physics_crosscheck.reference.mechanism.rotations import from_rpy, to_rpy
 
 PRODUCTS = ("ixy", "ixz", "iyz")
@@ -92,6 +94,26 @@ def check_inertias(path: str, body: int, robot: XmlElement | None) -> None:
             "inequality (each must be at most the sum of the other two)"
         )
     _check_moved(path, body)
+
+
+def refuse_fixed_root(file: UrdfFile, body: int) -> None:
+    """Refuse a floating root without mass: PyBullet fixes it.
+
+    `ConvertURDF2BulletInternal` in URDF2Bullet.cpp: `bool isFixedBase = (mass == 0)`. Such a root
+    has the mass zero in its file, or the name `world` and no `<inertial>`.
+
+    Raises:
+        EngineError: naming file, line and link.
+    """
+    import pybullet as p
+
+    if p.getDynamicsInfo(body, -1)[0] == 0:
+        link = file.links[file.root].element
+        raise refused(
+            link.find("inertial/mass") or link,
+            f"PyBullet fixes the floating root {file.root!r}, since its mass is zero; "
+            "give it a mass",
+        )
 
 
 def _check_moved(path: str, body: int) -> None:
