@@ -37,7 +37,7 @@ from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.laws.drives import unsaturated
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.soft import Kind
-from physics_crosscheck.reference.laws.step import STEPPED, LawModel, LawStep
+from physics_crosscheck.reference.laws.step import STEPPED, LawModel, LawSolution, LawStep
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
@@ -88,9 +88,33 @@ class WholeStepCheck:
 class Evaluated:
     """The laws and the engine at one state, in the order of the tree's velocities."""
 
-    law: LawStep
+    state: WholeState
+    solution: LawSolution
     engine: EngineStep
-    acceleration: Array
+
+    @property
+    def law(self) -> LawStep:
+        """Rows and drives of the laws."""
+        return self.solution.law
+
+    @property
+    def acceleration(self) -> Array:
+        """The solution of the laws, (nv,)."""
+        return self.solution.acceleration
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawDefect:
+    """Engine minus laws at S states, relative to the scale of each component.
+
+    Attributes:
+        defect, uncertainty: (S, C).
+        scale: of accelerations and the next state, (C,).
+    """
+
+    defect: Array
+    uncertainty: Array
+    scale: Array
 
 
 class LawComparison:
@@ -114,6 +138,10 @@ class LawComparison:
             raise TreeError("joints that the engine names otherwise")
         self._order = [model.coordinates.index(name) for name in self.names]
 
+    def under(self, laws: LawModel) -> LawComparison:
+        """Return the comparison of other laws with the same engine."""
+        return LawComparison(laws, self.model)
+
     def postures(self, states: Sequence[WholeState]) -> Iterator[Posture]:
         """Yield the tree at each state."""
         y, m = (np.array([state[k][self._order] for state in states]) for k in range(2))
@@ -124,24 +152,41 @@ class LawComparison:
         result = []
         for state, posture in zip(states, self.postures(states), strict=True):
             engine = self.model.evaluate(state)
-            law = self.laws.evaluate(posture, state.controls, state.activations, engine.contacts)
             start = engine.acceleration[self._order]
-            acceleration = law.problem.solve(start)
-            result.append(Evaluated(law=law, engine=engine, acceleration=acceleration))
+            solution = self.laws.solve(
+                posture, state.controls, state.activations, engine.contacts, start
+            )
+            result.append(Evaluated(state=state, solution=solution, engine=engine))
         return result
 
     def judge(self, evaluated: Sequence[Evaluated], resolution: float) -> LimitVerdict:
         """Judge accelerations, the next velocities and positions, and states of drives."""
+        compared = self.compare(evaluated)
+        uncertainty = np.maximum(compared.uncertainty, np.finfo(float).eps)
+        return judge(np.abs(compared.defect), uncertainty, resolution, None)
+
+    def compare(self, evaluated: Sequence[Evaluated]) -> LawDefect:
+        """Compare accelerations, the next velocities and positions, and states of drives."""
         scale = np.max([np.abs(sample.acceleration) for sample in evaluated], axis=0)
         scale = floored(np.maximum(scale, SHARE * np.max(scale)))
         speeds = [
             np.maximum(np.abs(sample.law.posture.m), np.abs(sample.engine.after.m[self._order]))
             for sample in evaluated
         ]
-        speed = np.max(speeds, axis=0)
-        rows = [self._compared(sample, scale, floored(speed)) for sample in evaluated]
-        defect, uncertainty = (np.array([row[k] for row in rows]) for k in range(2))
-        return judge(defect, np.maximum(uncertainty, np.finfo(float).eps), resolution, None)
+        speed, h = floored(np.max(speeds, axis=0)), self.model.step
+        parts = [scale]
+        if self.steps:
+            drives = np.ones(self.model.activations)
+            parts += [np.maximum(h * scale, LEAST_GAIN * speed), h * speed, drives]
+        whole = np.concatenate(parts)
+        defect = [
+            self._answer(sample) - self.predict(sample.law, sample.acceleration, sample.engine)
+            for sample in evaluated
+        ]
+        unsure = [self._uncertainty(sample) for sample in evaluated]
+        return LawDefect(
+            defect=np.array(defect) / whole, uncertainty=np.array(unsure) / whole, scale=whole
+        )
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -155,47 +200,53 @@ class LawComparison:
         """True if the next state has a rule."""
         return self.laws.laws.integrator in STEPPED
 
-    def _compared(self, sample: Evaluated, scale: Array, speed: Array) -> tuple[Array, Array]:
-        """Return defects and uncertainties of one state, relative.
+    def predict(self, law: LawStep, acceleration: Array, engine: EngineStep) -> Array:
+        """Return the components by the laws, (C,), with states of drives relative to their size.
 
-        Args:
-            sample: the state.
-            scale, speed: largest acceleration and velocity of each component.
+        The positions follow from the engine's velocities, so that each component is judged alone.
         """
+        velocity = self.laws.advance(law, acceleration)
+        if velocity is None:
+            return acceleration
+        y = law.posture.y[None]
+        position = self.laws.tree.advance(y, engine.after.m[self._order][None], self.model.step)[0]
+        states = law.driven.states / _sizes(engine)
+        return np.concatenate([acceleration, velocity, position, states])
+
+    def _answer(self, sample: Evaluated) -> Array:
+        """Return the components by the engine, (C,)."""
+        engine, order = sample.engine, self._order
+        after = engine.after
+        parts = (after.m[order], after.z[order], after.activations / _sizes(engine))
+        return np.concatenate([engine.acceleration[order], *(parts if self.steps else ())])
+
+    def _uncertainty(self, sample: Evaluated) -> Array:
+        """Return the uncertainty of each component, (C,)."""
         order, posture = self._order, sample.law.posture
         eps, h = np.finfo(float).eps, self.model.step
         problem = sample.law.problem
         unsure = DIGITS * eps * problem.rounding(sample.acceleration)
         for residual in (sample.engine.unbalanced[order], problem.residual(sample.acceleration)):
             unsure = unsure + _solver_bound(posture.inverse, residual)
-        defects = [np.abs(sample.engine.acceleration[order] - sample.acceleration) / scale]
-        unsures = [unsure / scale]
-        velocity = self.laws.advance(sample.law, sample.acceleration)
-        if velocity is not None:
-            after = sample.engine.after.m[order]
-            y = self.laws.tree.advance(posture.y[None], after[None], h)[0]
-            gained = np.maximum(h * scale, LEAST_GAIN * speed)
-            turned = 1 + np.abs(y) + y**2  # a last digit of a rotation's coordinate
-            drives = self._drives(sample)
-            defects += [
-                np.abs(after - velocity) / gained,
-                np.abs(sample.engine.after.z[order] - y) / (h * speed),
-                drives[0],
+        if not self.steps:
+            return unsure
+        after = sample.engine.after
+        speed, y = np.abs(after.m[order]), after.z[order]
+        turned = 1 + np.abs(y) + y**2  # a last digit of a rotation's coordinate
+        return np.concatenate(
+            [
+                unsure,
+                h * unsure + eps * (np.abs(posture.m) + speed),
+                DIGITS * eps * (h * speed + turned),
+                np.full(len(after.activations), DIGITS * eps),
             ]
-            unsures += [
-                (h * unsure + eps * (np.abs(posture.m) + np.abs(after))) / gained,
-                DIGITS * eps * (1 + turned / (h * speed)),
-                drives[1],
-            ]
-        return np.concatenate(defects), np.concatenate(unsures)
-
-    def _drives(self, sample: Evaluated) -> tuple[Array, Array]:
-        states = sample.engine.after.activations
-        scale = 1 + np.abs(states)
-        return (
-            np.abs(sample.law.driven.states - states) / scale,
-            np.full(len(states), DIGITS * np.finfo(float).eps),
         )
+
+
+def _sizes(engine: EngineStep) -> Array:
+    """Return the size of each state of the drives, (states,)."""
+    sizes: Array = 1 + np.abs(engine.after.activations)
+    return sizes
 
 
 def _solver_bound(inverse: Array, unbalanced: Array) -> Array:
@@ -203,6 +254,16 @@ def _solver_bound(inverse: Array, unbalanced: Array) -> Array:
     size = np.sqrt(max(0.0, float(unbalanced @ inverse @ unbalanced)))
     result: Array = np.sqrt(np.diagonal(inverse)) * size
     return result
+
+
+def load_comparison(laws: LawModel, engine: str, loaded: Path) -> LawComparison | None:
+    """Load a file in an engine, to compare it with laws; None if the engine has no law.
+
+    Raises:
+        TreeError, EngineError: if its joints are others, or for a file that it refuses.
+    """
+    model = engines()[engine].load_whole(ModelSpec(loaded))
+    return None if model is None else LawComparison(laws, model)
 
 
 def check_whole_step(

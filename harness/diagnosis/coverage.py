@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
+from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, law_problem
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -27,7 +28,7 @@ from physics_crosscheck.harness.modelfiles.locations import Literal, literals
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
 from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs, robot_numbers
+from physics_crosscheck.harness.modelfiles.readers import Numbers, read_as_it_runs, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
@@ -425,6 +426,8 @@ def count_robot(task: TreeTask) -> Coverage:
         return Coverage(note="; ".join(numbers.unread))
     problem = problem_of(task, numbers, is_reference=False)
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
+    if task.sidecar is None and not task.target.smooth:
+        says |= _in_steps(task, numbers, says)
     if task.sidecar is None:  # the bodies of a robot file are compared in their poses too
         says |= _in_frames(task, problem, [i for i in says if says[i] in _UNMOVED])
     choices, fixed = engines()[task.engine].choices, _fixed(task)
@@ -440,7 +443,22 @@ def count_robot(task: TreeTask) -> Coverage:
     return summarized(counted, engines()[task.engine].non_physical)
 
 
-def _effect(problem: RobotProblem, index: int, resolution: float) -> NumberEffect:
+def _in_steps(
+    task: TreeTask, numbers: Numbers, says: Mapping[int, NumberEffect]
+) -> dict[int, NumberEffect]:
+    """Return the effects on whole steps of the numbers that no smooth motion depends on."""
+    problem = law_problem(task, numbers)
+    if problem is None:
+        return {}
+    moved = {i for i, effect in says.items() if effect is NumberEffect.MOTION}
+    return {
+        i: _effect(problem, k, task.resolution)
+        for k, i in enumerate(problem.numbers.law_numbers)
+        if i not in moved
+    }
+
+
+def _effect(problem: RobotProblem | LawProblem, index: int, resolution: float) -> NumberEffect:
     """Return the effect of a number; a change that cannot be solved is not counted as no effect."""
     effect = problem.effect(index)
     if effect is None or not np.isfinite(effect).all():

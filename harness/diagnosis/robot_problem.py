@@ -271,7 +271,7 @@ def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothes
             value=number.value,
             size=number.scale,
             rank=rank("literal"),
-            where=(_line(number),),
+            where=(source_line(number),),
             correction=1.0 if is_reference else -1.0,
         )
         yield FileHypothesis(hypothesis=hypothesis, units={i: hypothesis.correction})
@@ -321,7 +321,7 @@ def _switch(
     numbers: Numbers, cause: CauseId, units: Mapping[int, float], order: int
 ) -> FileHypothesis:
     """Return a hypothesis whose fault is 0 or 1."""
-    places = tuple(dict.fromkeys(_line(numbers.numerals[i]) for i in units))
+    places = tuple(dict.fromkeys(source_line(numbers.numerals[i]) for i in units))
     hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True)
     return FileHypothesis(hypothesis=hypothesis, units=units)
 
@@ -380,5 +380,6 @@ def _mass(number: Number) -> float | None:
         return None
 
 
-def _line(number: Number) -> SourceLine:
+def source_line(number: Number) -> SourceLine:
+    """Return the line and the bytes of a number."""
     return SourceLine(file=number.file.name, line=number.line, span=number.span, text=number.text)

@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from msgspec import structs
 
 from physics_crosscheck.harness.checks.findings import place_of
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
+from physics_crosscheck.harness.diagnosis.law_problem import law_problem
 from physics_crosscheck.harness.diagnosis.robot_followers import (
     FollowersRun,
     Following,
@@ -28,6 +30,7 @@ from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.flows import Flow
 
@@ -59,9 +62,8 @@ def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
     run = _some_of(task)
     apart, uncertainty = _apart(run)
     if not np.any(np.abs(apart).ravel() > uncertainty):
-        return Diagnosis(
-            failure="no motion differs beyond its uncertainty", seconds=time.perf_counter() - began
-        )
+        steps = _diagnose_steps(task)
+        return structs.replace(steps, seconds=time.perf_counter() - began)
     explanations = _explained_by_engine_defaults(run)
     if not explanations and is_reference:
         explanations = _explained_by_compiler(run)
@@ -73,6 +75,11 @@ def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
             seconds=time.perf_counter() - began,
         )
     ranking = ranked(task, run, is_reference=is_reference)
+    return structs.replace(_diagnosis(ranking, task), seconds=time.perf_counter() - began)
+
+
+def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:
+    """Build the record of a ranking."""
     return Diagnosis(
         explained=ranking.explained,
         explanations=tuple(
@@ -80,8 +87,16 @@ def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
         ),
         floor=number(ranking.floor),
         failure="" if ranking.fits else "no number of the file affects the difference",
-        seconds=time.perf_counter() - began,
     )
+
+
+def _diagnose_steps(task: TreeTask) -> Diagnosis:
+    """Find the numbers that explain why whole steps differ from their law."""
+    problem = law_problem(task)
+    if problem is None or problem.judge(task.resolution).outcome is not Outcome.DIFFERS:
+        return Diagnosis(failure="no motion differs beyond its uncertainty")
+    ranking = diagnose(problem, problem.compared.uncertainty.ravel(), NUMBERS_FITTED)
+    return _diagnosis(ranking, task)
 
 
 def _build_explanation(fit: Fit, behaviours: Sequence[str], check: TreeTask) -> Explanation:

@@ -24,8 +24,8 @@ from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import Audit
 
-NO_MOTION = ("pose", "whole step")
-"""Kinds of differences that no smooth motion shows."""
+NO_MOTION = ("pose",)
+"""Kinds of differences that no number of a motion or of a step explains."""
 
 
 class ModelPlan:
@@ -97,7 +97,7 @@ class ModelPlan:
         self._compare_more(case)
         self._left -= 1
         mine = [c for c in self._results.cases if c.key == self.key]
-        # Motions show no number that only poses or whole steps depend on.
+        # Motions show no number that only poses depend on.
         differs = any(c.outcome is Outcome.DIFFERS and c.kind not in NO_MOTION for c in mine)
         if self._left or not self._options.diagnosed or not differs:
             return

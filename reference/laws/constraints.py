@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -140,6 +141,13 @@ class Constraints:
     def weights(self) -> Weights:
         """The inverse inertias of the drawn configuration."""
         return Weights.from_home(self.laws, self.tree, self.home)
+
+    def under(self, laws: Laws) -> Self:
+        """Return the same tree under other laws, with the weights of the drawn configuration."""
+        other = replace(self, laws=laws)
+        if laws.light == self.laws.light:
+            other.__dict__["weights"] = self.weights
+        return other
 
     def rows(self, posture: Posture, contacts: Sequence[Contact]) -> Rows:
         """Return the rows at a state."""

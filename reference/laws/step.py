@@ -39,6 +39,42 @@ class LawStep:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class LawSolution:
+    """The laws at one state, with their solution.
+
+    Attributes:
+        law: rows and drives.
+        acceleration: the solution, (nv,).
+        contacts: at the state.
+        controls, states: inputs and states of the drives.
+    """
+
+    law: LawStep
+    acceleration: Array
+    contacts: tuple[Contact, ...]
+    controls: Array
+    states: Array
+
+    @property
+    def posture(self) -> Posture:
+        """The tree at the state."""
+        return self.law.posture
+
+    @cached_property
+    def _compliance(self) -> Array:
+        """Change of the accelerations per unit force, (nv, nv)."""
+        problem = self.law.problem
+        slope = problem.forces(self.acceleration)[1]
+        hessian = problem.mass + problem.jacobian.T @ slope @ problem.jacobian
+        return np.asarray(np.linalg.inv(hessian), dtype=np.float64)
+
+    def effect(self, force: Array) -> Array:
+        """Return the change of the accelerations by a small force, (nv,)."""
+        result: Array = self._compliance @ force
+        return result
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LawModel(Constraints):
     """A tree with its laws: constraints, drives and an integrator."""
 
@@ -69,6 +105,24 @@ class LawModel(Constraints):
             problem=rows.problem(posture.mass, free),
             driven=driven,
             limits=rows.limits,
+        )
+
+    def solve(
+        self,
+        posture: Posture,
+        controls: Array,
+        states: Array,
+        contacts: Sequence[Contact],
+        start: Array,
+    ) -> LawSolution:
+        """Solve the laws at a state; arguments as in `evaluate`, and a first guess, (nv,)."""
+        law = self.evaluate(posture, controls, states, contacts)
+        return LawSolution(
+            law=law,
+            acceleration=law.problem.solve(start),
+            contacts=tuple(contacts),
+            controls=controls,
+            states=states,
         )
 
     def advance(self, law: LawStep, a: Array) -> Array | None:

@@ -8,18 +8,32 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
+from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.read import tree_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number, numerals, with_values
-from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.laws import Laws
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Compiled:
+    """A compiled file: its tree and laws, or None; whether laws and paths are as before."""
+
+    tree: Tree | None
+    laws: LawModel | None
+    same_laws: bool = True
 
 
 class CompiledNumbers:
@@ -33,7 +47,7 @@ class CompiledNumbers:
     def __init__(self, path: Path, engine: Engine, controls: Sequence[float]) -> None:
         self._path, self._engine, self._controls = path, engine, controls
         self._texts: dict[Path, bytes] = {}
-        self._cache: dict[tuple[int, float], Tree | None] = {}
+        self._cache: dict[tuple[int, float], _Compiled | None] = {}
         all_numbers: list[Number] = []
         unread: list[str] = []
         for part in engine.parts(path):
@@ -49,6 +63,20 @@ class CompiledNumbers:
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
+        read = self._read(values)
+        return None if read is None else read.tree
+
+    def laws(self, values: Mapping[int, float]) -> LawModel | None:
+        """Return the laws with other values of some numbers, by index, or None.
+
+        They share the tree of the unchanged file if its bodies and paths are equal.
+        """
+        read = self._read(values)
+        return None if read is None else read.laws
+
+    def _read(self, values: Mapping[int, float]) -> _Compiled | None:
+        if not values:
+            return self._original
         if len(values) != 1:
             return self._compiled(values)
         (key,) = values.items()
@@ -56,9 +84,33 @@ class CompiledNumbers:
             self._cache[key] = self._compiled(values)
         return self._cache[key]
 
-    def _compiled(self, values: Mapping[int, float]) -> Tree | None:
+    @cached_property
+    def _original(self) -> _Compiled | None:
+        compiled = self._source
+        if compiled is None:
+            return None
+        return _Compiled(tree=tree_of(compiled, self._controls), laws=_laws_of(compiled))
+
+    @cached_property
+    def _source(self) -> CompiledTree | None:
+        return self._compile({})
+
+    def _compiled(self, values: Mapping[int, float]) -> _Compiled | None:
+        compiled, source, original = self._compile(values), self._source, self._original
+        if compiled is None or source is None or original is None:
+            return None
+        tree, model = tree_of(compiled, self._controls), original.laws
+        if model is None or compiled.laws is None:
+            return _Compiled(tree=tree, laws=None)
+        if _mechanics(compiled) != _mechanics(source):
+            same = compiled.paths == source.paths and compiled.laws == model.laws
+            return _Compiled(tree=tree, laws=_laws_of(compiled), same_laws=same)
+        laws = _shared(compiled.laws, model.laws)
+        return _Compiled(tree=tree, laws=model.under(laws), same_laws=laws == model.laws)
+
+    def _compile(self, values: Mapping[int, float]) -> CompiledTree | None:
         try:
-            return tree_of(self._engine.compiled(self._path, self.texts(values)), self._controls)
+            return self._engine.compiled(self._path, self.texts(values))
         except EngineError:
             return None
 
@@ -88,38 +140,88 @@ class CompiledNumbers:
         original = self.tree({})
         if original is None:
             return ()
-        groups: dict[str, list[int]] = {}
-        single: list[list[int]] = []
-        for i, number in enumerate(self.numerals):
-            if self._engine.choices and re.fullmatch(self._engine.choices, number.path):
-                continue
-            if why := self._reason(number):
-                groups.setdefault(why, []).append(i)
-            else:
-                single.append([i])
+        groups = self._groups
+        single = [[i] for i in groups.pop("", [])]
         relevant = (
             i for group in (*groups.values(), *single) for i in self._relevant(original, group)
         )
         return tuple(sorted(relevant))
 
+    @cached_property
+    def law_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that affect the laws, or their paths, under a small change."""
+        if self.laws({}) is None:
+            return ()
+
+        def acts(group: Sequence[int]) -> bool:
+            other = self._nudged(group)
+            return other is None or not other.same_laws
+
+        groups = self._groups
+        acting = [group for why, group in groups.items() if not why or acts(group)]
+        return tuple(sorted(i for group in acting for i in group if acts([i])))
+
+    @property
+    def _groups(self) -> dict[str, list[int]]:
+        """All numbers except choices, by their purpose if it is not the motion."""
+        groups: dict[str, list[int]] = {}
+        choices = self._engine.choices
+        for i, number in enumerate(self.numerals):
+            if not (choices and re.fullmatch(choices, number.path)):
+                groups.setdefault(self._reason(number), []).append(i)
+        return groups
+
     def _reason(self, number: Number) -> str:
         kinds = self._engine.non_physical.items()
         return next((why for kind, why in kinds if re.fullmatch(kind, number.path)), "")
 
+    def _nudged(self, group: Sequence[int]) -> _Compiled | None:
+        """Return the file with nudged numbers; downwards if it is refused upwards."""
+        ways = ({i: _moved(self.numerals[i], way * NUDGE) for i in group} for way in (1.0, -1.0))
+        return next((read for one in ways if (read := self._read(one)) is not None), None)
+
     def _relevant(self, original: Tree, group: Sequence[int]) -> Iterator[int]:
         """Yield the numbers of a group that affect the tree."""
-        ways = (1.0, -1.0)
-        for way in ways:
-            tree = self.tree({i: _moved(self.numerals[i], way * NUDGE) for i in group})
-            if tree is not None:
-                break
+        read = self._nudged(group)
+        if read is not None and read.tree is not None and _same(original, read.tree):
+            return
         if len(group) == 1:
-            if tree is None or not _same(original, tree):
-                yield from group
-        elif tree is None or not _same(original, tree):
+            yield from group
+        else:
             half = len(group) // 2
             yield from self._relevant(original, group[:half])
             yield from self._relevant(original, group[half:])
+
+
+def _laws_of(compiled: CompiledTree) -> LawModel | None:
+    """Return the laws of a compiled file; None if something acts that has none."""
+    try:
+        model = law_model(compiled)
+    except TreeError:
+        return None
+    return None if model is None or model.laws.uncovered else model
+
+
+def _mechanics(compiled: CompiledTree) -> tuple[object, ...]:
+    """Return what a tree with laws depends on, besides the laws."""
+    passive = tuple(pull for pull in compiled.pulls if pull.control < 0)
+    bodies = tuple(
+        replace(body, joints=tuple(replace(one, limits=None, friction=0.0) for one in body.joints))
+        for body in compiled.bodies
+    )
+    return bodies, compiled.paths, passive, compiled.gravity, compiled.fluid
+
+
+def _shared(laws: Laws, original: Laws) -> Laws:
+    """Return laws whose rows are those of the original where they are equal, to save memory."""
+    tables = ("limits", "frictions", "equalities", "surfaces", "pairs", "drives")
+    changes: dict[str, Any] = {}
+    for name in tables:
+        rows, before = getattr(laws, name), getattr(original, name)
+        if len(rows) == len(before):
+            pairs = zip(rows, before, strict=True)
+            changes[name] = tuple(two if one == two else one for one, two in pairs)
+    return replace(laws, **changes)
 
 
 def _moved(number: Number, share: float) -> float:

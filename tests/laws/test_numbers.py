@@ -1,0 +1,59 @@
+"""Numbers that whole steps depend on: the diagnosis of a step that differs from its law."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
+from physics_crosscheck.harness.records.finding import Diagnosis
+from tests.coverage.test_robot import STOP
+from tests.laws.scenes import LIMITS, TOUCH
+
+pytest.importorskip("mujoco")
+
+OPTIONS = 'integrator="implicitfast" cone="elliptic"'
+FAULTS = {
+    "range": (STOP, "-60 40", "-60 40.00004", "joint[a]@range[1]", 40.00004),
+    "frictionloss": (STOP, 'loss="0.3"', 'loss="0.303"', "joint[a]@frictionloss", 0.303),
+    "margin": (LIMITS, 'margin=".02"', 'margin=".0202"', "joint[a]@margin", 0.0202),
+    "solimp": (LIMITS, ".97 .05", ".9700097 .05", "joint[a]@solimplimit[1]", 0.9700097),
+    "friction": (TOUCH[3], 'friction=".7', 'friction=".7000007', "geom[floor]@friction[0]",
+                 0.7000007),
+    "solref": (TOUCH[3], '"-3000', '"-3030', "@solref[0]", -3030),
+}  # fmt: skip
+
+
+def diagnosed(tmp_path: Path, text: str, loaded: str) -> Diagnosis:
+    """Diagnose an engine that acts by another text."""
+    file, copy = tmp_path / "scene.xml", tmp_path / "copy.xml"
+    file.write_text(text)
+    copy.write_text(loaded)
+    task = model_task(prepare_tree(file, states=4), "mujoco")
+    return diagnose_robot(task.with_file(copy), is_reference=True)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_number_and_the_value_that_the_engine_acts_with_are_named(
+    tmp_path: Path, fault: str
+) -> None:
+    """Catch a cause without a line, another number, or another value."""
+    scene, right, wrong, address, value = FAULTS[fault]
+    scene = scene.format(OPTIONS)
+    assert right in scene
+    diagnosis = diagnosed(tmp_path, scene, scene.replace(right, wrong, 1))
+    assert diagnosis.explained
+    (cause,) = diagnosis.explanations[0].causes
+    assert cause.subject[0].endswith(address)
+    assert cause.estimate == pytest.approx(value, rel=1e-7)
+    (place,) = cause.locations
+    assert place.line == scene[: scene.index(right)].count("\n") + 1 + ("\n" in right)
+    assert place.span is not None
+
+
+def test_steps_that_agree_have_no_cause(tmp_path: Path) -> None:
+    """Catch a diagnosis that names a number although nothing differs."""
+    assert diagnosed(tmp_path, STOP, STOP).explanations == ()
