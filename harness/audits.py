@@ -148,9 +148,8 @@ class _TargetAudits:
                 self._audits.append(ModelAudit(model_id, bodies=bodies, mechanics=not why))
                 model = ModelPlan(target, file, engine, ())
                 model.begin()
-                yield from model.audit()
-                if bodies and not why:
-                    yield from model.mechanics()
+                if not why:
+                    yield from model.checks("audit")
 
     def _wants(self, model: str, engine: str = "") -> bool:
         """Return whether to audit a model, in an engine or in any."""

@@ -2,19 +2,48 @@
 
 import subprocess
 import sys
+from itertools import permutations
+from pkgutil import resolve_name
 
 import pytest
 
-from physics_crosscheck.harness.planning import tasks
-from physics_crosscheck.harness.planning.cache import KINDS
-from physics_crosscheck.harness.planning.prepared import task_function
+from physics_crosscheck.harness.planning.model_checks import AUDIT, CHECKS, COVERAGE, ModelCheck
+from physics_crosscheck.harness.planning.result_builder import ResultBuilder
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.survey import Audit
+from tests.records.made import finding
+
+MECHANICS = next(check for check in CHECKS if check.kind == "mechanics")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_of_work_is_a_function_of_tasks(kind: str) -> None:
-    function = task_function(kind)
-    assert callable(getattr(tasks, kind))
-    assert function.func.path == f"{tasks.__name__}.{kind}"  # type: ignore[attr-defined]
+@pytest.mark.parametrize("check", CHECKS, ids=[check.kind for check in CHECKS])
+def test_each_check_names_a_function(check: ModelCheck) -> None:
+    for path in {check.function, check.of_bodies or check.function}:
+        assert callable(resolve_name(f"physics_crosscheck.harness.{path}"))
+
+
+def test_stored_results_have_one_kind_each() -> None:
+    assert len({check.kind for check in CHECKS}) == len(CHECKS)
+
+
+def test_a_record_does_not_depend_on_which_check_ends_first() -> None:
+    values = {
+        AUDIT: Audit(findings=(finding(subject=("mass",)),), left_out=("friction",)),
+        MECHANICS: Audit(findings=(finding(subject=("gravity",)),)),
+        COVERAGE: Coverage(motion=3),
+    }
+    model = Model(system="s", model="m.urdf", engine="e", folder="f", text="", sidecar="")
+    records = []
+    for order in permutations(values):
+        results = ResultBuilder(lambda *_: None)
+        results.begin(model)
+        for check in order:
+            results.enter(model.key, check, values[check])
+        records.append(results.models[model.key])
+    assert all(record == records[0] for record in records)
+    assert [one.subject for one in records[0].audit or ()] == [("mass",), ("gravity",)]
+    assert records[0].coverage == Coverage(motion=3, left_out=("friction",))
 
 
 @pytest.mark.parametrize("module", ["run", "audits", "gate.gate"])

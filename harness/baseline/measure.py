@@ -45,20 +45,16 @@ ITERATIONS = 6
 NUDGE = 1e-4
 
 
-def measure(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measurement:
+def measure(task: ModelTask[Prepared]) -> Measurement:
     """Measure one case: on the accepted snapshot if comparable, and on its own.
-
-    Args:
-        task: the case.
-        accepted: the snapshot of the baseline, if there is one.
 
     Raises:
         EngineError, SidecarError, BlownUpError, ReferenceError: naming the model that cannot run.
     """
     if task.sidecar is None:
-        return _measured(task, accepted)  # a file alone is hashed with all files that it names
+        return _measured(task, task.snapshot)  # a file alone is hashed with all files that it names
     with record_reads(task.target.place) as reads:
-        measurement = _measured(task, accepted)
+        measurement = _measured(task, task.snapshot)
     return msgspec.structs.replace(measurement, reads=merged(task.target.reads, reads.states()))
 
 

@@ -37,8 +37,9 @@ MAX_DOF = 12
 """Largest number of coordinates of a robot whose terms are compared: they are n^2, in n states."""
 
 
-def audit_file(sidecar: Sidecar) -> Audit:
+def audit_file(task: TreeTask) -> Audit:
     """Audit a model of declared bodies by reading its file without the declaration."""
+    sidecar = task.declared
     robot = read_robot(
         sidecar.model,
         floating=bool(sidecar.settings.get("floating", False)),

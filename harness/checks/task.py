@@ -11,6 +11,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError, Model, Mode
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.reference.mechanism.system import System
 
@@ -37,6 +38,7 @@ class ModelTask(Generic[P]):
         scenario: name of one scenario; empty for tasks of all.
         resolution: relative discrepancy to resolve.
         thorough: whether every check runs, also those whose answer others imply.
+        snapshot: accepted snapshot that a measurement repeats, if any.
     """
 
     target: P
@@ -46,6 +48,7 @@ class ModelTask(Generic[P]):
     scenario: str = ""
     resolution: float = RESOLUTION
     thorough: bool = False
+    snapshot: Snapshot | None = None
 
     @property
     def file(self) -> Path:
@@ -123,6 +126,7 @@ def model_task(
     scenario: str = "",
     resolution: float = RESOLUTION,
     thorough: bool = False,
+    snapshot: Snapshot | None = None,
 ) -> ModelTask[Q]:
     """Build the task of a model in an engine.
 
@@ -139,6 +143,7 @@ def model_task(
         scenario=scenario,
         resolution=resolution,
         thorough=thorough,
+        snapshot=snapshot,
     )
 
 

@@ -47,6 +47,11 @@ Each fit takes longer there, and each state carries more information.
 """
 
 
+def diagnose_bodies(task: TreeTask) -> Diagnosis:
+    """Diagnose a robot file, or a model of a folder that declares bodies."""
+    return diagnose_robot(task, is_reference=task.sidecar is None)
+
+
 def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
     """Find the numbers of a robot's file that explain a discrepancy.
 

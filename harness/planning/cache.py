@@ -31,15 +31,9 @@ from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, digest_of, states_now
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.paths import SOURCES, is_own
-from physics_crosscheck.harness.planning.prepared import TargetFacts
 from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.finding import Diagnosis
-from physics_crosscheck.harness.records.journal import CacheKey, TaskKind
-from physics_crosscheck.harness.records.model import EngineLinearization
-from physics_crosscheck.harness.records.survey import Audit
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.journal import CacheKey
 from physics_crosscheck.harness.records.write import write_whole
 
 LIBRARIES = ("numpy", "scipy", "sympy", "mpmath")
@@ -49,19 +43,6 @@ DAYS = 30
 """Days after which an unused entry is removed."""
 
 SECONDS_A_DAY = 86_400.0
-
-
-KINDS: Mapping[TaskKind, Any] = {
-    "target": TargetFacts,
-    "case": Case,
-    "linearizations": tuple[EngineLinearization, ...],
-    "coverage": Coverage,
-    "diagnosis": Diagnosis,
-    "audit": Audit,
-    "mechanics": Audit,
-    "measurement": Measurement,
-}
-"""Result type of each kind of task."""
 
 
 class _Entry(Record, frozen=True, kw_only=True):
@@ -90,8 +71,13 @@ class Cache:
                 write_whole(place / ".gitignore", "*\n")
             self._prune()
 
-    def find(self, key: CacheKey) -> Any | None:
-        """Return the cached value if its dependencies are unchanged, otherwise None."""
+    def find(self, key: CacheKey, result: Any) -> Any | None:
+        """Return the cached value if its dependencies are unchanged, otherwise None.
+
+        Args:
+            key: key of the value.
+            result: type of the value.
+        """
         path = self._path(key)
         if not key.inputs:
             return None
@@ -101,7 +87,7 @@ class Cache:
             entry = msgspec.json.decode(path.read_bytes(), type=_Entry)
             if entry.key != key or not _as_they_were(Path(key.folder), entry.reads):
                 return None
-            value = msgspec.json.decode(entry.value, type=KINDS[key.kind])
+            value = msgspec.json.decode(entry.value, type=result)
             os.utime(path)
             return value
         return None
@@ -190,7 +176,7 @@ def file_in_engine(prepared: CacheKey, engine: str, resolution: float, thorough:
     )
 
 
-def with_snapshot(model_hash: str, snapshot: Snapshot | None) -> str:
+def with_snapshot(model_hash: str, snapshot: Snapshot) -> str:
     """Add a snapshot that the model must repeat to its hash."""
     return model_hash and digest_of(model_hash.encode() + msgspec.json.encode(snapshot))
 

@@ -79,6 +79,6 @@ class NamedFunction:
         return self.path.rpartition(".")[-1]
 
 
-def task_function(kind: str, **options: object) -> Callable[[Any], Any]:
-    """Return the function of `planning.tasks` for a kind of task, with options bound."""
-    return partial(NamedFunction(f"{TASKS}.{kind}"), **options)
+def task_function(name: str, **options: object) -> Callable[[Any], Any]:
+    """Return a function of `planning.tasks` by its name, with options bound."""
+    return partial(NamedFunction(f"{TASKS}.{name}"), **options)

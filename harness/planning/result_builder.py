@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict, Unpack
-
-from msgspec.structs import replace
+from typing import Any
 
 from physics_crosscheck.harness.jobs.graph import Job
 from physics_crosscheck.harness.jobs.stop import Stop
 from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.planning.model_checks import CHECKS, RESULTS, ModelCheck
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
-from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.journal import CacheKey, Journal
-from physics_crosscheck.harness.records.model import EngineLinearization, Model
-from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.system import System
 
 Jobs = Iterable[Job[Any]]
@@ -32,18 +28,6 @@ class RunControl:
 
     stop: Stop | None = None
     journal: Journal | None = None
-
-
-class _Found(TypedDict, total=False):
-    """Fields of a model's record that a job provides."""
-
-    linearizations: tuple[EngineLinearization, ...]
-    linearization_failure: str
-    audit: tuple[AuditFinding, ...]
-    audit_failure: str
-    poses: Poses
-    coverage: Coverage
-    diagnosis: Diagnosis
 
 
 class ResultBuilder:
@@ -69,6 +53,8 @@ class ResultBuilder:
         self.reads: dict[str, Mapping[str, str]] = {}
         self._progress, self._journal = progress, journal
         self._unknown: set[str] = set()
+        self._begun: dict[ModelKey, Model] = {}
+        self._values: dict[ModelKey, dict[str, list[Any]]] = {}
 
     @property
     def keeps(self) -> bool:
@@ -92,7 +78,7 @@ class ResultBuilder:
 
     def known(self, key: CacheKey) -> Any | None:
         """Return a value from the journal, if it has one."""
-        return None if self._journal is None else self._journal.kept.get(key)
+        return None if self._journal is None else self._journal.find(key, RESULTS[key.kind])
 
     def keep(self, key: CacheKey, value: Any) -> None:
         """Store a value in the journal, if there is one."""
@@ -104,6 +90,19 @@ class ResultBuilder:
         self.left = {one: None for one in self.left if one[0] != folder}
         self._unknown.discard(folder)
 
-    def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
-        """Add results to the record of a model."""
-        self.models[key] = replace(self.models[key], **fields)
+    def begin(self, model: Model) -> None:
+        """Add a model without results of checks."""
+        self.models[model.key] = self._begun[model.key] = model
+
+    def enter(self, key: ModelKey, check: ModelCheck, value: Any) -> None:
+        """Enter a check's value, or its failure, into the record of a model.
+
+        The record depends on the order of `CHECKS`, not on the order in which checks end.
+        """
+        values = self._values.setdefault(key, {})
+        values.setdefault(check.kind, []).append(value)
+        model = self._begun[key]
+        for each in CHECKS:
+            for entered in values.get(each.kind, ()):
+                model = each.enter(model, entered)
+        self.models[key] = model

@@ -27,6 +27,7 @@ from physics_crosscheck.harness.planning.cache import (
     with_snapshot,
     with_surroundings,
 )
+from physics_crosscheck.harness.planning.model_checks import CASE, MEASUREMENT, RESULTS, ModelCheck
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.prepared import (
     Arguments,
@@ -37,7 +38,7 @@ from physics_crosscheck.harness.planning.prepared import (
 from physics_crosscheck.harness.planning.result_builder import Jobs, ResultBuilder
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
-from physics_crosscheck.harness.records.journal import JOURNALED, CacheKey, TaskKind
+from physics_crosscheck.harness.records.journal import CacheKey
 
 Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]
@@ -142,7 +143,7 @@ class TargetPlan:
 
     def do(
         self,
-        kind: TaskKind,
+        check: ModelCheck,
         key: ModelKey,
         done: Done,
         failed: Failed,
@@ -151,26 +152,26 @@ class TargetPlan:
         scenario: str = "",
         snapshot: Snapshot | None = None,
     ) -> Iterator[Job[Any]]:
-        """Yield the job of a model's task, unless its value is cached.
+        """Yield the job of a model's check, unless its value is stored.
 
         Args:
-            kind: key of `planning.cache.KINDS`, and name of the function in `planning.tasks`.
+            check: one of `model_checks.CHECKS`.
             key: key of the model.
             done, failed: follow-up jobs, as in `Job`.
             sidecar: sidecar of a folder's model.
             scenario: scenario of a case or a measurement.
             snapshot: snapshot that a measurement repeats.
         """
-        journal_key = self._journal_key(kind, key, scenario)
+        journal_key = self._journal_key(check.kind, key, scenario, snapshot)
         if (
             journal_key is not None
             and (value := self._sound(self.results.known(journal_key))) is not None
         ):
             yield from done(value)
             return
-        cache_key = self._cache_key(kind, key, scenario, snapshot)
+        cache_key = self._cache_key(check.kind, key, scenario, snapshot)
         if (value := self._had(cache_key)) is not None:
-            self.results.cached += kind == "case"
+            self.results.cached += check is CASE
             yield from done(value)
             return
 
@@ -184,7 +185,7 @@ class TargetPlan:
         )
 
         def job() -> Job[Any]:
-            task = Task(task_function(kind, given=arguments), self._solved)
+            task = Task(check.task(self.facts, arguments), self._solved)
             # The files that a model in code reads are not known in advance.
             if cache_key is not None and Path(cache_key.model).suffix == ".py":
                 task = Task(Reading(task, self.place), task.argument)
@@ -220,7 +221,7 @@ class TargetPlan:
             return ()
 
         return self.do(
-            "measurement",
+            MEASUREMENT,
             (folder, case.model, case.engine),
             done,
             done,
@@ -232,7 +233,7 @@ class TargetPlan:
     def _had(self, key: CacheKey | None) -> Any | None:
         if key is None or self._cache is None:
             return None
-        return self._sound(self._cache.find(key))
+        return self._sound(self._cache.find(key, RESULTS[key.kind]))
 
     def _sound(self, value: Any | None) -> Any | None:
         """Return a stored value; ignore a case that contradicts its own numbers."""
@@ -245,8 +246,12 @@ class TargetPlan:
         if key is not None and self._cache is not None:
             self._cache.keep(key, value, merged(self.facts.reads, reads))
 
-    def _inputs(self, key: ModelKey) -> str:
+    def _inputs(self, key: ModelKey, snapshot: Snapshot | None) -> str:
         """Return a hash of the dependencies of a model in an engine; "" if unknown."""
+        hashed = self._inputs_of_model(key)
+        return hashed if snapshot is None else with_snapshot(hashed, snapshot)
+
+    def _inputs_of_model(self, key: ModelKey) -> str:
         options = self.options
         if not self.standalone:
             hashed = self._hashes.get(key, "")
@@ -254,26 +259,26 @@ class TargetPlan:
         assert self._key is not None  # only needed with a cache or a journal
         return file_in_engine(self._key, key[-1], options.resolution, options.thorough)
 
-    def _journal_key(self, kind: TaskKind, key: ModelKey, scenario: str) -> CacheKey | None:
+    def _journal_key(
+        self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
+    ) -> CacheKey | None:
         """Return the journal's key of a task; None without a journal."""
-        if kind not in JOURNALED or not self.results.keeps:
+        if not self.results.keeps:
             return None
-        hashed = self._inputs(key)
+        hashed = self._inputs(key, snapshot)
         if not self.standalone:  # a journal does not store which files the code read
             hashed = with_reads_of_system(hashed, key, self.facts.reads)
         return _key_of(kind, key, scenario, hashed) if hashed else None
 
     def _cache_key(
-        self, kind: TaskKind, key: ModelKey, scenario: str, snapshot: Snapshot | None
+        self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
     ) -> CacheKey | None:
         if self._cache is None:
             return None
-        hashed = self._inputs(key)
-        hashed = with_snapshot(hashed, snapshot) if kind == "measurement" else hashed
-        return _key_of(kind, key, scenario, hashed)
+        return _key_of(kind, key, scenario, self._inputs(key, snapshot))
 
 
-def _key_of(kind: TaskKind, key: ModelKey, scenario: str, inputs: str) -> CacheKey:
+def _key_of(kind: str, key: ModelKey, scenario: str, inputs: str) -> CacheKey:
     folder, model, engine = key
     return CacheKey(
         kind=kind, folder=folder, model=model, engine=engine, scenario=scenario, inputs=inputs

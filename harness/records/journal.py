@@ -12,28 +12,15 @@ import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 
 from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.hold import hold
-from physics_crosscheck.harness.records.model import EngineLinearization
 from physics_crosscheck.harness.records.read import ResultsError
 
 NAME = "results.partial.jsonl"
-
-
-TaskKind = Literal[
-    "target", "case", "linearizations", "coverage", "diagnosis", "audit", "mechanics", "measurement"
-]
-"""Kind of a task whose result is stored."""
-
-JOURNALED: frozenset[TaskKind] = frozenset(("case", "linearizations", "coverage", "diagnosis"))
-"""Kinds of tasks whose results a journal stores."""
 
 
 class CacheKey(Record, frozen=True, kw_only=True):
@@ -48,7 +35,7 @@ class CacheKey(Record, frozen=True, kw_only=True):
         inputs: Hash of all inputs that are known in advance; empty if unknown.
     """
 
-    kind: TaskKind
+    kind: str
     folder: str
     model: str = ""
     engine: str = ""
@@ -56,17 +43,11 @@ class CacheKey(Record, frozen=True, kw_only=True):
     inputs: str
 
 
-Value = Case | tuple[EngineLinearization, ...] | Coverage | Diagnosis
-
-
 class _Done(Record, frozen=True, kw_only=True):
-    """A line: a task and its result, in the field of its kind."""
+    """A line: a task and its result."""
 
     key: CacheKey
-    case: Case | None = None
-    linearizations: tuple[EngineLinearization, ...] | None = None
-    coverage: Coverage | None = None
-    diagnosis: Diagnosis | None = None
+    value: msgspec.Raw
 
 
 class Journal:
@@ -74,20 +55,25 @@ class Journal:
 
     Attributes:
         path: path of the file.
-        kept: results of an earlier run.
         problem: why nothing is written any more; empty as long as writing works.
     """
 
-    def __init__(self, path: Path, file: int, kept: dict[CacheKey, Value]) -> None:
-        self.path, self.kept, self.problem = path, kept, ""
-        self._file = file
+    def __init__(self, path: Path, file: int, kept: dict[CacheKey, msgspec.Raw]) -> None:
+        self.path, self.problem = path, ""
+        self._file, self._kept = file, kept
 
-    def keep(self, key: CacheKey, value: Value) -> None:
+    def find(self, key: CacheKey, result: Any) -> Any | None:
+        """Return the result of an earlier run, of the given type; None without a valid one."""
+        with contextlib.suppress(msgspec.MsgspecError, RecursionError):
+            return msgspec.json.decode(self._kept[key], type=result) if key in self._kept else None
+        return None
+
+    def keep(self, key: CacheKey, value: object) -> None:
         """Write the result of a task; if that fails, the run continues without a journal."""
         if self.problem:
             return
-        given: dict[str, Any] = {key.kind: value}
-        line = msgspec.json.encode(_Done(key=key, **given)) + b"\n"
+        done = _Done(key=key, value=msgspec.Raw(msgspec.json.encode(value)))
+        line = msgspec.json.encode(done) + b"\n"
         try:
             _write(self._file, line)
             os.fsync(self._file)
@@ -162,9 +148,9 @@ def _owner(path: Path) -> str:
         return ""
 
 
-def _read(path: Path) -> tuple[dict[CacheKey, Value], int]:
+def _read(path: Path) -> tuple[dict[CacheKey, msgspec.Raw], int]:
     """Return the stored results, and the number of bytes in complete lines."""
-    kept: dict[CacheKey, Value] = {}
+    kept: dict[CacheKey, msgspec.Raw] = {}
     length = 0
     with path.open("rb") as file:
         for line in file:
@@ -173,9 +159,7 @@ def _read(path: Path) -> tuple[dict[CacheKey, Value], int]:
             length += len(line)
             with contextlib.suppress(msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
                 done = msgspec.json.decode(line, type=_Done)
-                value = getattr(done, done.key.kind, None)
-                if value is not None:
-                    kept[done.key] = value
+                kept[done.key] = done.value
     return kept, length
 
 

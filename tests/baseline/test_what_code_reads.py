@@ -309,10 +309,10 @@ def test_nothing_is_taken_from_before_where_what_code_saw_has_changed(
     key = CacheKey(kind="coverage", folder=str(folder), inputs="known")
     cache.keep(key, Coverage(note="kept"), reads)
     if way != "removed":
-        assert cache.find(key) == Coverage(note="kept")
+        assert cache.find(key, Coverage) == Coverage(note="kept")
         assert as_now(model, accepted) == accepted
     changed(shared)
-    assert cache.find(key) is None
+    assert cache.find(key, Coverage) is None
     assert as_now(model, accepted) != accepted
 
 
@@ -360,7 +360,7 @@ def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
     assert "can't be read" in found.states().values()
     cache, key = Cache(folder / "cache"), CacheKey(kind="coverage", folder="f", inputs="known")
     cache.keep(key, Coverage(), found.states())
-    assert cache.find(key) is None
+    assert cache.find(key, Coverage) is None
 
 
 def test_functions_are_as_they_were_after_a_recording(folder: Path) -> None:

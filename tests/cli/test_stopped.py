@@ -122,8 +122,8 @@ def test_what_was_kept_and_contradicts_itself_is_run_again(
     kept = Path("out") / NAME
     lines = [json.loads(line) for line in kept.read_text().splitlines()]
     for line in lines:
-        if line.get("case"):
-            line["case"]["verdict"]["discrepancy"] = 5.2
+        if line.get("key", {}).get("kind") == "case":
+            line["value"]["verdict"]["discrepancy"] = 5.2
     kept.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
     after(lambda done: None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 0
@@ -209,7 +209,7 @@ def work_of(file: Path, **options: Any) -> CacheKey | None:
     with journal(Path("out"), resume=True) as done:
         found = ResultBuilder(lambda *_: None, done)
         of_file = TargetPlan(file, Options(**options), found)
-        return of_file._journal_key("case", (str(file), file.name, "mujoco"), "states")
+        return of_file._journal_key("case", (str(file), file.name, "mujoco"), "states", None)
 
 
 def test_what_a_robot_s_file_depends_on_is_what_a_journal_goes_by(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
-from functools import partial
 
 import pytest
 
@@ -14,8 +13,8 @@ from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.interfaces.cli.exit_codes import DIFFER
 from physics_crosscheck.harness.interfaces.cli.gate import code
-from physics_crosscheck.harness.planning import target_plan
-from physics_crosscheck.harness.planning.prepared import task_function
+from physics_crosscheck.harness.planning.model_checks import AUDIT, ModelCheck
+from physics_crosscheck.harness.planning.prepared import Arguments, TargetFacts
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.run import Options, run
@@ -85,18 +84,21 @@ def test_what_was_accepted_of_an_audit_passes_until_it_is_another(
     assert not read_baseline(repository.baseline)[SYSTEM].audits
 
 
-def _broken(_: object, given: object = None) -> None:
+def _broken(_: object) -> None:
     raise RuntimeError("no audit today")
 
 
-def _with_broken_audit(kind: str, **options: object) -> Callable[..., object]:
-    return partial(_broken, **options) if kind == "audit" else task_function(kind, **options)
+TASK = ModelCheck.task
+
+
+def _broken_audit(check: ModelCheck, facts: TargetFacts, given: Arguments) -> Callable[..., object]:
+    return _broken if check is AUDIT else TASK(check, facts, given)
 
 
 def test_an_audit_that_fails_is_no_pass_and_can_t_be_accepted(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(target_plan, "task_function", _with_broken_audit)
+    monkeypatch.setattr(ModelCheck, "task", _broken_audit)
     found = repository.gate("pymunk", every=True)
     assert {change.status for change in found.changes} == {Status.NOT_RUN}
     assert "its audit failed: RuntimeError: no audit today" in found.changes[0].messages[0]

@@ -12,7 +12,7 @@ import pytest
 
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
-from physics_crosscheck.harness.planning import tasks
+from physics_crosscheck.harness.planning.model_checks import DIAGNOSIS
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -99,8 +99,8 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     assert any(one.startswith("Fix: change ") for one in top)
     assert "Traceback" not in shown
     assert not re.search(r"collect\.py|runner\.py|Error\b", shown)
-    named = [one.func for one in asked if isinstance(one, partial)]
-    assert named.count(tasks.diagnosis) == 1
+    paths = [one.keywords.get("path") for one in asked if isinstance(one, partial)]
+    assert paths.count(DIAGNOSIS.function) == 1
     cases = ET.parse(project.path / "j.xml").getroot().iter("testcase")
     assert [properties(one)["code"] for one in cases] == ["XC201", "XC201", "XC123"]
     failure = junit(project, "failure")

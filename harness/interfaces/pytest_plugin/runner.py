@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -33,8 +32,8 @@ from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning import tasks
-from physics_crosscheck.harness.planning.prepared import Arguments, Preparation
+from physics_crosscheck.harness.planning.model_checks import AUDIT, CASE, DIAGNOSIS, MEASUREMENT
+from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, task_function
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -113,7 +112,7 @@ class CaseRunner:
         """Prepare a system folder or a robot file, once."""
         if target not in self._prepared:
             smooth = self._settings.smooth and target.is_file()
-            self._prepared[target] = self._ask(partial(tasks.target, smooth=smooth), target)
+            self._prepared[target] = self._ask(task_function("target", smooth=smooth), target)
         return self._prepared[target]
 
     def case(self, case_id: CaseId, target: Path, model: Sidecar | Path) -> Case:
@@ -147,9 +146,9 @@ class CaseRunner:
 
         def measured(accepted: Snapshot) -> Measurement | Failure:
             measuring = replace(task, snapshot=accepted)
-            return self._ask(partial(tasks.measurement, given=measuring), prepared.solved)
+            return self._ask(MEASUREMENT.task(prepared.facts, measuring), prepared.solved)
 
-        case = self._ask(partial(tasks.case, given=task), prepared.solved)
+        case = self._ask(CASE.task(prepared.facts, task), prepared.solved)
         return self._judged(case, case_id, target, measured)
 
     def _task(self, model: Sidecar | Path, engine: str, scenario: str = "") -> Arguments:
@@ -204,7 +203,8 @@ class CaseRunner:
             return preparation
         if preparation.facts.declares == "robot file":
             return Audit(findings=preparation.facts.findings)
-        return self._ask(partial(tasks.audit, given=self._task(model, engine)), preparation.solved)
+        task = AUDIT.task(preparation.facts, self._task(model, engine))
+        return self._ask(task, preparation.solved)
 
     def diagnosis(self, target: Path, model: Sidecar | Path, engine: str) -> Diagnosis:
         """Diagnose a model once from its motions in every scenario."""
@@ -215,8 +215,8 @@ class CaseRunner:
             if isinstance(preparation, Failure):
                 value = preparation
             else:
-                task = self._task(model, engine)
-                value = self._ask(partial(tasks.diagnosis, given=task), preparation.solved)
+                task = DIAGNOSIS.task(preparation.facts, self._task(model, engine))
+                value = self._ask(task, preparation.solved)
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value
