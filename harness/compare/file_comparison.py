@@ -151,7 +151,7 @@ def shared_frames(a: Facts, b: Facts) -> tuple[tuple[str, ...], tuple[str, ...]]
 
 def _massless_frames(facts: Facts) -> dict[str, str]:
     parts = () if facts.robot is None else facts.robot.parts
-    massless = {part.name for part in parts if part.mass == 0.0 and not part.inertia.any()}
+    massless = {part.name for part in parts if not part.link.mass and not any(part.link.inertia)}
     places: dict[str, str] = {}
     for place in facts.places:
         kind, _, name = place.partition(":")

@@ -28,6 +28,7 @@ from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, Omission
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
 
@@ -190,23 +191,20 @@ def _masses(
     masses: tuple[float, float],
 ) -> Iterator[Difference]:
     """Yield mass differences by link where these explain the total; else that of the body."""
-    pairs = [
-        (x, y) for x, y in _namesakes(*parts)
-        if abs(x.mass - y.mass) > SAME * max(x.mass, y.mass)
-    ]  # fmt: skip
-    remainder = masses[0] - masses[1] - sum(x.mass - y.mass for x, y in pairs)
-    if pairs and abs(remainder) <= SAME * max(masses):
-        for x, y in pairs:
-            message = f"link {_both(x.name, y.name)}: mass {shown(x.mass, y.mass)}"
+    pairs = [(x.link.mass, y.link.mass, x, y) for x, y in _namesakes(*parts)]
+    unequal = [pair for pair in pairs if abs(pair[0] - pair[1]) > SAME * max(pair[:2])]
+    remainder = masses[0] - masses[1] - sum(m - n for m, n, *_ in unequal)
+    if unequal and abs(remainder) <= SAME * max(masses):
+        for m, n, x, y in unequal:
             yield make_property(
                 "mass",
                 x.name,
-                message,
-                a=x.mass,
-                b=y.mass,
+                f"link {_both(x.name, y.name)}: mass {shown(m, n)}",
+                a=m,
+                b=n,
                 lines=_lines(a, b, x, y),
-                relative=abs(x.mass - y.mass) / max(x.mass, y.mass),
-                changed=with_link(a.tree, row.a, mass=masses[0] + y.mass - x.mass),
+                relative=abs(m - n) / max(m, n),
+                changed=with_link(a.tree, row.a, mass=masses[0] + n - m),
             )
         return
     message = f"mass {shown(*masses)}"
@@ -257,20 +255,21 @@ def _named(
     )
 
 
-_NOBODY = LinkPart(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
+_NOBODY = LinkPart(link=RigidBody(name="", parent=None), line=0)
 
 
 def _unlike(x: LinkPart, y: LinkPart) -> bool:
     """Return whether the mass properties of two links differ in their own frames."""
+    p, q = x.inertia, y.inertia
     return not (
-        x.mass == y.mass
-        and np.array_equal(x.center, y.center)
-        and np.array_equal(x.inertia, y.inertia)
+        p.mass == q.mass
+        and np.array_equal(p.center, q.center)
+        and np.array_equal(p.inertia, q.inertia)
     )
 
 
 def _heaviest(parts: tuple[LinkPart, ...]) -> LinkPart | None:
-    return max(parts, key=lambda part: part.mass, default=None)
+    return max(parts, key=lambda part: part.link.mass, default=None)
 
 
 def _both(x: str, y: str) -> str:

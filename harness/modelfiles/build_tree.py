@@ -205,14 +205,7 @@ def elements_of(named: Mapping[str, Named]) -> Elements:
 
 def part_of(document: Document, element: XmlElement, body: RigidBody) -> LinkPart:
     """Return a link as a separate part."""
-    inertia = body.spatial_inertia
-    return LinkPart(
-        name=body.name,
-        line=document.line(element),
-        mass=inertia.mass,
-        center=inertia.center,
-        inertia=inertia.inertia,
-    )
+    return LinkPart(link=body, line=document.line(element))
 
 
 def robot_of(

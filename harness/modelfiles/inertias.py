@@ -77,15 +77,16 @@ def impossible_inertias(robot: Robot) -> tuple[Finding, ...]:
 
 
 def _violations(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
-    numbers = [part.mass, *part.center, *part.inertia.ravel()]
+    mass, center, inertia = part.inertia
+    numbers = [mass, *center, *inertia.ravel()]
     if not np.isfinite(numbers).all():
         yield "not finite", "has an inertia that is not finite", "write finite numbers"
         return
-    if part.mass < 0:
-        yield "negative mass", f"has a mass of {part.mass:g} kg", "write a positive mass"
-    small, middle, large = np.linalg.eigvalsh(part.inertia).tolist()
-    far = float(part.center @ part.center)
-    allowed = MARGIN * max(abs(small), abs(large)) + MOMENT_ROUNDING * abs(part.mass) * far
+    if mass < 0:
+        yield "negative mass", f"has a mass of {mass:g} kg", "write a positive mass"
+    small, middle, large = np.linalg.eigvalsh(inertia).tolist()
+    far = float(center @ center)
+    allowed = MARGIN * max(abs(small), abs(large)) + MOMENT_ROUNDING * abs(mass) * far
     moments = f"{small:.4g}, {middle:.4g} and {large:.4g} kg m^2"
     if small < -allowed:
         yield (
@@ -99,7 +100,7 @@ def _violations(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
             f"has the principal moments of inertia {moments}",
             "the largest can't exceed the sum of the other two: check its axes and its origin",
         )
-    if part.mass == 0 and np.any(part.inertia):
+    if mass == 0 and np.any(inertia):
         yield (
             "massless",
             f"has inertia, {moments}, but no mass",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
 
 HELD = "joints that move nothing with inertia (held still)"
@@ -41,21 +43,26 @@ class LinkPart:
     """A link of the file, before links on fixed joints are merged.
 
     Attributes:
-        name: in the file.
-        line: of its element, from 1.
-        mass: kg.
-        center: of mass, in the part's frame, m, (3,).
-        inertia: about the center of mass, in the part's frame, kg m^2, (3, 3).
+        link: with its numbers.
+        line: of its element, from 1; 0 if unknown.
         body: index of the tree's link that contains it; `WORLD` for fixed parts, and without a
             tree.
     """
 
-    name: str
+    link: RigidBody
     line: int
-    mass: float
-    center: Array
-    inertia: Array
     body: int = WORLD
+
+    @property
+    def name(self) -> str:
+        """Its name in the file."""
+        return self.link.name
+
+    @cached_property
+    def inertia(self) -> SpatialInertia:
+        """Its mass, center of mass and inertia in its own frame; not finite after an overflow."""
+        with np.errstate(all="ignore"):
+            return self.link.spatial_inertia
 
 
 @dataclass(frozen=True, kw_only=True)

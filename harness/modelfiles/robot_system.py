@@ -72,7 +72,7 @@ def names_of(tree: Tree) -> tuple[str, ...]:
 def summary(robot: Robot) -> str:
     """Return a summary such as: 7 joints, 8 links in 7 bodies, 21.4 kg."""
     count = 0 if robot.tree is None else len(robot.tree.links)
-    mass = sum(part.mass for part in robot.parts)
+    mass = sum(part.link.mass for part in robot.parts)
     links = counted(len(robot.parts), "link")
     bodies = counted(count, "body", "bodies")
     return f"{counted(count, 'joint')}, {links} in {bodies}, {mass:.4g} kg"

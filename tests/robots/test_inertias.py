@@ -9,6 +9,7 @@ import pytest
 
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from tests.robots.files import inertial, joint, link, read, tree_of
 
 
@@ -73,7 +74,8 @@ def test_a_negative_mass_that_no_position_outweighs_is_in_the_way(tmp_path: Path
 
 
 def test_numbers_that_are_not_finite_are_told(tmp_path: Path) -> None:
-    part = LinkPart(name="x", line=3, mass=1.0, center=np.zeros(3), inertia=np.full((3, 3), np.inf))
+    huge = RigidBody(name="x", parent=None, mass=1.0, inertia=(1.7e308,) * 6, inertia_rpy=(1, 1, 1))
+    part = LinkPart(link=huge, line=3)
     none = np.zeros(0)
     robot = Robot(name="r", file=tmp_path, tree=None, parts=(part,), limits=(none, none), home=none,
                   left_out=(), obstacles=())  # fmt: skip

@@ -62,7 +62,10 @@ def compiled_robot(
         name=compiled.name or path.stem,
         file=path,
         tree=whole.tree,
-        parts=tuple(_part(body, whole.tree.frames[body.name][0]) for body in body_model.bodies),
+        parts=tuple(
+            LinkPart(link=body, line=0, body=whole.tree.frames[body.name][0])
+            for body in body_model.bodies
+        ),
         limits=whole.limits,
         home=home_of(whole.tree, whole.limits),
         left_out=left_out,
@@ -108,11 +111,6 @@ def _assembled(body_model: BodyModel) -> Assembled:
         body_model.couplings,
         body_model.fluid,
     )
-
-
-def _part(body: RigidBody, within: int) -> LinkPart:
-    mass, center, inertia = body.spatial_inertia
-    return LinkPart(name=body.name, line=0, mass=mass, center=center, inertia=inertia, body=within)
 
 
 def compiled_bodies(compiled: CompiledTree) -> tuple[RigidBody, ...]:
