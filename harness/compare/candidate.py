@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
-from physics_crosscheck.harness.modelfiles.folders import FORMATS
+from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.model_files import check_springs
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
@@ -240,7 +239,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         check_parts(path)
     except PartError as error:
         raise UnreadableModelError(str(error)) from None
-    if path.suffix in FORMATS and (why := xml_problem(path, strict=path.suffix != ".xml")):
+    if why := syntax_problem(path):
         raise UnreadableModelError(why)
     sidecar = read_sidecar(sidecar_file) if sidecar_file.exists() else None
     name = _engine(label, path, engine, sidecar)

@@ -37,7 +37,7 @@ _IDENTITIES = ("name", "reference", "joint", "class")
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _TAG = re.compile(rb"<[^\s/>]+")
 _EMPTY = re.compile(rb"\s*/>")
-_ELEMENT = re.compile(rb"<[A-Za-z_]")
+_ELEMENT = re.compile(rb"<([A-Za-z_][^\s/>]*)")
 
 MAX_KEPT_BYTES = 2**22
 """The largest file whose elements are kept."""
@@ -335,6 +335,16 @@ def _parse(source: SourceFile) -> tuple[XmlElement, ...]:
     except expat.ExpatError as error:
         raise _syntax_error(source.file, source.data, error, [one.tag for one in open_]) from None
     return tuple(elements)
+
+
+def is_whole(file: Path) -> bool:
+    """Return whether a file ends with the end tag of its first element, without parsing it."""
+    try:
+        data = read_regular(file, MAX_MODEL_BYTES).rstrip()
+    except OSError:
+        return False
+    root = _ELEMENT.search(data)
+    return root is not None and data.endswith(b"</" + root[1] + b">") and b"\0" not in data
 
 
 def xml_problem(file: Path, *, strict: bool) -> str:

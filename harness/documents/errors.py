@@ -107,4 +107,4 @@ class ReadError:
         """Return the problem of a file that is not XML."""
         line = error.line or 0
         remedy = error.remedy if line else "give another"
-        return ReadError(sentence=error.sentence, file=path, line=line, remedy=remedy)
+        return ReadError(sentence=error.sentence, file=path, line=line, remedy=remedy, kind="file")

@@ -31,8 +31,9 @@ from physics_crosscheck.harness.gate.survey import (
     was_left_alone,
 )
 from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.formats import is_robot
 from physics_crosscheck.harness.modelfiles.parts import included
-from physics_crosscheck.harness.modelfiles.robot_targets import is_robot, robots_below
+from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.records.baseline import AcceptedCase
 from physics_crosscheck.harness.records.case import Case, ModelId
 from physics_crosscheck.harness.records.diff import Status, bare_diff

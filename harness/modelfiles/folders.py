@@ -8,11 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.paths import HARNESS, IMPORT_ROOT
 from physics_crosscheck.harness.results.visible import odd_name, visible
-
-FORMATS = (".urdf", ".sdf", ".xml")
-"""Suffixes of the files that are read as robots."""
 
 
 class FolderError(ValueError):

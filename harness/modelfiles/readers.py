@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
 from physics_crosscheck.harness.engines.protocol import Spring
-from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
+from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, home_of
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
-from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
-from physics_crosscheck.harness.modelfiles.sdf.read import read_sdf_robot
-from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
-from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.bodies import ForceElement, RigidBody
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
@@ -50,6 +45,27 @@ class Numbers(Protocol):
         """Return the files, by path, with other values of some numbers."""
 
 
+class Reader(Protocol):
+    """The package of a format; settings are those of the engines that run the file."""
+
+    def read(self, file: Path, settings: Mapping[str, object]) -> Robot:
+        """Read a robot's file."""
+
+    def numbers(self, file: Path, settings: Mapping[str, object]) -> Numbers:
+        """Return the numbers of a file that has a tree.
+
+        Raises:
+            RobotError: if no installed engine compiles the file.
+        """
+
+
+def _reader(file: Path) -> Reader:
+    """Return the reader of a file's suffix; an engine compiles unknown ones."""
+    package = FORMATS.get(file.suffix, FORMATS[".xml"]).package
+    reader: Reader = import_module(f"{__package__}.{package}")
+    return reader
+
+
 def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
     """Read a robot's file, by its suffix.
 
@@ -58,11 +74,7 @@ def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
         floating: whether the root link of a URDF moves freely; an SDFormat file states it.
         model: name of one of several models of an SDFormat file; empty for a single moving one.
     """
-    if file.suffix == ".sdf":
-        return read_sdf_robot(file, model=model)
-    if file.suffix == ".urdf":
-        return read_urdf_robot(file, floating=floating)
-    return read_compiled_robot(file)
+    return _reader(file).read(file, {"floating": floating, "model": model})
 
 
 def read_as_it_runs(
@@ -73,14 +85,7 @@ def read_as_it_runs(
     Joints named by `held` are fixed where the file draws them. Without `couplings`, followers move
     freely; without `actuators`, no actuator acts.
     """
-    if file.suffix in (".urdf", ".sdf"):
-        floating, model = bool(settings.get("floating", False)), str(settings.get("model", ""))
-        robot = read_robot(file, floating=floating, model=model)
-    else:
-        actuated = bool(settings.get("actuators", True))
-        controls = settings.get("controls") if actuated else None
-        listed = controls if isinstance(controls, list) else None
-        robot = read_compiled_robot(file, actuated=actuated, controls=listed)
+    robot = _reader(file).read(file, settings)
     held = settings.get("held")
     names = held if isinstance(held, list) else []
     released = not settings.get("couplings", True)
@@ -149,17 +154,4 @@ def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
     Raises:
         RobotError: if no installed engine compiles the file.
     """
-    if file.suffix == ".sdf":
-        return SdfNumbers(file, str(settings.get("model", "")))
-    if file.suffix == ".urdf":
-        held = settings.get("held", [])
-        return UrdfNumbers(
-            file,
-            floating=bool(settings.get("floating")),
-            held=held if isinstance(held, list) else [],
-        )
-    engine = compiler(file.suffix)
-    if engine is None:
-        raise RobotError(f"{file}: no engine is installed that compiles {file.suffix} files")
-    controls = settings.get("controls", [])
-    return CompiledNumbers(file, engine, controls if isinstance(controls, list) else [])
+    return _reader(file).numbers(file, settings)

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.folders import FORMATS, FolderError
+from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.modelfiles.formats import FORMATS, is_robot
 from physics_crosscheck.harness.results.visible import odd_name, visible
 
 MAX_DEPTH = 4
@@ -17,10 +18,7 @@ MAX_DEPTH = 4
 SKIPPED = frozenset({"__pycache__", "build", "dist", "node_modules", "site-packages", "venv"})
 """Names of folders that hold no models of the user; hidden ones are skipped too."""
 
-HEAD_BYTES = 4096
-"""Bytes of an XML file that contain its first element."""
-
-_FORMAT_LIST = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
+_FORMAT_LIST = f"{', '.join([*FORMATS][:-1])} and {[*FORMATS][-1]}"
 
 
 @dataclass(frozen=True)
@@ -123,17 +121,3 @@ def _walk(here: Path) -> Iterator[tuple[Path, list[str]]]:
             name for name in folders if deeper and not name.startswith(".") and name not in SKIPPED
         )
         yield Path(base), names
-
-
-def is_robot(file: Path) -> bool:
-    """Return whether a file is a robot's: by its ending, and MJCF by its first element."""
-    if file.suffix not in FORMATS or file.name.startswith("."):
-        return False
-    if file.suffix != ".xml":
-        return True
-    try:
-        with file.open("rb") as opened:
-            head = opened.read(HEAD_BYTES)
-    except OSError:
-        return False
-    return b"<mujoco" in head and b"<mujocoinclude" not in head

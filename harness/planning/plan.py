@@ -14,10 +14,11 @@ from physics_crosscheck.harness.checks.not_run import (
     failed_case,
     not_of_a_tree,
 )
-from physics_crosscheck.harness.documents.elements import xml_problem
+from physics_crosscheck.harness.documents.elements import is_whole
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.jobs.graph import Job
 from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.formats import syntax_problem
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -30,9 +31,6 @@ from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan, stand_in
 from physics_crosscheck.harness.records.case import CaseId
-
-MJCF = ".xml"
-"""Suffix of files that their engine's own parser reads, less strictly than XML."""
 
 
 class Plan:
@@ -49,14 +47,15 @@ class Plan:
         self._engines = engines()
 
     def readable(self, targets: Sequence[Path]) -> list[Path]:
-        """Return the folders, and the files that may be XML; the other files fail before a worker
-        process starts for them.
+        """Return the folders, and the files that may be XML; files without an end fail before a
+        worker process starts for them.
         """
         kept = []
         for target in targets:
             self._results.expect(str(target), [stand_in(target)], complete=False)
         for target in targets:
-            if target.is_file() and (why := xml_problem(target, strict=target.suffix != MJCF)):
+            whole = not target.is_file() or is_whole(target)
+            if not whole and (why := syntax_problem(target)):
                 failure = Failure(why, "", kind="file")
                 self._results.add(failed_case(stand_in(target), str(target), failure))
             else:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.reading import read_regular
-from physics_crosscheck.harness.modelfiles.folders import FORMATS
+from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_targets import xacro_remedy

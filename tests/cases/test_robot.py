@@ -14,6 +14,7 @@ import pytest
 from physics_crosscheck.harness.checks.case import follow, run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.documents import elements
 from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
@@ -395,6 +396,21 @@ def test_what_is_no_xml_fails_before_a_worker_process_is_started(
         "none.urdf:1: not XML: the file has no element; write well-formed XML",
     ):
         assert line in " ".join(done.stdout.split())
+
+
+def test_a_whole_file_is_parsed_by_the_workers_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parsed: list[str] = []
+    file = tmp_path / "inner.urdf"
+    file.write_text("<robot>\n  <link name='a'>\n</robot>\n")
+    monkeypatch.setattr(elements, "_parse", lambda source: parsed.append(source.file.name))
+    done = crosscheck(tmp_path, "inner.urdf")
+    assert done.returncode == 3
+    assert "inner.urdf:3: not XML at column 3: mismatched tag; write" in " ".join(
+        done.stdout.split()
+    )
+    assert not parsed
 
 
 def test_what_an_engine_reads_though_it_is_no_xml_is_left_to_it(tmp_path: Path) -> None:

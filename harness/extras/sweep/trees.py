@@ -28,7 +28,7 @@ from physics_crosscheck.harness.extras.sweep.source import (
     sidecars_of,
 )
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.folders import FORMATS
+from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError

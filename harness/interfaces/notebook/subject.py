@@ -10,7 +10,8 @@ from pathlib import Path
 from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
 from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.folders import FORMATS, check_engines, system_folders
+from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
+from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.model_files import check_springs, model_files
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar

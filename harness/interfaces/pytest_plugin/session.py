@@ -28,10 +28,10 @@ from physics_crosscheck.harness.interfaces.pytest_plugin.runner import (
 )
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import FolderError, system_folders
+from physics_crosscheck.harness.modelfiles.formats import is_robot
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.robot_targets import (
     NamedRobots,
-    is_robot,
     robot_files,
 )
 from physics_crosscheck.harness.records.outcome import Outcome

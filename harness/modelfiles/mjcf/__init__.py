@@ -1,1 +1,32 @@
 """MJCF files as trees of bodies, from the numbers that an engine compiles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+
+
+def read(file: Path, settings: Mapping[str, object]) -> Robot:
+    """Read a robot; `controls` are held values of its actuators, which `actuators` switches."""
+    actuated = bool(settings.get("actuators", True))
+    controls = settings.get("controls") if actuated else None
+    listed = controls if isinstance(controls, list) else None
+    return read_compiled_robot(file, actuated=actuated, controls=listed)
+
+
+def numbers(file: Path, settings: Mapping[str, object]) -> CompiledNumbers:
+    """Return the numbers of a file and its includes.
+
+    Raises:
+        RobotError: if no installed engine compiles the file.
+    """
+    engine = compiler(file.suffix)
+    if engine is None:
+        raise RobotError(f"{file}: no engine is installed that compiles {file.suffix} files")
+    controls = settings.get("controls", [])
+    return CompiledNumbers(file, engine, controls if isinstance(controls, list) else [])

@@ -1,1 +1,20 @@
 """SDFormat files as trees of bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
+from physics_crosscheck.harness.modelfiles.sdf.read import read_sdf_robot
+
+
+def read(file: Path, settings: Mapping[str, object]) -> Robot:
+    """Read a robot; `model` names one of several models."""
+    return read_sdf_robot(file, model=str(settings.get("model", "")))
+
+
+def numbers(file: Path, settings: Mapping[str, object]) -> SdfNumbers:
+    """Return the numbers of the chosen model."""
+    return SdfNumbers(file, str(settings.get("model", "")))

@@ -1,1 +1,25 @@
 """URDF files as trees of bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
+from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
+
+
+def read(file: Path, settings: Mapping[str, object]) -> Robot:
+    """Read a robot; `floating` lets its root link move."""
+    return read_urdf_robot(file, floating=bool(settings.get("floating")))
+
+
+def numbers(file: Path, settings: Mapping[str, object]) -> UrdfNumbers:
+    """Return the file's numbers; `held` names joints that are fixed."""
+    held = settings.get("held", [])
+    return UrdfNumbers(
+        file,
+        floating=bool(settings.get("floating")),
+        held=held if isinstance(held, list) else [],
+    )
