@@ -29,6 +29,9 @@ equations lack.
 IN_FILE = ("literal", "literals", "unbound literal", "gravity")
 """Kinds of numbers in the model's files for which the motion implies another value."""
 
+SWITCHES = ("axis", "default", "exchange", "dropped")
+"""Kinds of causes without a fitted number."""
+
 _PHRASES = {
     **dict.fromkeys(
         ("literal", "literals", "unbound literal", "taken", "dropped", "default", "constant"), "{}"

@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from physics_crosscheck.harness.records.base import Number
-from physics_crosscheck.harness.records.cause import IN_FILE, Cause, digits_known
+from physics_crosscheck.harness.records.cause import IN_FILE, SWITCHES, Cause, digits_known
 from physics_crosscheck.harness.records.comparison import ComparedModel
 from physics_crosscheck.harness.records.finding import Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.messages import with_code
-
-SWITCHES = ("axis", "default", "exchange", "dropped")
-"""Kinds of causes without a fitted number."""
 
 BEGIN_WITH_AUDIT = (
     "no single cause or pair of causes explains the motions; start with the audit findings"
