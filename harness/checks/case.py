@@ -405,12 +405,13 @@ def _whole_step(task: ModelTask[Prepared]) -> WholeStepCheck | None:
 
 
 def _lines(task: ModelTask[Prepared], poses: PoseCheck) -> tuple[SourceLine, ...]:
-    """Return the lines of the bodies that are elsewhere."""
+    """Return the lines of the bodies and shapes that are elsewhere."""
     assert isinstance(task.target, PreparedTree)
-    lines, names = task.target.lines, (name for one in poses.findings for name in one.frames)
-    return tuple(
-        SourceLine(file=str(task.file), line=lines[name]) for name in names if lines.get(name)
-    )
+    lines = {name: (task.file, line) for name, line in task.target.lines.items()}
+    lines |= {one.name: (one.file, one.line) for one in task.target.placed}
+    names = (name for one in poses.findings for name in one.frames)
+    places = dict.fromkeys(lines[name] for name in names if name in lines)
+    return tuple(SourceLine(file=str(file), line=line) for file, line in places if line)
 
 
 def _motion(task: ModelTask[Prepared], model: Model) -> tuple[Motion | None, str]:

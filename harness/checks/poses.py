@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.placed_frames import Frames, Placed
 from physics_crosscheck.harness.checks.prepare import PreparedTree
 from physics_crosscheck.harness.checks.verdict import Verdict, motions_in_words
 from physics_crosscheck.harness.engines.protocol import Model
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
+from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.base import number
@@ -21,7 +23,9 @@ from physics_crosscheck.harness.records.poses import FramePose, Poses
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.declaration import Coordinate
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 SHARE = 1e-3
 """Share of a pose error that a kind may leave unexplained, if rounding allows less."""
@@ -275,17 +279,20 @@ def check_poses(
 
 
 def check_bodies(target: PreparedTree, model: Model, coordinates: CoordinateMap) -> PoseCheck:
-    """Compare the bodies of a robot file, by name, at the sampled positions."""
+    """Compare bodies, shapes and sites of a robot file, by name, at the sampled positions."""
     engine_names = {
         name: place
         for name in target.tree.frames
         if (place := _place_of(name, model.places)) is not None
     }
+    shapes = [one for one in target.placed if one.name in model.shapes]
+    tree = with_shapes(target.tree, shapes)
     unchecked = tuple(name for name in target.tree.frames if name not in engine_names)
     if not engine_names:
         return PoseCheck(
             Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
         )
+    engine_names |= {one.name: one.name for one in shapes}
     targets = tuple(
         FrameTarget(name=name, place=place, offset=np.zeros(3), axes=np.eye(3), where="")
         for name, place in engine_names.items()
@@ -294,11 +301,54 @@ def check_bodies(target: PreparedTree, model: Model, coordinates: CoordinateMap)
         model,
         coordinates,
         SidecarFrames(targets=targets, axes=np.eye(3), origin=np.zeros(3)),
-        TreeFrames(target.tree, tuple(engine_names)),
+        TreeFrames(tree, tuple(engine_names)),
         tuple(range(len(targets))),
     )
     q, points = target.samples.start[:, : len(target.names)], [False] * len(targets)
-    return _compared(frames, target.system.coordinates, points, q, unchecked)
+    check = _compared(frames, target.system.coordinates, points, q, unchecked)
+    return _with_sizes(check, shapes, model.shapes)
+
+
+def with_shapes(tree: Tree, shapes: Iterable[PlacedShape]) -> Tree:
+    """Return a tree with the frames of shapes, by their names."""
+    frames = dict(tree.frames)
+    for one in shapes:
+        link, place = (WORLD, IDENTITY) if one.body is None else tree.frames[one.body]
+        frames[one.name] = link, place.compose(one.place)
+    return replace(tree, frames=frames)
+
+
+def _with_sizes(
+    check: PoseCheck, shapes: Sequence[PlacedShape], sizes: Mapping[str, tuple[float, ...]]
+) -> PoseCheck:
+    """Add the shapes whose sizes differ, and drop the rows of those that agree."""
+    rows = {row.name: row for row in check.record.frames}
+    findings = list(check.findings)
+    for one in shapes:
+        off = _size_error(one.size, sizes[one.name])
+        if off > RESOLUTION * max(map(abs, one.size), default=0.0):
+            far = max(rows[one.name].position or 0.0, off)
+            rows[one.name] = replace_fields(rows[one.name], position=number(far), agrees=False)
+            findings.append(_size_finding(one, sizes[one.name], off))
+    names = {one.name for one in shapes}
+    kept = tuple(row for row in rows.values() if row.name not in names or not row.agrees)
+    record = replace_fields(check.record, frames=kept, shapes=len(shapes))
+    return PoseCheck(record, tuple(findings))
+
+
+def _size_error(expected: Sequence[float], measured: Sequence[float]) -> float:
+    """Return the largest difference of two sizes, m; infinite for shapes of two kinds."""
+    if len(expected) != len(measured):
+        return np.inf
+    return float(np.max(np.abs(np.subtract(expected, measured)), initial=0.0))
+
+
+def _size_finding(shape: PlacedShape, measured: Sequence[float], off: float) -> PoseFinding:
+    sizes = (" ".join(f"{x:.12g}" for x in size) for size in (shape.size, measured))
+    message = "{}: its size is {} in the file and {} in the engine".format(shape.name, *sizes)
+    largest = max(map(abs, shape.size), default=0.0)
+    share = off / largest if largest and np.isfinite(off) else 1.0
+    return PoseFinding((shape.name,), message, off, RESOLUTION / share)
 
 
 def _place_of(name: str, places: Collection[str]) -> str | None:
@@ -364,7 +414,8 @@ def _compared(
         uncertainty=number(uncertainty[0]),
         unchecked=unchecked,
     )
-    flipped = {c.name: frames.expected(_flipped(q, j)) for j, c in enumerate(coordinates)}
+    flips = enumerate(coordinates if elsewhere else ())
+    flipped = {c.name: frames.expected(_flipped(q, j)) for j, c in flips}
     alike: dict[str, list[int]] = {}
     for f in elsewhere:
         miss = Miss.of(f, expected, measured, flipped, point=points[f], uncertainty=uncertainty)

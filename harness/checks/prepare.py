@@ -31,7 +31,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
+from physics_crosscheck.harness.modelfiles.robot import PlacedShape, Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
@@ -272,6 +272,7 @@ class PreparedTree(Prepared):
         left_out: statements of the file that the equations omit.
         findings: what is wrong with the file by reading it.
         lines: line of each link of the file, by name.
+        placed: shapes and sites of the file.
         smooth: whether whole steps, with limits, friction, contacts and drives, are left out.
     """
 
@@ -285,6 +286,7 @@ class PreparedTree(Prepared):
     left_out: tuple[str, ...] = ()
     findings: tuple[AuditFinding, ...] = ()
     lines: Mapping[str, int] = field(default_factory=dict)
+    placed: tuple[PlacedShape, ...] = ()
     smooth: bool = False
 
     @property
@@ -471,6 +473,7 @@ def prepare_tree(
         left_out=left_out,
         findings=robot_findings(robot),
         lines={part.name: part.line for part in robot.parts},
+        placed=robot.placed,
     )
     return _finished(prepared, began, {})
 

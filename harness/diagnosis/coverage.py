@@ -430,6 +430,7 @@ def count_robot(task: TreeTask) -> Coverage:
         says |= _in_steps(task, numbers, says)
     if task.sidecar is None:  # the bodies of a robot file are compared in their poses too
         says |= _in_frames(task, problem, [i for i in says if says[i] in _UNMOVED])
+        says |= _in_shapes(task, numbers, says)
     choices, fixed = engines()[task.engine].choices, _fixed(task)
     counted = [
         CountedNumber(
@@ -491,6 +492,22 @@ def _in_frames(
         if moved * NUDGE / SLOPE_NUDGE > least:
             effects[i] = NumberEffect.FRAMES
     return effects
+
+
+def _in_shapes(
+    task: TreeTask, numbers: Numbers, says: Mapping[int, NumberEffect]
+) -> dict[int, NumberEffect]:
+    """Return those of the other numbers that shapes and sites depend on, if the engine shows it."""
+    engine = engines()[task.engine]
+    if task.file.suffix not in engine.places:
+        return {}
+    others = [
+        i
+        for i, number in enumerate(numbers.numerals)
+        if says.get(i, NumberEffect.NONE) in _UNMOVED
+        and not (engine.choices and re.fullmatch(engine.choices, number.path))
+    ]
+    return dict.fromkeys(numbers.placing(others), NumberEffect.FRAMES)
 
 
 def _otherwise(

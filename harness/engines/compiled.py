@@ -91,6 +91,21 @@ class CompiledFrame:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CompiledShape:
+    """A shape or a site.
+
+    Attributes:
+        name: its place, as in `Model.shapes`.
+        frame: its frame, as the file states it.
+        size: the numbers that give its extent, m; empty for a mesh.
+    """
+
+    name: str
+    frame: CompiledFrame
+    size: Numbers
+
+
+@dataclass(frozen=True, kw_only=True)
 class CompiledLength:
     """A length that is not a linear combination of hinge and slide positions, of one of these
     kinds.
@@ -225,6 +240,7 @@ class CompiledTree:
             that the engine computes.
         laws: numbers of limits, friction, equalities, contacts and drives; None if unknown.
         paths: force elements without coefficients, along which these act.
+        placed: shapes and sites.
     """
 
     bodies: tuple[CompiledBody, ...]
@@ -242,3 +258,4 @@ class CompiledTree:
     engine_variants: tuple[tuple[str, tuple[CompiledForce, ...]], ...] = ()
     laws: Laws | None = None
     paths: tuple[CompiledForce, ...] = ()
+    placed: tuple[CompiledShape, ...] = ()

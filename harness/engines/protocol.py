@@ -299,8 +299,15 @@ class Model(ABC):
         """Bodies and frames with a pose, as `kind:name`, such as `body:rod`; empty if unknown."""
         return ()
 
+    @property
+    def shapes(self) -> Mapping[str, tuple[float, ...]]:
+        """Shapes and sites, as `kind:name`, each with its size in the order of the format, m."""
+        return {}
+
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
-        """Return the poses of some `places` in the engine's world, at positions z, (K, nz).
+        """Return the poses of some `places` or `shapes` in the engine's world.
+
+        Positions z are (K, nz).
 
         Origins are (K, F, 3), m. Rotations are (K, F, 3, 3); their columns are the axes. A planar
         engine uses the plane of x and y.
@@ -411,6 +418,7 @@ class Engine(ABC):
             of the tags that lead to them, as in `robot/link/visual/.*`.
         choices: a regular expression of whole numbers that select options and measure nothing.
         compiles: the formats that `compiled` reads.
+        places: the formats whose shapes and sites its models report.
         switches: the settings that it supports, among `smooth`, `couplings`, `held` (joints fixed
             at their drawn positions), `actuators` (whether they act), `controls` (held inputs) and
             `activations` (initial states of actuators, which then move).
@@ -437,6 +445,7 @@ class Engine(ABC):
     non_physical: Mapping[str, str] = MappingProxyType({})
     choices: str = ""
     compiles: tuple[str, ...] = ()
+    places: tuple[str, ...] = ()
     switches: frozenset[str] = frozenset()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
     compilers: Mapping[str, Engine] = MappingProxyType({})

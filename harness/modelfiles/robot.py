@@ -12,7 +12,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
 
 HELD = "joints that move nothing with inertia (held still)"
@@ -65,6 +65,26 @@ class LinkPart:
             return self.link.spatial_inertia
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedShape:
+    """A shape or a site of the file.
+
+    Attributes:
+        name: its place in engines, as in `Model.shapes`.
+        body: name of its body; None for the world.
+        place: its frame in the body's.
+        size: the numbers that give its extent, in the order of the format, m.
+        file, line: of its element; line 0 if unknown.
+    """
+
+    name: str
+    body: str | None
+    place: Place
+    size: tuple[float, ...]
+    file: Path
+    line: int = 0
+
+
 @dataclass(frozen=True, kw_only=True)
 class BodyModel:
     """The input of a tree: bodies, joints and forces with the numbers of the file.
@@ -102,6 +122,7 @@ class Robot:
         body_model: input of the tree; None without a tree.
         held: joints that are fixed, since they move nothing that has inertia.
         shapes: file names, as in the model, of meshes that the inertias depend on.
+        placed: shapes and sites.
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
         joint_lines: line of each joint's element, from 1; empty for a compiled file.
@@ -119,6 +140,7 @@ class Robot:
     body_model: BodyModel | None = None
     held: tuple[str, ...] = ()
     shapes: tuple[str, ...] = ()
+    placed: tuple[PlacedShape, ...] = ()
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
     joint_lines: Mapping[str, int] = field(default_factory=dict)

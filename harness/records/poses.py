@@ -27,7 +27,8 @@ class Poses(Record, frozen=True, kw_only=True):
     """Comparison of frames and points.
 
     Attributes:
-        frames: The compared frames and points.
+        frames: The compared frames and points, and shapes and sites that differ.
+        shapes: Number of compared shapes and sites of a robot file.
         states: Number of compared states, from the motions and at random.
         length: Largest distance of anything in the model from its origin, m.
         uncertainty: Position uncertainty, m; divided by `length`, the rotation uncertainty, rad.
@@ -36,6 +37,7 @@ class Poses(Record, frozen=True, kw_only=True):
     """
 
     frames: tuple[FramePose, ...] = ()
+    shapes: Count = 0
     states: Count = 0
     length: Number = None
     uncertainty: Number = None

@@ -98,6 +98,8 @@ def poses_checked(poses: Poses) -> str:
         return f"poses not compared: {poses.note}"
     wrong = [frame.name for frame in poses.wrong]
     line = f"{counted(len(poses.frames), 'pose')} compared"
+    if poses.shapes:
+        line += f", {counted(poses.shapes, 'shape or site', 'shapes and sites')}"
     if wrong:
         line += f", {len(wrong)} wrong ({', '.join(wrong)})"
     if poses.unchecked:

@@ -92,11 +92,11 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file.write_text(MJCF)
     found = count_robot(model_task(prepare_tree(file), "mujoco"))
     counts = {one.reason: one.count for one in found.untested}
-    assert counts.pop(NumberEffect.NONE.value) == 5  # of axes, and a site
-    assert found.frames == 1  # along the axis of the joint above
+    assert counts.pop(NumberEffect.NONE.value) == 2  # of axes
+    # Along the axis of the joint above: the body, two geoms; and the site.
+    assert found.frames == 6
     assert counts == {
         "visual geometry": 3 + 4,
-        "collision and visual shapes": 2,
         "contact parameters": 2,
         "joint limits": 1 + 2,
         "loops": 1,

@@ -42,6 +42,11 @@ from physics_crosscheck.harness.engines.mujoco.settings import (
     is_on,
     rounded_frames,
 )
+from physics_crosscheck.harness.engines.mujoco.shapes import (
+    mesh_of,
+    mesh_offset,
+    placed_shapes,
+)
 from physics_crosscheck.harness.engines.mujoco.smooth import (
     keep_equalities,
     remove_uncovered,
@@ -76,6 +81,7 @@ from physics_crosscheck.harness.engines.urdf import (
     sample_urdf,
 )
 from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 
 
 class PoseEvaluator:
@@ -102,25 +108,41 @@ class PoseEvaluator:
             for i in range(count)
             if named(i).name
         }
+        shapes = [one for one in placed_shapes(model) if one.name not in self._rows]
+        self.shapes = {one.name: one.size for one in placed_shapes(model)}
+        for one in shapes:
+            kind, _, index = one.name.partition(":#")
+            _, _, at, turn = kinds[kind]
+            self._rows[one.name] = at, turn, int(index)
+        self._meshes = {
+            i: mesh_offset(model, mesh)
+            for i in range(model.ngeom)
+            if (mesh := mesh_of(model, i)) >= 0
+        }
 
     @property
     def places(self) -> tuple[str, ...]:
         """All places with a name."""
-        return tuple(self._rows)
+        return tuple(place for place in self._rows if ":#" not in place)
 
     def evaluate(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return origins (K, F, 3) and rotations (K, F, 3, 3) at positions z, (K, nz)."""
         import mujoco
 
         wanted = [self._rows[place] for place in places]
-        origins, turns = np.empty((len(z), len(wanted), 3)), np.empty((len(z), len(wanted), 9))
+        origins, turns = np.empty((len(z), len(wanted), 3)), np.empty((len(z), len(wanted), 3, 3))
         for k, qpos in enumerate(z):
             self._data.qpos[:] = qpos
             mujoco.mj_kinematics(self._model, self._data)
             for f, (positions_field, turn, i) in enumerate(wanted):
                 origins[k, f] = getattr(self._data, positions_field)[i]
-                turns[k, f] = getattr(self._data, turn)[i]
-        return origins, turns.reshape(len(z), len(wanted), 3, 3)
+                turns[k, f] = getattr(self._data, turn)[i].reshape(3, 3)
+        for f, (field, _, i) in enumerate(wanted):
+            if field == "geom_xpos" and i in self._meshes:
+                origin, quaternion = self._meshes[i]
+                origins[:, f] += turns[:, f] @ origin
+                turns[:, f] = turns[:, f] @ from_quaternion(quaternion)
+        return origins, turns
 
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
@@ -175,6 +197,7 @@ class MujocoEngine(Engine):
         r"|.*/(texture|global|quality|hfield|size)@\w+|.*/numeric@size"
     )
     compiles: tuple[str, ...] = (".xml",)
+    places: tuple[str, ...] = (".xml",)
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls", "activations"})
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = (
         LeftOut(
@@ -447,6 +470,11 @@ class MujocoModel(Model):
     def places(self) -> tuple[str, ...]:
         """Bodies, their centres, and sites and geoms with a name."""
         return self._poses.places
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[float, ...]]:
+        """Geoms and sites of an MJCF with their sizes; `smooth` removes the shapes of a URDF."""
+        return {} if self._urdf_file is not None else self._poses.shapes
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return poses by MuJoCo's forward kinematics, without a step."""

@@ -1,6 +1,7 @@
-"""Replacement of meshes and textures that do not affect smooth motions by small built-in ones.
+"""Shapes and sites of a compiled model, and meshes and textures that smooth motions do not need.
 
-They take hundreds of times longer to compile than the rest, and their files may be missing.
+Small built-in meshes replace these: they take hundreds of times longer to compile than the rest,
+and their files may be missing.
 """
 
 from __future__ import annotations
@@ -8,6 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from physics_crosscheck.harness.engines.compiled import CompiledFrame, CompiledShape
+from physics_crosscheck.harness.engines.mujoco.pulls import numbers_of
+from physics_crosscheck.harness.engines.protocol import Array
+
+_SIZES = {0: 3, 2: 1, 3: 2, 4: 3, 5: 2, 6: 3}
+"""Count of the numbers of a size, by the type of a geom: plane, sphere, capsule, ellipsoid,
+cylinder, box.
+"""
 
 _CORNERS = [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]
 _FACES = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]
@@ -49,3 +61,59 @@ def _meshes_with_inertia(tree: Any) -> Iterator[str]:
     for body in tree.bodies:
         if always or not body.explicitinertial:
             yield from (geom.meshname for geom in body.geoms if geom.meshname)
+
+
+def shape_name(kind: str, name: str, index: int) -> str:
+    """Return the place of a geom or a site; one without a name has its index."""
+    return f"{kind}:{name or f'#{index}'}"
+
+
+def placed_shapes(m: Any) -> Iterator[CompiledShape]:
+    """Yield geoms and sites, in the frames that the file states."""
+    for i in range(m.ngeom):
+        frame = _frame(m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])
+        if (mesh := mesh_of(m, i)) >= 0:
+            frame = _without(frame, *mesh_offset(m, mesh))
+        size = m.geom_size[i][: _SIZES.get(int(m.geom_type[i]), 0)]
+        name = shape_name("geom", m.geom(i).name, i)
+        yield CompiledShape(name=name, frame=frame, size=numbers_of(size))
+    for i in range(m.nsite):
+        frame = _frame(m.site_bodyid[i], m.site_pos[i], m.site_quat[i])
+        size = m.site_size[i][: _SIZES.get(int(m.site_type[i]), 0)]
+        name = shape_name("site", m.site(i).name, i)
+        yield CompiledShape(name=name, frame=frame, size=numbers_of(size))
+
+
+def mesh_of(m: Any, i: int) -> int:
+    """Return the mesh of a geom, or -1."""
+    import mujoco
+
+    is_mesh = m.geom_type[i] == mujoco.mjtGeom.mjGEOM_MESH
+    return int(m.geom_dataid[i]) if is_mesh else -1
+
+
+def mesh_offset(m: Any, mesh: int) -> tuple[Array, Array]:
+    """Return the origin (3,) and the quaternion (4,) of a file's mesh in its geom.
+
+    MuJoCo moves each mesh to its center of mass and its principal axes.
+    """
+    import mujoco
+
+    origin, turn = np.zeros(3), np.zeros(4)
+    place = np.array(m.mesh_pos[mesh]), np.array(m.mesh_quat[mesh])
+    mujoco.mju_negPose(origin, turn, *place)
+    return origin, turn
+
+
+def _frame(body: Any, position: Any, turn: Any) -> CompiledFrame:
+    return CompiledFrame(body=int(body), position=numbers_of(position), turn=numbers_of(turn))
+
+
+def _without(frame: CompiledFrame, origin: Array, turn: Array) -> CompiledFrame:
+    """Return the frame of a mesh's file, from that of its geom."""
+    import mujoco
+
+    position, rotation = np.zeros(3), np.zeros(4)
+    outer = np.array(frame.position), np.array(frame.turn)
+    mujoco.mju_mulPose(position, rotation, *outer, origin, turn)
+    return _frame(frame.body, position, rotation)

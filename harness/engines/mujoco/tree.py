@@ -34,7 +34,11 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     pulls_as_computed,
     split_tendons,
 )
-from physics_crosscheck.harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
+from physics_crosscheck.harness.engines.mujoco.shapes import (
+    files_of_shapes,
+    placed_shapes,
+    without_idle_files,
+)
 from physics_crosscheck.harness.engines.mujoco.smooth import besides, uncovered
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 
@@ -148,6 +152,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         engine_variants=((UNCOUPLED, pulls_as_computed(m)),) if any(split_tendons(m)) else (),
         laws=laws,
         paths=paths,
+        placed=tuple(placed_shapes(m)),
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.compiled import CompiledShape, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.read import tree_of
@@ -171,6 +171,29 @@ class CompiledNumbers:
                 groups.setdefault(self._reason(number), []).append(i)
         return groups
 
+    def placing(self, candidates: Sequence[int]) -> frozenset[int]:
+        """Return those numbers that shapes and sites depend on: where they are, or their sizes."""
+        original = self._placed(())
+        return frozenset(self._displacing(original, candidates)) if original else frozenset()
+
+    def _displacing(self, original: Sequence[CompiledShape], group: Sequence[int]) -> Iterator[int]:
+        """Yield the numbers of a group that shapes depend on."""
+        placed = self._placed(group) if group else original
+        if placed is not None and _alike(original, placed):
+            return
+        if len(group) == 1:
+            yield from group if placed is not None else ()
+        else:
+            half = len(group) // 2
+            yield from self._displacing(original, group[:half])
+            yield from self._displacing(original, group[half:])
+
+    def _placed(self, group: Sequence[int]) -> tuple[CompiledShape, ...] | None:
+        """Return the shapes with nudged numbers, downwards if upwards is refused, or None."""
+        ways = ({i: _moved(self.numerals[i], way * NUDGE) for i in group} for way in (1.0, -1.0))
+        compiled = next((one for way in ways if (one := self._compile(way)) is not None), None)
+        return None if compiled is None else compiled.placed
+
     def _reason(self, number: Number) -> str:
         kinds = self._engine.non_physical.items()
         return next((why for kind, why in kinds if re.fullmatch(kind, number.path)), "")
@@ -222,6 +245,31 @@ def _shared(laws: Laws, original: Laws) -> Laws:
             pairs = zip(rows, before, strict=True)
             changes[name] = tuple(two if one == two else one for one, two in pairs)
     return replace(laws, **changes)
+
+
+PLACED = 1e-9
+"""Smallest change of a shape's place or size that counts, relative to its largest number."""
+
+
+def _alike(first: Sequence[CompiledShape], second: Sequence[CompiledShape]) -> bool:
+    """Return whether all shapes have the same names, bodies, places and sizes."""
+    if [_kind(one) for one in first] != [_kind(one) for one in second]:
+        return False
+    numbers, others = (
+        np.array([x for one in row for x in _extent(one)]) for row in (first, second)
+    )
+    return bool(np.all(np.abs(numbers - others) <= PLACED * np.maximum(1e-3, np.abs(numbers))))
+
+
+def _kind(shape: CompiledShape) -> tuple[str, int, int]:
+    return shape.name, shape.frame.body, len(shape.size)
+
+
+def _extent(shape: CompiledShape) -> tuple[float, ...]:
+    """Return its numbers; of a quaternion and its negative, the one with a positive first part."""
+    turn = np.array(shape.frame.turn)
+    sign = -1.0 if next((x for x in turn if abs(x) > PLACED), 1.0) < 0 else 1.0
+    return (*shape.size, *shape.frame.position, *(sign * turn))
 
 
 def _moved(number: Number, share: float) -> float:

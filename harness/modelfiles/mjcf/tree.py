@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from physics_crosscheck.harness.engines.compiled import (
     CompiledBody,
     CompiledForce,
@@ -14,10 +16,12 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledLength,
     CompiledTree,
 )
+from physics_crosscheck.harness.modelfiles.mjcf.lines import shape_lines
 from physics_crosscheck.harness.modelfiles.robot import (
     BodyModel,
     LinkPart,
     Omission,
+    PlacedShape,
     Robot,
     home_of,
 )
@@ -34,6 +38,8 @@ from physics_crosscheck.reference.mechanism.bodies import (
     Triple,
 )
 from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Fluid, Kind, Tree
 
 KINDS: Mapping[str, Kind] = {
@@ -73,7 +79,24 @@ def compiled_robot(
         controls=controls,
         body_model=body_model,
         shapes=compiled.shapes,
+        placed=tuple(placed_shapes(compiled, path)),
     )
+
+
+def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
+    """Yield the shapes and sites, with their lines in a file whose elements are not repeated."""
+    names = [None, *(body.name for body in compiled_bodies(compiled))]
+    lines = shape_lines(path, [one.name for one in compiled.placed])
+    for one in compiled.placed:
+        frame = one.frame
+        yield PlacedShape(
+            name=one.name,
+            body=names[frame.body],
+            place=Place(from_quaternion(np.array(frame.turn)), np.array(frame.position)),
+            size=one.size,
+            file=lines.get(one.name, (path, 0))[0],
+            line=lines.get(one.name, (path, 0))[1],
+        )
 
 
 def compiled_tree(compiled: CompiledTree, controls: Sequence[float]) -> Tree:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -65,6 +65,10 @@ class SdfNumbers:
             tree = read_document(document, self._chosen).tree
         del document.obstacles[count:]
         return tree
+
+    def placing(self, candidates: Sequence[int]) -> Collection[int]:
+        """Return nothing: no engine shows the shapes."""
+        return ()
 
     def engine_variants(self) -> tuple[tuple[str, Tree], ...]:
         """Return nothing: no engine compiles the file."""

@@ -6,7 +6,7 @@ A changed number is read again with its link or its joint; the rest stays as it 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -95,6 +95,10 @@ class UrdfNumbers:
             del document.obstacles[count:]
             return None
         return tree
+
+    def placing(self, candidates: Sequence[int]) -> Collection[int]:
+        """Return nothing: no engine shows the shapes."""
+        return ()
 
     def engine_variants(self) -> tuple[tuple[str, Tree], ...]:
         """Return nothing: no engine compiles the file."""
