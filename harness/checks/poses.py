@@ -312,9 +312,9 @@ def check_bodies(target: PreparedTree, model: Model, coordinates: CoordinateMap)
 def with_shapes(tree: Tree, shapes: Iterable[PlacedShape]) -> Tree:
     """Return a tree with the frames of shapes, by their names."""
     frames = dict(tree.frames)
-    for one in shapes:
-        link, place = (WORLD, IDENTITY) if one.body is None else tree.frames[one.body]
-        frames[one.name] = link, place.compose(one.place)
+    for shape in shapes:
+        link, place = (WORLD, IDENTITY) if shape.body is None else tree.frames[shape.body]
+        frames[shape.name] = link, place.compose(shape.place)
     return replace(tree, frames=frames)
 
 
@@ -324,13 +324,13 @@ def _with_sizes(
     """Add the shapes whose sizes differ, and drop the rows of those that agree."""
     rows = {row.name: row for row in check.record.frames}
     findings = list(check.findings)
-    for one in shapes:
-        off = _size_error(one.size, sizes[one.name])
-        if off > RESOLUTION * max(map(abs, one.size), default=0.0):
-            far = max(rows[one.name].position or 0.0, off)
-            rows[one.name] = replace_fields(rows[one.name], position=number(far), agrees=False)
-            findings.append(_size_finding(one, sizes[one.name], off))
-    names = {one.name for one in shapes}
+    for shape in shapes:
+        off = _size_error(shape.size, sizes[shape.name])
+        if off > RESOLUTION * max(map(abs, shape.size), default=0.0):
+            far = max(rows[shape.name].position or 0.0, off)
+            rows[shape.name] = replace_fields(rows[shape.name], position=number(far), agrees=False)
+            findings.append(_size_finding(shape, sizes[shape.name], off))
+    names = {shape.name for shape in shapes}
     kept = tuple(row for row in rows.values() if row.name not in names or not row.agrees)
     record = replace_fields(check.record, frames=kept, shapes=len(shapes))
     return PoseCheck(record, tuple(findings))

@@ -108,12 +108,10 @@ class PoseEvaluator:
             for i in range(count)
             if named(i).name
         }
-        shapes = [one for one in placed_shapes(model) if one.name not in self._rows]
-        self.shapes = {one.name: one.size for one in placed_shapes(model)}
-        for one in shapes:
-            kind, _, index = one.name.partition(":#")
-            _, _, at, turn = kinds[kind]
-            self._rows[one.name] = at, turn, int(index)
+        self.shapes = {shape.name: shape.size for shape in placed_shapes(model)}
+        for name in self.shapes.keys() - self._rows.keys():
+            kind, _, index = name.partition(":#")
+            self._rows[name] = (*kinds[kind][2:], int(index))
         self._meshes = {
             i: mesh_offset(model, mesh)
             for i in range(model.ngeom)

@@ -56,18 +56,18 @@ def _shapes(root: XmlElement, path: Path) -> Iterator[XmlElement]:
 def _within(elements: Sequence[XmlElement], path: Path) -> Iterator[XmlElement]:
     """Yield the shapes of one body, then those of the bodies in it."""
     flat = list(_flat(elements, path))
-    yield from (one for one in flat if one.tag in _KINDS)
-    for one in flat:
-        if one.tag == "body":
-            yield from _within(list(_children(one, path)), path)
+    yield from (element for element in flat if element.tag in _KINDS)
+    for element in flat:
+        if element.tag == "body":
+            yield from _within(list(_children(element, path)), path)
 
 
 def _flat(elements: Sequence[XmlElement], path: Path) -> Iterator[XmlElement]:
     """Yield elements and those within their frames."""
-    for one in elements:
-        yield one
-        if one.tag == "frame":
-            yield from _flat(list(_children(one, path)), path)
+    for element in elements:
+        yield element
+        if element.tag == "frame":
+            yield from _flat(list(_children(element, path)), path)
 
 
 def _children(element: XmlElement, path: Path) -> Iterator[XmlElement]:

@@ -191,7 +191,7 @@ class CompiledNumbers:
     def _placed(self, group: Sequence[int]) -> tuple[CompiledShape, ...] | None:
         """Return the shapes with nudged numbers, downwards if upwards is refused, or None."""
         ways = ({i: _moved(self.numerals[i], way * NUDGE) for i in group} for way in (1.0, -1.0))
-        compiled = next((one for way in ways if (one := self._compile(way)) is not None), None)
+        compiled = next(filter(None, map(self._compile, ways)), None)
         return None if compiled is None else compiled.placed
 
     def _reason(self, number: Number) -> str:

@@ -86,16 +86,16 @@ def compiled_robot(
 def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
     """Yield the shapes and sites, with their lines in a file whose elements are not repeated."""
     names = [None, *(body.name for body in compiled_bodies(compiled))]
-    lines = shape_lines(path, [one.name for one in compiled.placed])
-    for one in compiled.placed:
-        frame = one.frame
+    lines = shape_lines(path, [shape.name for shape in compiled.placed])
+    for shape in compiled.placed:
+        frame = shape.frame
         yield PlacedShape(
-            name=one.name,
+            name=shape.name,
             body=names[frame.body],
             place=Place(from_quaternion(np.array(frame.turn)), np.array(frame.position)),
-            size=one.size,
-            file=lines.get(one.name, (path, 0))[0],
-            line=lines.get(one.name, (path, 0))[1],
+            size=shape.size,
+            file=lines.get(shape.name, (path, 0))[0],
+            line=lines.get(shape.name, (path, 0))[1],
         )
 
 
