@@ -222,10 +222,15 @@ def _edit_cause(edit: FileEdit, share: str) -> tuple[str, str]:
 
 
 def _line_names(where_a: SourceLine, where_b: SourceLine) -> tuple[str, str]:
-    """Return both lines without folders, or with them if the files have the same name."""
-    names = line_name(where_a), line_name(where_b)
-    alike = Path(where_a.file).name == Path(where_b.file).name and where_a.file != where_b.file
-    return (str(where_a), str(where_b)) if alike else names
+    """Return both lines, with as many folders as files of the same name need to differ."""
+    if where_a.file == where_b.file:
+        return line_name(where_a), line_name(where_b)
+    parts = [Path(str(where)).parts for where in (where_a, where_b)]
+    files = [Path(where.file).parts for where in (where_a, where_b)]
+    longest = max(map(len, parts))
+    count = next(n for n in range(1, longest + 1) if files[0][-n:] != files[1][-n:])
+    a, b = ("/".join(one[-count:]) for one in parts)
+    return a, b
 
 
 def _property_cause(
