@@ -130,7 +130,7 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
             x_label="residual share of the discrepancy",
             y_label="",
             curves=(
-                Curve(label="left", role="lollipop", place=0, x=pack.column(remaining, 4), y=y),
+                Curve(label="residual", role="lollipop", place=0, x=pack.column(remaining, 4), y=y),
                 Curve(
                     label="uncertainty",
                     role="guide",
