@@ -178,7 +178,7 @@ def comparisons(console: Console) -> None:
             began = time.process_time()
             pair = CompareOptions(a=candidate("A", path, "pybullet"), b=candidate("B", b, engine))
             comparison = compare(pair, InThisProcess())
-            found = comparison.found
+            found = comparison.compared
             assert found is not None
             table.add_row(
                 f"{b.name} in {engine}",

@@ -125,8 +125,8 @@ def pytest_configure(config: pytest.Config) -> None:
             return
     except (TypeError, pytest.UsageError) as error:
         # pytest joins what stands there to its folder, whatever it is.
-        told = f"{config.inipath}: crosscheck_paths must be a list of paths: {error}"
-        raise pytest.UsageError(told) from None
+        message = f"{config.inipath}: crosscheck_paths must be a list of paths: {error}"
+        raise pytest.UsageError(message) from None
     from physics_crosscheck.harness.interfaces.pytest_plugin.session import CrosscheckSession
 
     config.pluginmanager.register(CrosscheckSession(config), "crosscheck-session")

@@ -274,10 +274,40 @@ def names() -> Iterator[Text]:
             if isinstance(node, ast.comprehension | ast.Lambda)
             for inner in ast.walk(node.target if isinstance(node, ast.comprehension) else node.args)
         }
+        short |= {id(field) for node in nodes for field in _idiomatic(node)}
         for node in nodes:
             name = _given(node)
             if name and id(node) not in short:
                 yield Text(path, getattr(node, "lineno", 1), name)
+
+
+PREPOSITIONS = {"at", "of"}
+
+
+def _idiomatic(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield fields and methods of a class whose names are plain English where users write them.
+
+    A call of a public declaration reads as a phrase: `Equilibrium("rest", at={x: 0})`. The terms of
+    an equation are called terms.
+    """
+    if not isinstance(node, ast.ClassDef):
+        return
+    for inner in node.body:
+        target = inner.target if isinstance(inner, ast.AnnAssign) else inner
+        name = _given(target)
+        terms = isinstance(inner, ast.AnnAssign) and "Term" in ast.unparse(inner.annotation)
+        if (name in PREPOSITIONS and node.name in exported()) or (name == "terms" and terms):
+            yield target
+
+
+@lru_cache(maxsize=1)
+def exported() -> frozenset[str]:
+    """Return the names that `physics_crosscheck` and its modules export."""
+    files = (ROOT / "physics_crosscheck").glob("*.py")
+    nodes = (node for file in files for node in ast.walk(ast.parse(file.read_text())))
+    return frozenset(
+        name.name for node in nodes if isinstance(node, ast.ImportFrom) for name in node.names
+    )
 
 
 def _given(node: ast.AST) -> str | None:
@@ -370,13 +400,17 @@ def identifiers() -> Iterator[Offence]:
 
 
 def class_names() -> Iterator[Offence]:
-    """Yield classes of harness and reference whose name is used before."""
-    places: defaultdict[str, list[str]] = defaultdict(list)
+    """Yield classes of harness and reference whose name is used before.
+
+    A record may have the name of what it records.
+    """
+    places: defaultdict[tuple[str, bool], list[str]] = defaultdict(list)
     for path, nodes in trees():
         for node in nodes:
             if isinstance(node, ast.ClassDef):
-                places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
-    for name, (first, *more) in places.items():
+                key = node.name, room(path) == "harness/records"
+                places[key].append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    for (name, _), (first, *more) in places.items():
         yield from (Offence(name, place, f"{name}, as in {first}") for place in more)
 
 

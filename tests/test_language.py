@@ -62,9 +62,10 @@ PLANTED = {
     ),
     "identifiers": (
         "harness/x/a.py",
-        "def _told(one): ...\nfor found in x: self.left = 1\nclass StandIn: ...",
-        "def f(mass): return [one for one in mass], lambda own: own, told",
-        5,
+        "def _told(one): ...\nfor found in x: self.left = 1\nclass StandIn:\n    at: int",
+        "def f(mass): return [one for one in mass], lambda own: own, told\n"
+        "class Body:\n    terms: tuple[ForceTerm, ...]",
+        6,
     ),
     "class_names": ("harness/a.py", "class A: ...\nclass A: ...", "class A: ...\nclass B: ...", 1),
 }
@@ -74,7 +75,7 @@ PLANTED = {
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Yield an empty repository."""
     monkeypatch.setattr(language, "ROOT", tmp_path)
-    caches = (language.trees, language.messages)
+    caches = (language.trees, language.messages, language.exported)
     for cache in caches:
         cache.cache_clear()
     yield tmp_path
@@ -96,6 +97,24 @@ def test_plain_text_is_let_alone(rule: str, place: Path) -> None:
     (place / name).parent.mkdir(parents=True, exist_ok=True)
     (place / name).write_text(text + "\n")
     assert not list(RULES[rule]())
+
+
+def test_prepositions_are_plain_in_calls_of_public_declarations(place: Path) -> None:
+    for name, text in {
+        "physics_crosscheck/__init__.py": "from reference.a import Rest",
+        "reference/a.py": "class Rest:\n    at: float\n    def of(self): ...\n"
+        "class B:\n    at: float",
+    }.items():
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_text(text)
+    assert [o.place for o in RULES["identifiers"]()] == ["reference/a.py:5"]
+
+
+def test_a_record_may_have_the_name_of_what_it_records(place: Path) -> None:
+    for name in ("harness/records/a.py", "reference/a.py", "reference/b.py"):
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_text("class System: ...")
+    assert [o.text for o in RULES["class_names"]()] == ["System, as in reference/a.py:1"]
 
 
 def test_the_page_and_its_scripts_are_messages(place: Path) -> None:

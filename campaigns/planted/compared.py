@@ -35,7 +35,7 @@ def _fate(engine: str, old: Path, new: Path, one: Number) -> tuple[Fate, str]:
         comparison = compare(CompareOptions(a=a, b=b, resolution=RESOLUTION), InThisProcess())
     except (FailureError, CompareError) as error:
         return Fate.REFUSED, str(error)
-    found = comparison.found
+    found = comparison.compared
     assert found is not None
     discrepancy, uncertainty = found.discrepancy or 0.0, found.uncertainty or 0.0
     said = f"{comparison.outcome} {discrepancy:.1e}, {_told(found)}"

@@ -259,7 +259,7 @@ def _plain(finding: AuditFinding, model: Model) -> AcceptedFinding:
         subject=tuple(part.replace(base, "") for part in finding.subject),
         message=finding.message.replace(base, ""),
         expected=finding.expected,
-        found=finding.found,
+        actual=finding.actual,
     )
 
 
@@ -269,5 +269,5 @@ def _same(finding: AcceptedFinding, other: AcceptedFinding) -> bool:
     return (
         (finding.kind, finding.subject) == (other.kind, other.subject)
         and is_near(finding.expected, other.expected, tolerance)
-        and is_near(finding.found, other.found, tolerance)
+        and is_near(finding.actual, other.actual, tolerance)
     )

@@ -102,7 +102,7 @@ def _poses(
     except SidecarError as error:
         return Poses(note="[frames] can't be read"), (finding("frames", ("frames",), str(error)),)
     return checked.record, tuple(
-        finding("pose", one.frames, one.message, expected=0.0, found=one.off)
+        finding("pose", one.frames, one.message, expected=0.0, actual=one.off)
         for one in checked.findings
     )
 
@@ -146,9 +146,9 @@ def _note(difference: AuditFinding, why: str) -> AuditFinding:
 
 def _explained(difference: AuditFinding, rounded: float) -> AuditFinding:
     """Return a note for a difference that rounded literals explain; those have their own notes."""
-    if difference.expected is None or difference.found is None or difference.severity != "finding":
+    if difference.expected is None or difference.actual is None or difference.severity != "finding":
         return difference
-    if abs(difference.found - difference.expected) > 10 * rounded * abs(difference.expected):
+    if abs(difference.actual - difference.expected) > 10 * rounded * abs(difference.expected):
         return difference
     return _note(difference, "the rounded numbers of the file explain it")
 
@@ -167,7 +167,7 @@ def _default(remark: Remark, wrong: Set[str], task: SystemTask) -> AuditFinding:
         remark.subject or (remark.message,),
         message,
         location=where(remark, task.declared, task.engine),
-        found=remark.value,
+        actual=remark.value,
         severity="finding" if blamed else "note",
     )
 
@@ -239,7 +239,7 @@ def literal_findings(declared: tuple[Binding, ...]) -> Iterator[AuditFinding]:
             message,
             location=source_line(b.place),
             expected=b.expected,
-            found=b.value,
+            actual=b.value,
             replacement="" if b.rounded else repr(b.correction),
             severity="note" if b.rounded else "finding",
         )

@@ -116,7 +116,7 @@ class Compiled:
                     f" ({int(differing.sum())} of {DRAWS} random states differ): the model has an"
                     " additional degree of freedom",
                     expected=0.0,
-                    found=float(accelerations.value[row, j]),
+                    actual=float(accelerations.value[row, j]),
                 )
             elif (accelerations.uncertainty[:, j] > RESOLVED_SHARE * scale[j]).any():
                 yield finding(
@@ -193,7 +193,7 @@ class Compiled:
                     f"a friction of {residual[i]:.6g} acts on {name} at any speed, but the"
                     " equations have none",
                     expected=0.0,
-                    found=float(residual[i]),
+                    actual=float(residual[i]),
                 )
         if sticky:
             yield finding(
@@ -219,7 +219,7 @@ class Compiled:
                     (name,),
                     self._rest(equilibrium, position, name, float(forces_at_rest.value[0, i])),
                     expected=float(wanted[0, i]),
-                    found=float(forces_at_rest.value[0, i]),
+                    actual=float(forces_at_rest.value[0, i]),
                 )
         expected = equilibrium.matrices["K"]
         yield from self._entries(
@@ -304,7 +304,7 @@ class Compiled:
                     message = _sentence(kind, about, i == j, here, there, float(error[i, j]))
                     if len(self.task.target.equilibria) > 1:
                         message += f" (about {equilibrium!r})"
-                    yield finding(kind, subject, message, expected=there, found=here)
+                    yield finding(kind, subject, message, expected=there, actual=here)
                 elif not resolved[i, j]:
                     unresolved.append(about)
         if unresolved:
@@ -352,7 +352,7 @@ class Compiled:
             f"the acceleration of {self.names[i]} is {shown[0]} in the model and {shown[1]} in the"
             f" equations at {self._at(states[row])} ({count})",
             expected=there,
-            found=here,
+            actual=here,
             severity="note" if is_explained else "finding",
         )
 

@@ -33,7 +33,7 @@ def finding(
     *,
     location: SourceLine | None = None,
     expected: float | None = None,
-    found: float | None = None,
+    actual: float | None = None,
     replacement: str = "",
     severity: Literal["finding", "note"] = "finding",
 ) -> AuditFinding:
@@ -44,7 +44,7 @@ def finding(
         message=message,
         location=location,
         expected=number(expected),
-        found=number(found),
+        actual=number(actual),
         replacement=replacement,
         severity=severity,
     )
@@ -98,7 +98,7 @@ def _remarks(file: Path) -> Iterator[AuditFinding]:
                     remark.subject or (remark.message,),
                     remark.message,
                     location=place_of(file, remark),
-                    found=remark.value,
+                    actual=remark.value,
                     severity="finding" if remark.fault else "note",
                 )
 
@@ -141,7 +141,7 @@ def finding_of(number: Number, what: str) -> AuditFinding:
         location=SourceLine(
             file=str(number.file), line=number.line, span=number.span, text=number.text
         ),
-        found=number.value,
+        actual=number.value,
         severity="note" if word == "stiffness" else "finding",
     )
 

@@ -384,7 +384,7 @@ def _shape(shape: Shape, system: System) -> records.Shape:
             return records.Shape(
                 kind=cast(Kind, shape.kind),
                 label=shape.label,
-                at=[trees["at x"], trees["at y"]],
+                center=[trees["at x"], trees["at y"]],
                 width=trees["width"],
                 height=trees["height"],
                 angle=trees["angle"],
@@ -393,7 +393,7 @@ def _shape(shape: Shape, system: System) -> records.Shape:
             return records.Shape(
                 kind="angle",
                 label=shape.label,
-                at=[trees["at x"], trees["at y"]],
+                center=[trees["at x"], trees["at y"]],
                 radius=trees["radius"],
                 start=trees["start"],
                 end=trees["end"],

@@ -121,7 +121,7 @@ def compare(
         strict=options.strict,
         reason=judged.verdict.reason,
         kind=judged.verdict.kind,
-        found=structs.replace(compared, seconds=time.perf_counter() - began),
+        compared=structs.replace(compared, seconds=time.perf_counter() - began),
     )
 
 

@@ -60,7 +60,7 @@ def robot_bodies(robot: Robot) -> MultibodySystem:
         bodies=read.bodies,
         pulls=read.pulls,
         couplings=read.couplings,
-        medium=read.fluid,
+        fluid=read.fluid,
     )
 
 

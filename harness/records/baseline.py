@@ -186,14 +186,14 @@ class AcceptedFinding(Record, frozen=True, kw_only=True):
         subject: Affected objects. Kind, subject and numbers identify the finding.
         message: Explanation, with paths relative to the system folder.
         expected: Expected number; None without one.
-        found: Number in the model; None without one.
+        actual: Number in the model; None without one.
     """
 
     kind: str
     subject: tuple[str, ...]
     message: str
     expected: Number
-    found: Number
+    actual: Number
 
 
 class AcceptedAudit(Record, frozen=True, kw_only=True):

@@ -204,7 +204,7 @@ class Comparison(Record, frozen=True, kw_only=True):
         kind: Type of the reason of an outcome other than AGREES and DIFFERS, as in `Case`.
         code: Message code of the outcome and its kind; empty for AGREES.
         stdout: Output of a comparison that failed.
-        found: The comparison itself; None if it could not run.
+        compared: The comparison itself; None if it could not run.
         strict: Whether an entry of `untested` counts as a difference.
         schema: Version of this format.
     """
@@ -217,7 +217,7 @@ class Comparison(Record, frozen=True, kw_only=True):
     kind: CaseKind = ""
     code: str = ""
     stdout: str = ""
-    found: Compared | None = None
+    compared: Compared | None = None
     strict: bool = False
     schema: int = 1
 
@@ -228,5 +228,5 @@ class Comparison(Record, frozen=True, kw_only=True):
     @property
     def passes(self) -> bool:
         """True if they move alike and, with `strict`, nothing was left untested."""
-        untested = self.found.untested if self.found is not None else ()
+        untested = self.compared.untested if self.compared is not None else ()
         return self.outcome is Outcome.AGREES and not (self.strict and untested)

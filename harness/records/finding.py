@@ -57,7 +57,7 @@ class AuditFinding(Record, frozen=True, kw_only=True):
         message: Explanation in one sentence.
         location: Line of the file; None if unknown.
         expected: Expected number; None without one.
-        found: Number in the model; None without one.
+        actual: Number in the model; None without one.
         replacement: Text to write in the span of `location`; empty if no number must change.
         severity: `finding` for an error, `note` for information.
     """
@@ -68,7 +68,7 @@ class AuditFinding(Record, frozen=True, kw_only=True):
     message: str
     location: SourceLine | None
     expected: Number
-    found: Number
+    actual: Number
     replacement: str = ""
     severity: Literal["finding", "note"]
 
@@ -86,7 +86,7 @@ class AuditFinding(Record, frozen=True, kw_only=True):
         theirs = other.kind, other.severity, other.subject, other.location
         return mine == theirs and all(
             is_near(one, two, tolerance)
-            for one, two in ((self.expected, other.expected), (self.found, other.found))
+            for one, two in ((self.expected, other.expected), (self.actual, other.actual))
         )
 
 

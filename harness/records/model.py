@@ -200,6 +200,6 @@ def _other_linearization(linearization: EngineLinearization) -> AuditFinding:
         f" from the equations' in {' and in '.join(parts)}",
         location=None,
         expected=None,
-        found=None,
+        actual=None,
         severity="finding",
     )

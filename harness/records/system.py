@@ -217,7 +217,7 @@ class Shape(Record, frozen=True, kw_only=True, omit_defaults=True):
         label: Symbol next to the shape; may be empty.
         start: Start point of a link; start angle of an angle.
         end: End point of a link; end angle of an angle.
-        at: Place of a body or an angle.
+        center: Center of a body or an angle.
         width: Width of a body.
         height: Height of a body.
         radius: Radius of an angle's arc.
@@ -230,7 +230,7 @@ class Shape(Record, frozen=True, kw_only=True, omit_defaults=True):
     label: str
     start: SketchTree | None = None
     end: SketchTree | None = None
-    at: list[SketchTree] | None = None
+    center: list[SketchTree] | None = None
     width: SketchTree | None = None
     height: SketchTree | None = None
     radius: SketchTree | None = None
@@ -247,7 +247,7 @@ def _trees(shape: Shape) -> list[SketchTree | None]:
         ValueError: if one is missing.
     """
     link = shape.kind in _LINKS
-    points = (shape.start, shape.end) if link else (shape.at,)
+    points = (shape.start, shape.end) if link else (shape.center,)
     places = [tree for point in points if isinstance(point, list) for tree in point]
     if len(places) != 2 * len(points):
         raise ValueError(f"a {shape.kind} of the sketch has no place")

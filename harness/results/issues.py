@@ -71,7 +71,7 @@ def _same_findings(model: Model, other: Model) -> bool:
 def _is_like(finding: AuditFinding, other: AuditFinding) -> bool:
     """Return whether one message fits both: the numbers that only one contains must be equal."""
     return finding.is_like(other, SAME) and (
-        finding.found is not None or finding.message == other.message
+        finding.actual is not None or finding.message == other.message
     )
 
 

@@ -74,9 +74,9 @@ def stated_changes(
         ProposedChange(
             subject=one.subject,
             locations=(shown_line(model.folder, one.location),),
-            old=one.found,
+            old=one.actual,
             new=one.replacement,
         )
         for one in (model.findings if findings is None else findings)
-        if one.replacement and one.location is not None and one.found is not None
+        if one.replacement and one.location is not None and one.actual is not None
     ]

@@ -124,7 +124,7 @@ def _check_reading(folder: Path, robot: Robot) -> None:
         gravity=system.gravity,
         pulls=system.pulls,
         couplings=system.couplings,
-        fluid=system.medium,
+        fluid=system.fluid,
     )
     if written != robot.body_model:
         raise NewError(f"{robot.file}: the files written differ from the robot read")

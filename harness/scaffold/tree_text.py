@@ -112,7 +112,7 @@ def tree_text(
         fluid_fields = (
             f"{key}={_number(value)}" for key, value in _stated_fields(bodies.fluid, ())
         )
-        lines += [f"    medium=Fluid({', '.join(fluid_fields)}),  # kg/m^3, Pa s, m/s"]
+        lines += [f"    fluid=Fluid({', '.join(fluid_fields)}),  # kg/m^3, Pa s, m/s"]
     return "\n".join([*lines, ")", ""])
 
 

@@ -75,7 +75,7 @@ class MultibodySystem:
         bodies: parents before children.
         pulls: tendons and actuators.
         couplings: joints that follow others.
-        medium: fluid around the bodies; None for none.
+        fluid: fluid around the bodies; None for none.
 
     Raises:
         DeclarationError: with the body, joint or force element that does not fit.
@@ -88,7 +88,7 @@ class MultibodySystem:
     bodies: tuple[RigidBody, ...]
     pulls: tuple[ForceElement, ...] = ()
     couplings: tuple[Coupling, ...] = ()
-    medium: Fluid | None = None
+    fluid: Fluid | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -107,7 +107,7 @@ class MultibodySystem:
     @cached_property
     def assembled(self) -> Assembled:
         """The tree, and the location of each body in it."""
-        return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.medium)
+        return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.fluid)
 
     @cached_property
     def tree_system(self) -> TreeSystem:

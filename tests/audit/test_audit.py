@@ -73,7 +73,7 @@ def test_a_literal_off_by_a_millionth_is_read_and_measured(
     assert (literal.location.file, literal.location.line) == (str(file), place.place.line)
     assert literal.replacement == repr(place.correction)
     assert literal.expected == pytest.approx(place.value, rel=1e-12)
-    assert literal.found == pytest.approx(place.value * (1 + 1e-6), rel=1e-12)
+    assert literal.actual == pytest.approx(place.value * (1 + 1e-6), rel=1e-12)
     compiled = [f for f in grave(found) if f.kind in ("inertia", "damping", "stiffness")]
     assert any(message in f.message for f in compiled), compiled
 

@@ -259,7 +259,7 @@ def test_an_entry_that_names_no_engine_is_refused_in_a_sentence(tmp_path: Path) 
 
 def test_what_was_accepted_of_an_audit_is_read_as_it_was_or_refused(tmp_path: Path) -> None:
     found = AcceptedFinding(
-        kind="literal", subject=("m",), message="m is 1.4", expected=1.3, found=1.4
+        kind="literal", subject=("m",), message="m is 1.4", expected=1.3, actual=1.4
     )
     audit = AcceptedAudit(system=SYSTEM, model="m.xml", engine="e", reason="so", findings=(found,))
     text = file_text(replace(baseline(), audits={audit.id: audit}))

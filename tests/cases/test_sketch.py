@@ -35,9 +35,9 @@ def test_the_built_in_sketches_show_every_coordinate_and_stay_together(name: str
     q = list(random.uniform(-2, 2, len(system.coordinates)))
     values = dict(zip(system.q, map(float, q), strict=True)) | system.values
     for shape, declared in zip(record.shapes, system.sketch, strict=True):
-        if shape.at is not None:
+        if shape.center is not None:
             assert not isinstance(declared, Link)
-            for found, expected in zip(shape.at, declared.at, strict=True):
+            for found, expected in zip(shape.center, declared.at, strict=True):
                 exact = float(sp.sympify(expected).subs(values))
                 assert evaluate(found, q) == pytest.approx(exact, abs=1e-7)
     assert drawing(record, [c.name for c in system.coordinates]).description

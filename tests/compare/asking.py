@@ -40,8 +40,8 @@ def compared(
 
 
 def result(comparison: Comparison) -> Compared:
-    assert comparison.found is not None, comparison.reason
-    return comparison.found
+    assert comparison.compared is not None, comparison.reason
+    return comparison.compared
 
 
 def sampled(

@@ -55,7 +55,7 @@ def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:
     written_down = decoded((tmp_path / "out" / "record.json").read_bytes(), Comparison)
     assert written_down.outcome is Outcome.DIFFERS
     assert list(written_down.models[0].gravity or ()) == [0, 0, -9.81]
-    found = written_down.found
+    found = written_down.compared
     assert found is not None
     assert [(one.kind, one.about) for one in found.properties] == [("inertia", "rod")]
     assert found.explained is not None
@@ -143,7 +143,7 @@ def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_pat
     found = decoded((tmp_path / "record.json").read_bytes(), Comparison)
     assert found.outcome is Outcome.FAILED
     assert "SIGSEGV" in found.reason
-    assert found.found is None
+    assert found.compared is None
 
 
 def test_wrong_usage_exits_2_in_one_line(tmp_path: Path) -> None:

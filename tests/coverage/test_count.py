@@ -169,7 +169,7 @@ def test_the_line_says_what_had_a_say_and_what_had_not() -> None:
     )
     stop = AuditFinding(
         kind=BEYOND, subject=("a", "limits"), message="a is limited to [-3, 3]", location=None,
-        expected=None, found=None, severity="note",
+        expected=None, actual=None, severity="note",
     )  # fmt: skip
     one = model(coverage=COVERAGE, poses=poses, audit=(stop,))
     assert coverage_line(one) == (

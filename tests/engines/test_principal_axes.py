@@ -142,8 +142,8 @@ def test_the_audit_tells_the_size_and_finds_nothing_wrong(
         one for one in found if one.message.startswith("PyBullet computes the principal axes")
     ]
     assert remark.severity == "note"
-    assert remark.found is not None
-    assert 1e-13 < remark.found < 1e-8
+    assert remark.actual is not None
+    assert 1e-13 < remark.actual < 1e-8
     assert remark.location is not None
     assert remark.location.line == 4
     assert "the engine's own rounding explains it" in said(found, "inertia", "note")

@@ -194,7 +194,7 @@ def test_a_model_that_no_cause_explains_is_annotated_where_the_audit_finds(tmp_p
         message="mass is 9 where m = 0.9",
         location=SourceLine(file=str(tmp_path / "m.xml"), line=3),
         expected=0.9,
-        found=9.0,
+        actual=9.0,
         severity="finding",
     )
     (one,) = found.models

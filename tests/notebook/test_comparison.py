@@ -36,9 +36,9 @@ def test_two_files_of_one_mechanism_agree_and_have_nothing_to_tell() -> None:
     same = compare("simple_pendulum/robot.urdf", MODEL, engine="mujoco")
     assert same
     assert same.agree
-    assert same.found is not None
-    assert same.found.uncertainty is not None
-    assert same.found.uncertainty < 1e-10
+    assert same.compared is not None
+    assert same.compared.uncertainty is not None
+    assert same.compared.uncertainty < 1e-10
     assert not [one for one in same.differences if one.moves]
     assert "AGREES" in same._repr_html_()
 
@@ -112,8 +112,8 @@ def test_a_joint_that_turns_the_other_way_is_told_in_the_page(tmp_path: Path) ->
     turned.write_text(ARM.replace('name="knee" axis="0 1 0"', 'name="knee" axis="0 -1 0"'))
     apart = compare(arm, turned)
     assert not apart
-    assert apart.found is not None
-    assert apart.found.turned == ("knee",)
+    assert apart.compared is not None
+    assert apart.compared.turned == ("knee",)
     assert "knee turns the other way in B (mapped so, " in apart._repr_html_()
     assert compare(arm, turned, joints={"knee": "-knee"}).agree
 

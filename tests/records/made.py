@@ -68,7 +68,7 @@ def model(*findings: AuditFinding, **fields: Any) -> Model:
 def finding(message: str = "is wrong", **fields: Any) -> AuditFinding:
     known: dict[str, Any] = {
         "kind": "literal", "subject": (message,), "message": message, "location": None,
-        "expected": None, "found": None, "severity": "finding",
+        "expected": None, "actual": None, "severity": "finding",
     }  # fmt: skip
     return AuditFinding(**known | fields)
 

@@ -36,7 +36,7 @@ def sketch(coordinates: int) -> Sketch:
         Shape(
             kind="angle",
             label="theta",
-            at=[0.0, 0.0],
+            center=[0.0, 0.0],
             radius=0.3,
             start=0.0,
             end=["*", 2.0, ["q", 0]],
@@ -49,7 +49,7 @@ def sketch(coordinates: int) -> Sketch:
             Shape(
                 kind="block",
                 label=f"m_{i}",
-                at=[here, ["sin", ["*", 0.5, ["q", i]]]],
+                center=[here, ["sin", ["*", 0.5, ["q", i]]]],
                 width=0.3,
                 height=0.2,
                 angle=["^", ["q", i], 2.0],

@@ -399,7 +399,7 @@ def mixed() -> Results:
         message="joint[x]@stiffness is 39.5 where k = 38.25",
         location=SourceLine(file="/models/system_0/mujoco.xml", line=21),
         expected=38.25,
-        found=39.5,
+        actual=39.5,
         severity="finding",
     )
     models = list(found.models)

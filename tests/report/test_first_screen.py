@@ -127,7 +127,7 @@ def test_several_numbers_that_reading_finds_wrong_are_all_to_be_changed() -> Non
     text = "<a>\n  <b mass='2' size='0.1 0.2'/>\n  <c mass='4.5'/>\n</a>\n"
     findings = tuple(
         AuditFinding(
-            kind="literal", subject=(f"{name}@mass",), message=f"{name}@mass is wrong", found=old,
+            kind="literal", subject=(f"{name}@mass",), message=f"{name}@mass is wrong", actual=old,
             expected=new, location=located(SourceLine(file="robot.urdf", line=line), text, spelled),
             replacement=repr(new), severity="finding",
         )

@@ -138,7 +138,7 @@ def test_a_page_copies_a_patch_that_applies_whatever_a_body_is_called(
     where = located("mass@value", file, text)
     wrong = finding(
         f"link[{name}]/inertial/mass@value is 0.9 where m = 0.8",
-        subject=(f"link[{name}]/inertial/mass@value",), location=where, expected=0.8, found=0.9,
+        subject=(f"link[{name}]/inertial/mass@value",), location=where, expected=0.8, actual=0.9,
         replacement="0.8",
     )  # fmt: skip
     folder = str(file.parent)

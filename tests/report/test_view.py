@@ -192,7 +192,7 @@ def test_the_matrix_tells_costs_and_what_engines_read_otherwise() -> None:
     found = results(2)
     note = AuditFinding(
         kind="default", subject=("motors",), message="motors are switched off", location=None,
-        expected=None, found=None, severity="note",
+        expected=None, actual=None, severity="note",
     )  # fmt: skip
     audit = (note, replace(note, kind="reach", message="x is limited"))
     models = tuple(replace(model, audit=audit) for model in found.models)
@@ -230,7 +230,7 @@ def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
         message="m is 2 where 3 belongs",
         location=SourceLine(file="/a/robot.urdf", line=7),
         expected=3.0,
-        found=2.0,
+        actual=2.0,
         severity="finding",
     )
     seen = report(changed_model(results(1), 1, audit=(finding,)))
@@ -249,7 +249,7 @@ def test_a_finding_about_a_whole_file_marks_no_line() -> None:
         message="no time step is told",
         location=SourceLine(file="/a/robot.urdf"),
         expected=None,
-        found=None,
+        actual=None,
         severity="finding",
     )
     view = report(changed_model(results(1), 1, audit=(finding,))).groups[0].models[1].diagnosis
@@ -275,7 +275,7 @@ def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Resu
         message="mass is 9 where m = 0.9",
         location=SourceLine(file="mujoco.xml", line=21),
         expected=0.9,
-        found=9.0,
+        actual=9.0,
         severity="finding",
     )
     found = changed_model(troubled, 0, diagnosis=unexplained, audit=(one, one))

@@ -113,6 +113,6 @@ def test_a_wrong_spring_at_a_stop_is_told_where_it_was_compared(tmp_path: Path) 
     (wrong,) = (one for one in audit.findings if one.kind == "rest")
     assert "at rest where one = 0.2" in wrong.message
     assert wrong.message.endswith(", but the equations have another force")
-    assert wrong.found is not None
+    assert wrong.actual is not None
     assert wrong.expected is not None
-    assert wrong.found - wrong.expected == pytest.approx(100 * 0.01, rel=1e-6)
+    assert wrong.actual - wrong.expected == pytest.approx(100 * 0.01, rel=1e-6)

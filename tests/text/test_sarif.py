@@ -194,10 +194,10 @@ def test_a_fix_of_a_file_that_has_changed_or_of_half_a_cause_is_none(file: Path)
 def test_every_finding_is_a_result_and_an_annotation_in_a_line_or_in_none(file: Path) -> None:
     (where,) = places(file, "b@m")
     literal = finding(
-        "b@m is 1.25 where m = 1.5", subject=("b@m",), location=where, expected=1.5, found=1.25,
+        "b@m is 1.25 where m = 1.5", subject=("b@m",), location=where, expected=1.5, actual=1.25,
         replacement="1.5",
     )  # fmt: skip
-    term = finding("inertia of x is off", kind="inertia", subject=("x",), expected=1.0, found=2.0)
+    term = finding("inertia of x is off", kind="inertia", subject=("x",), expected=1.0, actual=2.0)
     models = (
         model(literal, term, text=TEXT),
         model(literal, term, text=TEXT, engine="mjx"),

@@ -183,7 +183,7 @@ def test_what_was_accepted_is_no_problem() -> None:
 def test_findings_that_differ_in_numbers_alone_are_reported_once() -> None:
     alike = tuple(
         model(
-            finding(f"A is {i}.5e-12 off", subject=("A",), expected=3.0, found=3 + i * 1e-12),
+            finding(f"A is {i}.5e-12 off", subject=("A",), expected=3.0, actual=3 + i * 1e-12),
             engine=engine,
         )
         for i, engine in enumerate(("mujoco", "pybullet"))

@@ -119,7 +119,7 @@ def _of_hostile(folder: Path) -> Results:
     where = SourceLine(file=str(file), line=2, span=(21, 24), text="3.3")
     wrong = finding(
         f"{HOSTILE} is 3.3 where m = 3.6", subject=(HOSTILE,), location=where, expected=3.6,
-        found=3.3, replacement="3.6",
+        actual=3.3, replacement="3.6",
     )  # fmt: skip
     cause = Cause(
         kind="literal", subject=(HOSTILE,), nominal=3.3, estimate=3.6, standard_error=1e-12,

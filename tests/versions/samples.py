@@ -86,7 +86,7 @@ def linearization(k: float = 47.0, *, differs: bool = False) -> EngineLinearizat
     )
 
 
-def remark(message: str, found: float | None = None, subject: str = "") -> AuditFinding:
+def remark(message: str, actual: float | None = None, subject: str = "") -> AuditFinding:
     """A note of an audit."""
     return AuditFinding(
         kind="default",
@@ -94,7 +94,7 @@ def remark(message: str, found: float | None = None, subject: str = "") -> Audit
         message=message,
         location=None,
         expected=None,
-        found=found,
+        actual=actual,
         severity="note",
     )
 

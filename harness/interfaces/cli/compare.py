@@ -54,8 +54,8 @@ def main(options: argparse.Namespace) -> int:
     print_hint(console, explain_hint([record.code]))
     if record.outcome is Outcome.FAILED:
         return FAIL
-    if record.strict and record.found is not None:
-        for line in record.found.untested:
+    if record.strict and record.compared is not None:
+        for line in record.compared.untested:
             print(f"crosscheck: --strict: {line}", file=sys.stderr)
     return AGREE if record.passes else DIFFER
 

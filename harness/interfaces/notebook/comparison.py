@@ -95,7 +95,7 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
         return tuple(self._differences())
 
     def _differences(self) -> Iterator[Difference]:
-        comparison_found = self.found
+        comparison_found = self.compared
         if comparison_found is None:
             return
         for row in comparison_found.properties:
@@ -149,7 +149,7 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
 
     def _repr_html_(self) -> str:
         a, b = (f"{shown_path(one.model)} in {one.engine}" for one in self.models)
-        result = self.found
+        result = self.compared
         remark = "" if result is None else (
             f" discrepancy {shown(result.discrepancy, '{:.1e}')}, uncertainty"
             f" {shown(result.uncertainty, '{:.1e}')}, on {escape(result.component)}"

@@ -132,9 +132,9 @@ def _coordinates(point: SketchTree | None, q: Sequence[float]) -> tuple[float, f
 
 
 def _extent(shape: Shape, q: Sequence[float]) -> list[tuple[float, float]]:
-    if shape.at is None:
+    if shape.center is None:
         return [_coordinates(shape.start, q), _coordinates(shape.end, q)]
-    x, y = _coordinates(shape.at, q)
+    x, y = _coordinates(shape.center, q)
     if shape.kind == "angle":
         r = evaluate(shape.radius, q)
         return [(x, y), *((x + r * math.cos(a), y + r * math.sin(a)) for a in _arc(shape, q))]
@@ -150,10 +150,10 @@ def _arc(shape: Shape, q: Sequence[float]) -> tuple[float, float, float]:
 def _matrix(shape: Shape, q: Sequence[float]) -> str:
     """Return the matrix of a shape from its places, as in script/motion.js."""
     if shape.kind == "angle":
-        x, y = _coordinates(shape.at, q)
+        x, y = _coordinates(shape.center, q)
         values = (1.0, 0.0, 0.0, 1.0, x, y)
-    elif shape.at is not None:
-        x, y = _coordinates(shape.at, q)
+    elif shape.center is not None:
+        x, y = _coordinates(shape.center, q)
         w, h, a = (evaluate(tree, q) for tree in (shape.width, shape.height, shape.angle))
         values = (
             w * math.cos(a),
@@ -218,12 +218,12 @@ def _arc_path(shape: Shape, q: Sequence[float], w: float) -> str:
 
 def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
     if shape.kind == "angle":
-        x, y = _coordinates(shape.at, q)
+        x, y = _coordinates(shape.center, q)
         r = 1.18 * evaluate(shape.radius, q)
         middle = _arc(shape, q)[1]
         x, y = x + r * math.cos(middle), y + r * math.sin(middle)
-    elif shape.at is not None:
-        x, y = _coordinates(shape.at, q)
+    elif shape.center is not None:
+        x, y = _coordinates(shape.center, q)
         if shape.kind == "disc":
             # Below the centre, off the mark on the radius; next to a disc that is too small.
             h = evaluate(shape.height, q)

@@ -52,7 +52,7 @@ VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in 
 
 def print_comparison(console: Console, comparison: Comparison) -> None:
     """Print the verdict with its cause and remedy, other differences, then what was compared."""
-    compared = comparison.found
+    compared = comparison.compared
     if compared is None:
         _print_failure(console, comparison)
     else:
@@ -182,7 +182,7 @@ def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
 
 def _own_cause(comparison: Comparison) -> str:
     """Return why an engine differs from its file, if the files are not the cause; "" if unknown."""
-    compared = comparison.found
+    compared = comparison.compared
     if comparison.outcome is not Outcome.DIFFERS or compared is None:
         return ""
     if not _is_unexplained(compared):
