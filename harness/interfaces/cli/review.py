@@ -67,8 +67,7 @@ def _summarize(result: GateResult, decided: Decisions) -> None:
     for diff in result.file_diffs:
         if any(diff.concerns(change.id) for change in decided.rejected):
             for changed in diff.changes:
-                for line in wrapped(_undo(diff.path, changed), terminal().width):
-                    _print_line(line)
+                _print_line(_undo(diff.path, changed))
 
 
 def _undo(path: str, line: ChangedLine) -> str:
@@ -78,4 +77,4 @@ def _undo(path: str, line: ChangedLine) -> str:
 
 
 def _print_line(line: str) -> None:
-    print(visible(line), flush=True)
+    print("\n".join(wrapped(visible(line), terminal().width)), flush=True)
