@@ -42,7 +42,7 @@ from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.run import Options, run
 from tests.report.chromium import CHROMIUM, running
@@ -52,7 +52,7 @@ REPEATS = 5
 
 def multiplied(found: Results, times: int) -> Results:
     """The same results with each system several times, under other names."""
-    systems: list[System] = []
+    systems: list[SystemResult] = []
     models: list[Model] = []
     cases: list[Case] = []
     for i in range(times):

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_sy
 from physics_crosscheck.harness.jobs import payload
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import Executor
-from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.workers import processor_seconds
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.planning.options import Options
@@ -40,7 +40,7 @@ def size(folder: Path) -> dict[str, tuple[int, int]]:
     for job in first.done(prepared):
         task = (job.task.function, job.task.argument)
         count, most = found.get(job.task.function.__name__, (0, 0))
-        sent = len(payload.packed(task, places=frozenset([str(folder)])))
+        sent = len(payload.serialize(task, places=frozenset([str(folder)])))
         found[job.task.function.__name__] = count + 1, max(most, sent)
     return found
 
@@ -65,7 +65,7 @@ def many(pool: Executor, count: int, data: bytes = b"") -> float:
         raise AssertionError(failure)
 
     began = time.perf_counter()
-    work((Job(task=Task(len, data), done=done, failed=failed) for _ in range(count)), pool)
+    run_jobs((Job(task=Task(len, data), done=done, failed=failed) for _ in range(count)), pool)
     assert seen == {len(data): count}
     return time.perf_counter() - began
 

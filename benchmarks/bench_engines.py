@@ -20,7 +20,7 @@ from rich.table import Table
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
@@ -184,7 +184,7 @@ def best(loop: Loop) -> float:
     return min(times)
 
 
-def pendulums() -> Iterator[tuple[str, Model]]:
+def pendulums() -> Iterator[tuple[str, LoadedModel]]:
     """The simple pendulum, in the file that each engine prefers."""
     known = [m for m in model_files(builtin() / "simple_pendulum") if isinstance(m, Sidecar)]
     for name, engine in engines().items():
@@ -196,7 +196,7 @@ def pendulums() -> Iterator[tuple[str, Model]]:
             yield name, engine.load(own.spec(name))
 
 
-def arms() -> Iterator[tuple[str, Model]]:
+def arms() -> Iterator[tuple[str, LoadedModel]]:
     """An arm of seven joints."""
     robot = prepare_tree(ARM)
     for name, engine in engines().items():
@@ -204,7 +204,7 @@ def arms() -> Iterator[tuple[str, Model]]:
             yield name, model_task(robot, name).load()[0]
 
 
-def costs(name: str, model: Model) -> tuple[str, ...]:
+def costs(name: str, model: LoadedModel) -> tuple[str, ...]:
     """A row: a step through the adapter, bare, their ratio, and a state."""
     q = np.array(model.home)[None]
 

@@ -165,7 +165,7 @@ def model(folder: Path, given: Sidecar, engine: str) -> list[Both]:
         found.append(both(str(task.id), 0.0, task))
         for fault in faults:
             with scratch() as copies:
-                wrong = task.with_sidecar(fault.edit.made(given, engine, copies))
+                wrong = task.with_sidecar(fault.edit.apply(given, engine, copies))
                 found.append(both(f"{task.id} {fault.name} {fault.location}", float("nan"), wrong))
     return found
 

@@ -19,13 +19,13 @@ import numpy as np
 
 from physics_crosscheck.harness.baseline.snapshot import ends, segments_of, snapshot_of
 from physics_crosscheck.harness.checks.task import load
-from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
 from physics_crosscheck.harness.diagnosis.samples import (
     engine_ends,
     reference_ends,
     sample_segments,
 )
-from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.folders import system_folders
@@ -63,7 +63,7 @@ class Judged:
             uncertainties, which claim nothing, give 0.
     """
 
-    verdict: Verdict
+    verdict: CaseJudgement
     found: Extrapolated
     motion: Motion
     ratios: Mapping[str, Array]
@@ -129,7 +129,9 @@ def _ratios(error: Array, uncertainty: Array) -> Array:
     return np.where(known, error / np.where(known, uncertainty, 1.0), 0.0).ravel()
 
 
-def _of_samples(model: Model, coordinates: CoordinateMap, motion: Motion, scenario: str) -> Array:
+def _of_samples(
+    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, scenario: str
+) -> Array:
     samples = sample_segments({scenario: motion})
     value, uncertainty = engine_ends(model, coordinates, samples)
     bound = np.tile(motion.bound / motion.unit, len(value) // len(motion.unit))
@@ -137,7 +139,7 @@ def _of_samples(model: Model, coordinates: CoordinateMap, motion: Motion, scenar
 
 
 def _of_snapshot(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     equations: Equations,
     motion: Motion,
@@ -151,7 +153,7 @@ def _of_snapshot(
 
 
 def _of_linearizations(
-    model: Model, coordinates: CoordinateMap, equations: Equations, motion: Motion
+    model: LoadedModel, coordinates: CoordinateMap, equations: Equations, motion: Motion
 ) -> Iterator[Array]:
     push = np.max(np.abs(motion.inputs(motion.t)), axis=0, initial=0.0)
     for equilibrium in equations.system.equilibria:

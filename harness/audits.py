@@ -16,7 +16,7 @@ from physics_crosscheck.harness.checks.not_run import cannot_run
 from physics_crosscheck.harness.engines.registry import engines as registered
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.graph import Job, work
+from physics_crosscheck.harness.jobs.graph import Job, run_jobs
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.model_files import (
@@ -88,8 +88,8 @@ def audits(
         model=model,
     )
     planned = [_TargetAudits(target, options) for target in targets]
-    with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
-        work(chain.from_iterable(plan.jobs() for plan in planned), workers)
+    with executor(jobs=options.jobs, limits=options.limits, prestart=cache is None) as workers:
+        run_jobs(chain.from_iterable(plan.jobs() for plan in planned), workers)
     return tuple(chain.from_iterable(plan.results() for plan in planned))
 
 
@@ -98,22 +98,22 @@ class _TargetAudits:
 
     def __init__(self, target: Path, options: Options) -> None:
         self._target, self._options = target, options
-        self._found = ResultBuilder(lambda *_: None)
+        self._results = ResultBuilder(lambda *_: None)
         self._audits: list[ModelAudit] = []
 
     def jobs(self) -> Iterator[Job[Any]]:
         """Yield the jobs that prepare the target where needed, then audit its models."""
-        for place in Plan(self._options, None, self._found).readable([self._target]):
-            target = TargetPlan(place, self._options, self._found)
+        for place in Plan(self._options, None, self._results).readable([self._target]):
+            target = TargetPlan(place, self._options, self._results)
             yield from target.jobs(partial(self._models, target))
 
     def results(self) -> Iterator[ModelAudit]:
         """Yield the audits in the order of the models, or the reason for a failed preparation."""
-        for case in self._found.cases:
+        for case in self._results.cases:
             model_id = ModelId(system=case.system, model=case.model, engine=case.engine)
             yield ModelAudit(model_id, failure=case.reason)
         for audit in self._audits:
-            record = self._found.models.get((str(self._target), audit.id.model, audit.id.engine))
+            record = self._results.models.get((str(self._target), audit.id.model, audit.id.engine))
             if record is None:
                 yield audit
             elif record.audit_failure:

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.baseline.known import (
 )
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.graph import work
+from physics_crosscheck.harness.jobs.graph import run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop
 from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.planning.options import Options, Selection
@@ -92,9 +92,9 @@ def run(
         scheduler=options.scheduler,
         files=partial(input_files, (*folders, *robots)),
         engines=options.engines,
-        sure=options.cache is None and bool(readable or not robots),
+        prestart=options.cache is None and bool(readable or not robots),
     ) as workers:
-        work(chain.from_iterable(map(plan.target, readable)), workers, stop)
+        run_jobs(chain.from_iterable(map(plan.target, readable)), workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
     cases = mark_known(_sorted_cases(builder, order), builder.measured, before)
@@ -107,9 +107,9 @@ def run(
         systems=tuple(sorted(builder.systems, key=lambda s: order[s.folder])),
         models=tuple(sorted(models, key=lambda m: (order[m.folder], m.model, m.engine))),
         cases=cases,
-        baseline=None if stop.asked else _changes(cases, builder.measured, before, options),
-        stopped=stop.name if stop.asked else "",
-        not_run=tuple(case for _, case in builder.left),
+        baseline=None if stop.requested else _changes(cases, builder.measured, before, options),
+        stopped=stop.name if stop.requested else "",
+        not_run=tuple(case for _, case in builder.remaining),
         cached=builder.cached,
     )
     return Run(results, builder.measured, builder.reads)

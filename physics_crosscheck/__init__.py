@@ -18,7 +18,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from physics_crosscheck.harness.compare.candidate import CompareError
-    from physics_crosscheck.harness.interfaces.api import Results, check
+    from physics_crosscheck.harness.interfaces.api import CheckResults, check
     from physics_crosscheck.harness.interfaces.notebook.ask import simulate, solve
     from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison, compare
     from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from physics_crosscheck.reference.mechanism.tree import Fluid
 
 _FROM = {
-    "physics_crosscheck.harness.interfaces.api": ("Results", "check"),
+    "physics_crosscheck.harness.interfaces.api": ("CheckResults", "check"),
     "physics_crosscheck.harness.compare.candidate": ("CompareError",),
     "physics_crosscheck.harness.interfaces.notebook.ask": ("simulate", "solve"),
     "physics_crosscheck.harness.interfaces.notebook.comparison": ("Comparison", "compare"),
@@ -73,6 +73,7 @@ _FROM = {
 
 __all__ = [
     "CablePath",
+    "CheckResults",
     "CompareError",
     "Comparison",
     "Constant",
@@ -93,7 +94,6 @@ __all__ = [
     "Pose",
     "PublishedEquation",
     "Quantity",
-    "Results",
     "RigidBody",
     "Scenario",
     "Site",

@@ -9,7 +9,7 @@ from physics_crosscheck.harness.engines.protocol import (
     EngineError,
     Force,
     LeftOut,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     Spring,
@@ -19,5 +19,6 @@ from physics_crosscheck.harness.engines.remark import Remark
 
 __all__ = [
     "Array", "Check", "CompiledTree", "DefaultLeftOn", "Engine", "EngineError", "Force", "LeftOut",
-    "Model", "ModelSpec", "Remark", "Sample", "Spring", "StateForce", "conform", "conform_samples",
+    "LoadedModel", "ModelSpec", "Remark", "Sample", "Spring", "StateForce", "conform",
+    "conform_samples",
 ]  # fmt: skip

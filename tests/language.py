@@ -400,17 +400,13 @@ def identifiers() -> Iterator[Offence]:
 
 
 def class_names() -> Iterator[Offence]:
-    """Yield classes of harness and reference whose name is used before.
-
-    A record may have the name of what it records.
-    """
-    places: defaultdict[tuple[str, bool], list[str]] = defaultdict(list)
+    """Yield classes of harness and reference whose name is used before."""
+    places: defaultdict[str, list[str]] = defaultdict(list)
     for path, nodes in trees():
         for node in nodes:
             if isinstance(node, ast.ClassDef):
-                key = node.name, room(path) == "harness/records"
-                places[key].append(f"{path.relative_to(ROOT)}:{node.lineno}")
-    for (name, _), (first, *more) in places.items():
+                places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    for name, (first, *more) in places.items():
         yield from (Offence(name, place, f"{name}, as in {first}") for place in more)
 
 

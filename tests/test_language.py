@@ -110,13 +110,6 @@ def test_prepositions_are_plain_in_calls_of_public_declarations(place: Path) -> 
     assert [o.place for o in RULES["identifiers"]()] == ["reference/a.py:5"]
 
 
-def test_a_record_may_have_the_name_of_what_it_records(place: Path) -> None:
-    for name in ("harness/records/a.py", "reference/a.py", "reference/b.py"):
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        (place / name).write_text("class System: ...")
-    assert [o.text for o in RULES["class_names"]()] == ["System, as in reference/a.py:1"]
-
-
 def test_the_page_and_its_scripts_are_messages(place: Path) -> None:
     for name, text in {
         "pages/a.html": '<p class="told here">No step is {{ x.told }} told</p>',

@@ -20,15 +20,15 @@ TOP = {
     "CompareError", "Comparison", "Constant", "Coordinate", "CablePath", "Coupling",
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
     "Fluid", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
-    "ForceElement", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
-    "check", "compare", "ground", "rotation", "simulate", "solve", "t",
+    "ForceElement", "Quantity", "RigidBody", "Scenario", "Site", "System", "Trajectory", "check",
+    "CheckResults", "compare", "ground", "rotation", "simulate", "solve", "t",
 }  # fmt: skip
 SKETCH = {"Angle", "Body", "Link"}
 RECORDS = {
-    "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",
+    "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "ComparisonResult", "Diagnosis",
     "EngineLinearization", "Explanation", "FullRun", "Model", "ModelId", "Mutation", "Mutations",
-    "Outcome", "Record", "Results", "ResultsError", "Series", "SourceLine", "System", "Verdict",
-    "read_results",
+    "Outcome", "Record", "Results", "ResultsError", "Series", "SourceLine", "SystemResult",
+    "Verdict", "read_results",
 }  # fmt: skip
 COMMAND = {
     "AGREE", "DIFFER", "FAIL", "USAGE", "AppendAction", "Command", "group", "option",
@@ -36,7 +36,7 @@ COMMAND = {
 ENGINE = {
     "Array", "Check", "CompiledTree", "DefaultLeftOn", "Engine", "EngineError", "Force",
     "LeftOut",
-    "Model", "ModelSpec", "Remark", "Sample", "Spring", "StateForce", "conform",
+    "LoadedModel", "ModelSpec", "Remark", "Sample", "Spring", "StateForce", "conform",
     "conform_samples",
 }  # fmt: skip
 

@@ -18,8 +18,8 @@ from campaigns.mechanisms.joints import identity, inputs
 from campaigns.mechanisms.mechanism import Mechanism
 from campaigns.mechanisms.truth import Ends, TruthError, ends
 from campaigns.mechanisms.written import joint_name, sidecar
-from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
-from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
+from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import movement
@@ -64,7 +64,7 @@ class Judged:
         seconds: processor time.
     """
 
-    verdict: Verdict
+    verdict: CaseJudgement
     found: Extrapolated
     uncertainty: Array
     ratios: Array
@@ -136,7 +136,7 @@ def examine(
 @contextmanager
 def loaded(
     mechanism: Mechanism, settings: Settings = _NONE
-) -> Iterator[tuple[Model, CoordinateMap]]:
+) -> Iterator[tuple[LoadedModel, CoordinateMap]]:
     """The mechanism in its engine, from a file, by the ordinary adapter."""
     with tempfile.TemporaryDirectory() as folder:
         beside = sidecar(mechanism, Path(folder), settings)
@@ -183,7 +183,9 @@ STEPS = 4
 """A segment, on the way to the states where segments start."""
 
 
-def _rolled(model: Model, dynamics: Dynamics, start: Array, length: float, segments: int) -> Array:
+def _rolled(
+    model: LoadedModel, dynamics: Dynamics, start: Array, length: float, segments: int
+) -> Array:
     n, steps = start.shape[1] // 2, STEPS * (segments - 1)
     h = length / STEPS
     force = dynamics.inputs(h * np.arange(steps), (n, steps)).T[None].astype(float)

@@ -18,7 +18,7 @@ from campaigns.real_models.entry import Entry, keep, kept
 from campaigns.real_models.files import included, robot_files
 from campaigns.real_models.packages import FOLDERS, folder_of
 from campaigns.real_models.summary import line, summary
-from physics_crosscheck.harness.jobs.graph import work
+from physics_crosscheck.harness.jobs.graph import run_jobs
 from physics_crosscheck.harness.jobs.workers import Limits, Workers
 
 
@@ -95,7 +95,7 @@ def main() -> None:
         with Workers(options.jobs or os.cpu_count() or 1, Limits(seconds=options.limit)) as workers:
             how = options.resolution, options.floating, told
             jobs = [Check(one, *how, causes=not options.no_causes).job for one in left]
-            work(jobs, workers)
+            run_jobs(jobs, workers)
     except KeyboardInterrupt:
         print(f"stopped; {options.kept} has what is done", flush=True)
     entries = [done[str(file)] for file in files if str(file) in done]

@@ -19,8 +19,8 @@ from physics_crosscheck.harness.records.baseline import (
     FORMAT,
     AcceptedAudit,
     AcceptedCase,
+    AcceptedDeclaration,
     BaselineFile,
-    Declared,
     RobotOptions,
     Snapshot,
 )
@@ -29,7 +29,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 T = TypeVar("T")
 A = TypeVar("A", AcceptedCase, AcceptedAudit)
-S = TypeVar("S", AcceptedCase, AcceptedAudit, Declared)
+S = TypeVar("S", AcceptedCase, AcceptedAudit, AcceptedDeclaration)
 
 _RESTORE = "restore it from version control, or remove it and run `crosscheck accept` again"
 _NOT_BELIEVED = (
@@ -38,11 +38,11 @@ _NOT_BELIEVED = (
 )
 
 
-class FileError(ValueError):
+class BaselineFileError(ValueError):
     """An invalid baseline file; the message gives the problem, its place and the remedy."""
 
 
-class _ShapeError(FileError):
+class _ShapeError(BaselineFileError):
     """JSON with the wrong structure."""
 
 
@@ -57,7 +57,7 @@ class SystemBaseline:
         audits: accepted audit findings, by model.
     """
 
-    declared: Declared
+    declared: AcceptedDeclaration
     snapshots: Mapping[str, Snapshot] = field(repr=False)
     cases: Mapping[CaseId, AcceptedCase] = field(repr=False)
     audits: Mapping[ModelId, AcceptedAudit] = field(default_factory=dict, repr=False)
@@ -94,7 +94,7 @@ class _Head(msgspec.Struct):
 class _Folder(msgspec.Struct):
     """The part of the file that names the folder."""
 
-    declared: Declared
+    declared: AcceptedDeclaration
 
 
 def canonical(record: Record) -> bytes:
@@ -170,14 +170,14 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
     _check_format(data)
     file = _decoded(data, BaselineFile)
     if sealed(file.declared) != file.declared:
-        raise FileError(f"declared: {_NOT_BELIEVED}")
+        raise BaselineFileError(f"declared: {_NOT_BELIEVED}")
     if file.declared.system != system:
-        raise FileError(f"belongs to the system {file.declared.system!r}; {_RESTORE}")
+        raise BaselineFileError(f"belongs to the system {file.declared.system!r}; {_RESTORE}")
     for key, snapshot in file.snapshots.items():
         if snapshot_key(snapshot) != key:
-            raise FileError(f"{key}: {_NOT_BELIEVED}")
+            raise BaselineFileError(f"{key}: {_NOT_BELIEVED}")
         if not _is_whole(snapshot):
-            raise FileError(f"{key}: is incomplete: its tables differ in size; {_RESTORE}")
+            raise BaselineFileError(f"{key}: is incomplete: its tables differ in size; {_RESTORE}")
     return SystemBaseline(
         declared=file.declared,
         snapshots=file.snapshots,
@@ -212,11 +212,11 @@ def _check_format(data: bytes) -> None:
         _decoded(data, object)  # report text that is not JSON as such
         version = None
     if isinstance(version, int) and version < FORMAT:
-        raise FileError(
+        raise BaselineFileError(
             f"baseline has format {version} of an earlier crosscheck, expected {FORMAT}; {again}"
         )
     if version != FORMAT:
-        raise FileError(
+        raise BaselineFileError(
             f"not a baseline of format {FORMAT}; use the version of crosscheck that "
             f"wrote it, or {again}"
         )
@@ -233,7 +233,7 @@ def _decoded(data: bytes, wanted: type[T]) -> T:
     except msgspec.ValidationError as error:
         raise _ShapeError(f"is malformed: {error}; {_RESTORE}") from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise FileError(f"not JSON: {error}; {_RESTORE}") from None
+        raise BaselineFileError(f"not JSON: {error}; {_RESTORE}") from None
 
 
 def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
@@ -241,15 +241,19 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
     for entry in file.cases:
         _believe(entry, str(entry.id), system, is_known=entry.id in cases)
         if not (entry.model and entry.scenario and entry.engine):
-            raise FileError(f"{entry.id}: does not name a model, scenario and engine; {_RESTORE}")
+            raise BaselineFileError(
+                f"{entry.id}: does not name a model, scenario and engine; {_RESTORE}"
+            )
         snapshot = file.snapshots.get(entry.snapshot)
         if entry.outcome is Outcome.REFUSED and not entry.snapshot:
             cases[entry.id] = entry
             continue
         if snapshot is None:
-            raise FileError(f"{entry.id}: is incomplete: its snapshot is missing; {_RESTORE}")
+            raise BaselineFileError(
+                f"{entry.id}: is incomplete: its snapshot is missing; {_RESTORE}"
+            )
         if not _fits(entry, snapshot):
-            raise FileError(
+            raise BaselineFileError(
                 f"{entry.id}: is inconsistent: its segments differ from those of its snapshot"
             )
         cases[entry.id] = entry
@@ -259,11 +263,11 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
 def _believe(record: A, called: str, system: str, *, is_known: bool) -> None:
     """Reject a record with a broken seal, of another system, or with a duplicate key."""
     if sealed(record) != record:
-        raise FileError(f"{called}: {_NOT_BELIEVED}")
+        raise BaselineFileError(f"{called}: {_NOT_BELIEVED}")
     if record.system != system:
-        raise FileError(f"{called}: belongs to a different system; {_RESTORE}")
+        raise BaselineFileError(f"{called}: belongs to a different system; {_RESTORE}")
     if is_known:
-        raise FileError(f"{called}: appears twice; {_RESTORE}")
+        raise BaselineFileError(f"{called}: appears twice; {_RESTORE}")
 
 
 def _audits(file: BaselineFile, system: str) -> dict[ModelId, AcceptedAudit]:

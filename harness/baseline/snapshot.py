@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.base import numbers
@@ -130,7 +130,7 @@ def same_motion(first: Snapshot, second: Snapshot) -> bool:
     )
 
 
-def ends(model: Model, coordinates: CoordinateMap, segments: Segments) -> tuple[Array, Array]:
+def ends(model: LoadedModel, coordinates: CoordinateMap, segments: Segments) -> tuple[Array, Array]:
     """Return the ends of the segments in an engine as h -> 0, with their uncertainty, (K, 2n) each.
 
     Raises:

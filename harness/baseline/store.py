@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from physics_crosscheck.harness.baseline.file import (
-    FileError,
+    BaselineFileError,
     SystemBaseline,
     file_text,
     read_file,
@@ -68,7 +68,7 @@ def _read(path: Path, reader: Callable[[bytes], T]) -> T:
         return reader(read_regular(path, MAX_BYTES))
     except OSError as error:
         reason = f"can't be read: {error.strerror}"
-    except FileError as error:
+    except BaselineFileError as error:
         reason = " ".join(str(error).split())
     raise BaselineError(f"{path}: {reason}")
 

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.checks.findings import (
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR, Binding, bindings
@@ -65,7 +65,7 @@ def audit_terms(task: TreeTask) -> Audit:
         )
         return Audit(findings=(finding("unresolved", ("terms",), message, severity="note"),))
     model, coordinates = task.load()
-    return Audit(findings=tuple(Compiled.of(task, model, coordinates).findings()))
+    return Audit(findings=tuple(Compiled.prepare(task, model, coordinates).findings()))
 
 
 def audit_declared(task: SystemTask) -> Audit:
@@ -80,7 +80,7 @@ def audit_declared(task: SystemTask) -> Audit:
     model, coordinates = task.load()
     rounded = max((abs(b.error) for b in declared if b.rounded), default=0.0)
     compiled = [
-        _explained(one, rounded) for one in Compiled.of(task, model, coordinates).findings()
+        _explained(one, rounded) for one in Compiled.prepare(task, model, coordinates).findings()
     ]
     z, w = coordinates.to_engine(task.target.visited)
     remarks = (*model.remarks(z, w), *engine.file_remarks(task.declared.model))
@@ -93,7 +93,7 @@ def audit_declared(task: SystemTask) -> Audit:
 
 
 def _poses(
-    task: SystemTask, model: Model, coordinates: CoordinateMap
+    task: SystemTask, model: LoadedModel, coordinates: CoordinateMap
 ) -> tuple[Poses, tuple[AuditFinding, ...]]:
     """Return the poses of the bodies, and a finding for frames that cannot be looked up."""
     reached = task.target.visited[:, : len(task.target.system.q)]
@@ -120,7 +120,7 @@ def _without_lost_digits(
     if not undo:
         return compiled
     model, coordinates = task.with_settings(**undo).load()
-    differences = list(Compiled.of(task, model, coordinates).findings())
+    differences = list(Compiled.prepare(task, model, coordinates).findings())
     shown = {kind for remark in remarks if remark.undone_by for kind in remark.shows_in}
     return [
         one

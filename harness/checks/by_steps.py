@@ -15,8 +15,8 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.prepare import Prepared
 from physics_crosscheck.harness.checks.task import ModelTask
-from physics_crosscheck.harness.checks.verdict import Verdict
-from physics_crosscheck.harness.engines.protocol import Model, StepRule
+from physics_crosscheck.harness.checks.verdict import CaseJudgement
+from physics_crosscheck.harness.engines.protocol import LoadedModel, StepRule
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.forward_dynamics import AccelerationComparison
 from physics_crosscheck.harness.numerics.full_run import (
@@ -69,14 +69,14 @@ class StepsVerdict:
         motion: the steps of a full run; None without a motion.
     """
 
-    verdict: Verdict
+    verdict: CaseJudgement
     steps: int
     motion: RunSteps | None
 
 
 def decide_by_steps(
     task: ModelTask[Prepared],
-    loaded: tuple[Model, CoordinateMap],
+    loaded: tuple[LoadedModel, CoordinateMap],
     stepping: StepComparison | None,
     dynamics: AccelerationComparison | None,
     motion: Motion | None,
@@ -140,7 +140,7 @@ def _evaluates_later(rule: StepRule) -> bool:
 
 def _run_steps(
     task: ModelTask[Prepared],
-    loaded: tuple[Model, CoordinateMap],
+    loaded: tuple[LoadedModel, CoordinateMap],
     stepping: StepComparison,
     motion: Motion,
 ) -> RunSteps:
@@ -179,7 +179,7 @@ def _build(
         time, steps = float(motion.t[judged.segment]), steps + len(motion.t)
     off_map = max(stepping.later.off_map, 0.0 if motion is None else motion.defects.off_map)
     each = stepping.judgement, judged
-    verdict = Verdict(
+    verdict = CaseJudgement(
         outcome=Outcome.AGREES,
         discrepancy=judged.discrepancy,
         uncertainty=judged.uncertainty,

@@ -23,13 +23,18 @@ from physics_crosscheck.harness.checks.case_record import (
 from physics_crosscheck.harness.checks.poses import PoseCheck, check_bodies, with_poses
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
-from physics_crosscheck.harness.checks.verdict import Verdict, judged, with_dynamics, with_full_runs
+from physics_crosscheck.harness.checks.verdict import (
+    CaseJudgement,
+    judged,
+    with_dynamics,
+    with_full_runs,
+)
 from physics_crosscheck.harness.checks.whole_step import (
     WholeStepCheck,
     check_whole_step,
     with_whole_step,
 )
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
@@ -69,7 +74,7 @@ class Followed:
         claimed: order that the engine claims.
     """
 
-    model: Model
+    model: LoadedModel
     map: CoordinateMap
     limits: Extrapolated
     claimed: int
@@ -78,7 +83,7 @@ class Followed:
 def follow(
     task: ModelTask[Prepared],
     rungs: tuple[int, ...] = (),
-    loaded: tuple[Model, CoordinateMap] | None = None,
+    loaded: tuple[LoadedModel, CoordinateMap] | None = None,
 ) -> Followed:
     """Run every segment in the engine as h -> 0.
 
@@ -172,7 +177,9 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     )
 
 
-def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None = None) -> Verdict:
+def judge(
+    task: ModelTask[Prepared], loaded: tuple[LoadedModel, CoordinateMap] | None = None
+) -> CaseJudgement:
     """Judge the motion of a model, without a run at the file's own time step.
 
     Args:
@@ -188,7 +195,9 @@ def judge(task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None 
     return _judgement(task, task.load(), None).verdict
 
 
-def _combined(verdict: Verdict, poses: PoseCheck | None, whole: WholeStepCheck | None) -> Verdict:
+def _combined(
+    verdict: CaseJudgement, poses: PoseCheck | None, whole: WholeStepCheck | None
+) -> CaseJudgement:
     """Combine the verdict on a motion with those on poses and whole steps."""
     verdict = verdict if poses is None else with_poses(verdict, poses)
     return verdict if whole is None else with_whole_step(verdict, whole)
@@ -207,8 +216,8 @@ class _Judgement:
         by_steps: the single steps that decide; None if segments do.
     """
 
-    verdict: Verdict
-    model: Model
+    verdict: CaseJudgement
+    model: LoadedModel
     order: int
     shipped_order: int
     stepping: StepComparison | None
@@ -236,7 +245,7 @@ class _Judgement:
 
 
 def _judgement(
-    task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap], motion: Motion | None
+    task: ModelTask[Prepared], loaded: tuple[LoadedModel, CoordinateMap], motion: Motion | None
 ) -> _Judgement:
     """Judge by single steps where they leave no doubt, and by segments otherwise.
 
@@ -261,7 +270,7 @@ def _judgement(
 
 def _by_segments(
     task: ModelTask[Prepared],
-    loaded: tuple[Model, CoordinateMap],
+    loaded: tuple[LoadedModel, CoordinateMap],
     stepping: StepComparison | None,
     dynamics: AccelerationComparison | None,
 ) -> _Judgement:
@@ -282,10 +291,10 @@ def _by_segments(
 
 def _study(
     task: ModelTask[Prepared],
-    loaded: tuple[Model, CoordinateMap],
+    loaded: tuple[LoadedModel, CoordinateMap],
     motion: Motion,
     judged: _Judgement,
-    verdict: Verdict,
+    verdict: CaseJudgement,
 ) -> StepStudy:
     """Run at the file's own time step and at related steps."""
     return study_step(
@@ -340,8 +349,8 @@ def _case(task: ModelTask[Prepared], outcome: Outcome, reason: str) -> Case:
 
 
 def _judge_segments(
-    task: ModelTask[Prepared], loaded: tuple[Model, CoordinateMap] | None = None
-) -> tuple[Followed, Verdict]:
+    task: ModelTask[Prepared], loaded: tuple[LoadedModel, CoordinateMap] | None = None
+) -> tuple[Followed, CaseJudgement]:
     """Run every segment in the engine, and derive the verdict."""
     followed = follow(task, loaded=loaded)
     verdict = judged(
@@ -358,9 +367,9 @@ def _judge_segments(
 def _refined(
     task: ModelTask[Prepared],
     followed: Followed,
-    verdict: Verdict,
+    verdict: CaseJudgement,
     dynamics: AccelerationComparison | None,
-) -> tuple[Followed, Verdict]:
+) -> tuple[Followed, CaseJudgement]:
     """Refine the verdict with the engine's accelerations, and with another integrator if needed."""
     names = tuple(followed.model.coordinates)
     if isinstance(task.target, PreparedTree) and verdict.outcome is Outcome.UNRESOLVED:
@@ -369,8 +378,8 @@ def _refined(
 
 
 def _by_another_integrator(
-    task: ModelTask[Prepared], followed: Followed, verdict: Verdict
-) -> tuple[Followed, Verdict]:
+    task: ModelTask[Prepared], followed: Followed, verdict: CaseJudgement
+) -> tuple[Followed, CaseJudgement]:
     """Judge with another integrator if only that resolves the case; the reason names both.
 
     A servo that settles within microseconds moves its joint so little that rounding, multiplied by
@@ -387,7 +396,9 @@ def _by_another_integrator(
     return followed, verdict
 
 
-def _poses(task: ModelTask[Prepared], model: Model, coordinates: CoordinateMap) -> PoseCheck | None:
+def _poses(
+    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
+) -> PoseCheck | None:
     """Compare the poses of a robot file's bodies; those of a folder's model are audited."""
     if task.sidecar is not None or not isinstance(task.target, PreparedTree):
         return None
@@ -414,7 +425,7 @@ def _lines(task: ModelTask[Prepared], poses: PoseCheck) -> tuple[SourceLine, ...
     return tuple(SourceLine(file=str(file), line=line) for file, line in places if line)
 
 
-def _motion(task: ModelTask[Prepared], model: Model) -> tuple[Motion | None, str]:
+def _motion(task: ModelTask[Prepared], model: LoadedModel) -> tuple[Motion | None, str]:
     """Return the motion for full runs, and why it is missing although one is asked for."""
     motion = task.target.motion(task.scenario)
     if isinstance(motion, str):
@@ -423,7 +434,7 @@ def _motion(task: ModelTask[Prepared], model: Model) -> tuple[Motion | None, str
 
 
 def _stepping(
-    task: ModelTask[Prepared], model: Model, coordinates: CoordinateMap
+    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
 ) -> StepComparison | None:
     """Compare single steps of the engine, with the integrator that the file selects."""
     target, stepped = task.target, task.target.stepped
@@ -441,7 +452,7 @@ def _stepping(
 
 
 def _dynamics(
-    task: ModelTask[Prepared], model: Model, coordinates: CoordinateMap
+    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
 ) -> AccelerationComparison | None:
     """Compare the engine's accelerations at those states, and at further states in the same
     positions.
@@ -453,7 +464,7 @@ def _dynamics(
     return forward_dynamics(model, coordinates, stepped, states, inputs, task.resolution)
 
 
-def _with_warnings(reason: str, task: ModelTask[Prepared], model: Model) -> str:
+def _with_warnings(reason: str, task: ModelTask[Prepared], model: LoadedModel) -> str:
     """Add the file's name and the engine's warnings, which may explain the failure, to a reason."""
     return "; the engine warns: ".join((f"{task.file}: {reason}", *model.warnings))
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.verdict import Verdict as Judgement
+from physics_crosscheck.harness.checks.verdict import CaseJudgement as Judgement
 from physics_crosscheck.harness.checks.verdict import component
 from physics_crosscheck.harness.numerics.discrete import StepLinearization as FoundStep
 from physics_crosscheck.harness.numerics.forward_dynamics import (

@@ -10,7 +10,7 @@ import numpy as np
 from physics_crosscheck.harness.checks.findings import finding
 from physics_crosscheck.harness.checks.linearizations import Linearized
 from physics_crosscheck.harness.checks.prepare import MassAndForce
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import (
     RESOLVED_SHARE,
     Accelerations,
@@ -53,7 +53,7 @@ class Compiled:
     inertia: Array
 
     @staticmethod
-    def of(task: Linearized, model: Model, coordinates: CoordinateMap) -> Compiled:
+    def prepare(task: Linearized, model: LoadedModel, coordinates: CoordinateMap) -> Compiled:
         """Prepare the measurement of a loaded model's terms."""
         names = task.target.names
         n = len(names)
@@ -112,7 +112,7 @@ class Compiled:
                     "freedom",
                     (name,),
                     f"{name} accelerates away from the coordinate map with"
-                    f" {accelerations.value[row, j]:.6g} at {self._at(states[row])}"
+                    f" {accelerations.value[row, j]:.6g} at {self._state_text(states[row])}"
                     f" ({int(differing.sum())} of {DRAWS} random states differ): the model has an"
                     " additional degree of freedom",
                     expected=0.0,
@@ -126,7 +126,7 @@ class Compiled:
                     severity="note",
                 )
 
-    def _at(self, state: Array) -> str:
+    def _state_text(self, state: Array) -> str:
         names = (*self.names, *(f"{x}_dot" for x in self.names))
         return ", ".join(f"{name} = {x:.4g}" for name, x in zip(names, state, strict=True))
 
@@ -255,7 +255,7 @@ class Compiled:
         return ", ".join(f"{name} = {x:.4g}" for name, x in zip(self.names, position, strict=True))
 
     @property
-    def _loaded(self) -> tuple[Model, CoordinateMap]:
+    def _loaded(self) -> tuple[LoadedModel, CoordinateMap]:
         return self.accelerations.model, self.accelerations.coordinates
 
     def _smooth(self, position: Array, step: Array) -> Array | None:
@@ -350,7 +350,7 @@ class Compiled:
             "acceleration",
             (self.names[i],),
             f"the acceleration of {self.names[i]} is {shown[0]} in the model and {shown[1]} in the"
-            f" equations at {self._at(states[row])} ({count})",
+            f" equations at {self._state_text(states[row])} ({count})",
             expected=there,
             actual=here,
             severity="note" if is_explained else "finding",

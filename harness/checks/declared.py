@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.checks.prepare import SCENARIO, scenario_of
-from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
@@ -110,7 +110,7 @@ def listed(
         return Job(task=Task(glance, target), done=done, failed=done)
 
     with Workers(1) as workers:
-        work(map(job, targets), workers)
+        run_jobs(map(job, targets), workers)
     cases, faults = list[tuple[str, CaseId]](), list[str]()
     for target in targets:
         system = declarations[target]

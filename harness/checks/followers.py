@@ -26,7 +26,7 @@ class Followers:
     offset: Array
 
     @staticmethod
-    def of(tree: Tree) -> Followers:
+    def build(tree: Tree) -> Followers:
         """Build the map to all joints of a tree."""
         coupled = Coupled(tree)
         rows = (row for link in tree.links for row in coordinate_names(link.kind, link.name))

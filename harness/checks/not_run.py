@@ -63,7 +63,7 @@ def absent(engine: Engine) -> CannotRun | None:
     return None
 
 
-def barred_case(case_id: CaseId, folder: str, why: CannotRun) -> Case:
+def skipped_case(case_id: CaseId, folder: str, why: CannotRun) -> Case:
     """Build the record of a case that was not started."""
     return replace(_case(case_id, folder, why.outcome, why.reason, ""), kind=why.kind)
 

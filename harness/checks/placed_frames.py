@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics_crosscheck.harness.documents.errors import quote, truncate
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
@@ -29,14 +29,14 @@ _NUDGE = 2.0**-20
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Poses at K positions: `at` (K, F, 3), m, and `turn` (K, F, 3, 3), columns the axes."""
+    """Poses at K positions: `origin` (K, F, 3), m, and `turn` (K, F, 3, 3), columns the axes."""
 
-    at: Array
+    origin: Array
     turn: Array
 
     def miss(self, other: Placed) -> tuple[Array, Array]:
         """Return the distance between two sets of frames, m and rad, (K, F) each."""
-        far = np.linalg.norm(self.at - other.at, axis=-1)
+        far = np.linalg.norm(self.origin - other.origin, axis=-1)
         chord = np.linalg.norm(self.turn - other.turn, axis=(-2, -1)) / np.sqrt(8)
         return far, 2 * np.arcsin(np.minimum(chord, 1.0))
 
@@ -50,15 +50,15 @@ class Frames:
         rows: indices of the mapped frames among these.
     """
 
-    model: Model
+    model: LoadedModel
     coordinates: CoordinateMap
-    said: SidecarFrames
+    mapped: SidecarFrames
     function: Callable[[Array], Array]
     rows: tuple[int, ...]
 
     @staticmethod
-    def of(
-        system: System, mapped: SidecarFrames, model: Model, coordinates: CoordinateMap
+    def look_up(
+        system: System, mapped: SidecarFrames, model: LoadedModel, coordinates: CoordinateMap
     ) -> Frames:
         """Look up every frame.
 
@@ -78,25 +78,25 @@ class Frames:
         values = self.function(q).reshape(len(q), -1, ENTRIES)[:, list(self.rows)]
         return Placed(values[..., :3], values[..., 3:].reshape(*values.shape[:2], 3, 3))
 
-    def found(self, z: Array) -> Placed:
+    def measured(self, z: Array) -> Placed:
         """Return the poses in the engine at its positions z, (K, nz), in the system's world
         frame.
         """
-        targets = self.said.targets
+        targets = self.mapped.targets
         origins, turns = self.model.poses([target.place for target in targets], z)
         offsets = np.array([target.offset for target in targets])
         axes = np.array([target.axes for target in targets])
-        world = self.said.axes
-        places = origins + np.einsum("kfij,fj->kfi", turns, offsets) - self.said.origin
+        world = self.mapped.axes
+        places = origins + np.einsum("kfij,fj->kfi", turns, offsets) - self.mapped.origin
         turned = np.einsum("ji,kfjl,flm->kfim", world, turns, axes)
         return Placed(places @ world, turned)
 
     def length(self, z: Array) -> float:
         """Return the largest distance of any part of the model from its origin, m."""
         origins, _ = self.model.poses(self.model.places, z[:PROBED])
-        offsets = [float(np.linalg.norm(target.offset)) for target in self.said.targets]
+        offsets = [float(np.linalg.norm(target.offset)) for target in self.mapped.targets]
         far = float(np.max(np.abs(origins), initial=0.0))
-        return far + max(offsets, default=0.0) + float(np.linalg.norm(self.said.origin))
+        return far + max(offsets, default=0.0) + float(np.linalg.norm(self.mapped.origin))
 
     def uncertainty(self, q: Array, length: float) -> tuple[float, float]:
         """Return how far rounding may move a frame, m and rad.
@@ -106,7 +106,7 @@ class Frames:
         """
         q = q[:: max(1, len(q) // PROBED)]
         z = self.coordinates.forward(q)
-        moved = _moved(self.expected, q) + _moved(self.found, z)
+        moved = _moved(self.expected, q) + _moved(self.measured, z)
         chain = STEPS * max(1, len(self.model.places))
         far, turned = self.model.epsilon * (chain * np.array([length, 1.0]) + 4 * moved)
         return float(far), float(turned)

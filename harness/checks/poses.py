@@ -11,8 +11,8 @@ from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.placed_frames import Frames, Placed
 from physics_crosscheck.harness.checks.prepare import PreparedTree
-from physics_crosscheck.harness.checks.verdict import Verdict, motions_in_words
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, motions_in_words
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -36,23 +36,23 @@ class Miss:
     """One frame at K positions, in the equations and in the engine.
 
     Attributes:
-        at, turn: in the equations, (K, 3) and (K, 3, 3).
-        found_at, found_turn: in the engine.
+        origin, turn: in the equations, (K, 3) and (K, 3, 3).
+        measured_origin, measured_turn: in the engine.
         flipped: the equations' poses with the sign of one coordinate changed, by its name.
         point: whether it is a point, so that its rotation has no meaning.
         near: distance below which poses are equal, m and rad.
     """
 
-    at: Array
+    origin: Array
     turn: Array
-    found_at: Array
-    found_turn: Array
+    measured_origin: Array
+    measured_turn: Array
     flipped: Mapping[str, tuple[Array, Array]]
     point: bool
     near: tuple[float, float]
 
     @staticmethod
-    def of(
+    def select(
         f: int,
         expected: Placed,
         measured: Placed,
@@ -64,22 +64,24 @@ class Miss:
         """Select frame `f`."""
         far, turned = (float(np.max(each[:, f])) for each in expected.miss(measured))
         return Miss(
-            at=expected.at[:, f],
+            origin=expected.origin[:, f],
             turn=expected.turn[:, f],
-            found_at=measured.at[:, f],
-            found_turn=measured.turn[:, f],
-            flipped={name: (one.at[:, f], one.turn[:, f]) for name, one in flipped.items()},
+            measured_origin=measured.origin[:, f],
+            measured_turn=measured.turn[:, f],
+            flipped={name: (one.origin[:, f], one.turn[:, f]) for name, one in flipped.items()},
             point=point,
             near=(max(uncertainty[0], SHARE * far), max(uncertainty[1], SHARE * turned)),
         )
 
     def is_at(self, position: Array) -> bool:
         """Return whether the engine has the origin at this place."""
-        return bool(np.max(np.linalg.norm(self.found_at - position, axis=-1)) <= self.near[0])
+        return bool(
+            np.max(np.linalg.norm(self.measured_origin - position, axis=-1)) <= self.near[0]
+        )
 
     def is_turned(self, turn: Array) -> bool:
         """Return whether the engine has this rotation; false for a point."""
-        chord = np.linalg.norm(self.found_turn - turn, axis=(-2, -1)) / np.sqrt(2)
+        chord = np.linalg.norm(self.measured_turn - turn, axis=(-2, -1)) / np.sqrt(2)
         return self.point or bool(np.max(chord) <= self.near[1])
 
 
@@ -101,7 +103,7 @@ def _kinds(miss: Miss) -> Iterator[str]:
 def _wrong_signs(miss: Miss) -> Iterator[str]:
     """Yield the coordinates with the opposite sign."""
     for name, (position, turn) in miss.flipped.items():
-        moved = _mean(miss.found_at - position)
+        moved = _mean(miss.measured_origin - position)
         if miss.is_at(position + moved) and miss.is_turned(turn):
             kind = f"as if {name} had the other sign: an axis is flipped"
             yield f"{kind}{_and_moved(moved, miss)}"
@@ -111,26 +113,26 @@ def _shifted(miss: Miss) -> Iterator[str]:
     """Yield a translation in the world or in the body."""
     if not miss.is_turned(miss.turn):
         return
-    off = miss.found_at - miss.at
-    if miss.is_at(miss.at + _mean(off)):
+    off = miss.measured_origin - miss.origin
+    if miss.is_at(miss.origin + _mean(off)):
         yield f"moved by {_vector(_mean(off))} in the world"
     # For a point, only the engine has the rotation of its body.
-    inside = _mean(np.einsum("kji,kj->ki", miss.found_turn, off))
-    if miss.is_at(miss.at + miss.found_turn @ inside):
+    inside = _mean(np.einsum("kji,kj->ki", miss.measured_turn, off))
+    if miss.is_at(miss.origin + miss.measured_turn @ inside):
         yield f"offset by {_vector(inside)} in its body's axes"
 
 
 def _turned(miss: Miss) -> Iterator[str]:
     """Yield a constant rotation in the world or in the body."""
-    world = miss.found_turn[0] @ miss.turn[0].T
+    world = miss.measured_turn[0] @ miss.turn[0].T
     if miss.is_turned(world @ miss.turn):
-        moved = _mean(miss.found_at - miss.at @ world.T)
-        if miss.is_at(miss.at @ world.T + moved):
+        moved = _mean(miss.measured_origin - miss.origin @ world.T)
+        if miss.is_at(miss.origin @ world.T + moved):
             yield f"turned in the world by {_turn(world)}{_and_moved(moved, miss)}"
-    body = miss.turn[0].T @ miss.found_turn[0]
+    body = miss.turn[0].T @ miss.measured_turn[0]
     if miss.is_turned(miss.turn @ body):
-        inside = _mean(np.einsum("kji,kj->ki", miss.turn, miss.found_at - miss.at))
-        if miss.is_at(miss.at + miss.turn @ inside):
+        inside = _mean(np.einsum("kji,kj->ki", miss.turn, miss.measured_origin - miss.origin))
+        if miss.is_at(miss.origin + miss.turn @ inside):
             near = np.linalg.norm(inside) <= miss.near[0]
             yield f"its axes are turned by {_turn(body)} in its body" + (
                 "" if near else f", and offset by {_vector(inside)} there"
@@ -142,8 +144,8 @@ def _plane(miss: Miss) -> Iterator[str]:
     for axes in _cube():
         if np.allclose(axes, np.eye(3)):
             continue
-        moved = _mean(miss.found_at - miss.at @ axes.T)
-        if miss.is_at(miss.at @ axes.T + moved) and miss.is_turned(axes @ miss.turn @ axes.T):
+        moved = _mean(miss.measured_origin - miss.origin @ axes.T)
+        if miss.is_at(miss.origin @ axes.T + moved) and miss.is_turned(axes @ miss.turn @ axes.T):
             yield f"its motion is turned by {_turn(axes)}{_and_moved(moved, miss)}"
 
 
@@ -151,8 +153,8 @@ def _mirrored(miss: Miss) -> Iterator[str]:
     for i, name in enumerate("xyz"):
         sign = np.ones(3)
         sign[i] = -1.0
-        moved = _mean(miss.found_at - miss.at * sign)
-        if miss.is_at(miss.at * sign + moved):
+        moved = _mean(miss.measured_origin - miss.origin * sign)
+        if miss.is_at(miss.origin * sign + moved):
             yield f"mirrored in {name}{_and_moved(moved, miss)}"
 
 
@@ -248,7 +250,7 @@ class PoseCheck:
 def check_poses(
     system: System,
     sidecar: Sidecar,
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     reached: Array,
 ) -> PoseCheck:
@@ -271,14 +273,14 @@ def check_poses(
         return PoseCheck(
             Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
         )
-    frames = Frames.of(system, mapped_frames, model, coordinates)
+    frames = Frames.look_up(system, mapped_frames, model, coordinates)
     with np.errstate(all="ignore"):
         q = _positions(frames, system, reached)
     points = [system.frames[row].rotation is None for row in frames.rows]
     return _compared(frames, system.coordinates, points, q, unchecked)
 
 
-def check_bodies(target: PreparedTree, model: Model, coordinates: CoordinateMap) -> PoseCheck:
+def check_bodies(target: PreparedTree, model: LoadedModel, coordinates: CoordinateMap) -> PoseCheck:
     """Compare bodies, shapes and sites of a robot file, by name, at the sampled positions."""
     engine_names = {
         name: place
@@ -356,7 +358,7 @@ def _place_of(name: str, places: Collection[str]) -> str | None:
     return next((f"{kind}:{name}" for kind in BODIES if f"{kind}:{name}" in places), None)
 
 
-def with_poses(verdict: Verdict, check: PoseCheck) -> Verdict:
+def with_poses(verdict: CaseJudgement, check: PoseCheck) -> CaseJudgement:
     """Combine the verdict on a motion with the one on poses: a difference in either counts."""
     if not check.findings or verdict.outcome is Outcome.DIFFERS:
         return verdict
@@ -387,12 +389,12 @@ def _compared(
 ) -> PoseCheck:
     """Compare every mapped frame at positions q, (K, n); a point has no rotation."""
     z = frames.coordinates.forward(q)
-    expected, measured = frames.expected(q), frames.found(z)
+    expected, measured = frames.expected(q), frames.measured(z)
     length = frames.length(z)
     uncertainty = frames.uncertainty(q, length)
     far, turned = expected.miss(measured)
     turned[:, np.flatnonzero(points)] = 0.0
-    size = float(np.max(np.abs(expected.at), initial=0.0)) or length
+    size = float(np.max(np.abs(expected.origin), initial=0.0)) or length
     near = max(uncertainty[0], RESOLUTION * size), max(uncertainty[1], RESOLUTION)
     # A pose that is not a number counts as infinitely far away.
     wrong = ~np.all((far <= near[0]) & (turned <= near[1]), axis=0)
@@ -405,7 +407,7 @@ def _compared(
             rotation=None if points[f] else number(float(np.degrees(np.max(turned[:, f])))),
             agrees=f not in elsewhere,
         )
-        for f, target in enumerate(frames.said.targets)
+        for f, target in enumerate(frames.mapped.targets)
     )
     record = Poses(
         frames=rows,
@@ -418,7 +420,7 @@ def _compared(
     flipped = {c.name: frames.expected(_flipped(q, j)) for j, c in flips}
     alike: dict[str, list[int]] = {}
     for f in elsewhere:
-        miss = Miss.of(f, expected, measured, flipped, point=points[f], uncertainty=uncertainty)
+        miss = Miss.select(f, expected, measured, flipped, point=points[f], uncertainty=uncertainty)
         alike.setdefault(kind_of(miss), []).append(f)
     findings = []
     for kind, group in alike.items():

@@ -26,7 +26,7 @@ from physics_crosscheck.harness.checks.findings import (
 )
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.system_record import system_record, tree_record
-from physics_crosscheck.harness.checks.verdict import component_scale, filled
+from physics_crosscheck.harness.checks.verdict import component_scale, nonzero_scale
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
@@ -102,7 +102,7 @@ class Prepared(ABC):
     """
 
     place: Path
-    record: records.System
+    record: records.SystemResult
     reads: Mapping[str, str]
 
     @property
@@ -320,7 +320,7 @@ class PreparedTree(Prepared):
     @property
     def amplitude(self) -> Array:
         """Largest magnitude over all states, (2n,); nowhere zero."""
-        return filled(np.max(np.abs(self.samples.start), axis=0))
+        return nonzero_scale(np.max(np.abs(self.samples.start), axis=0))
 
     @property
     def push(self) -> Array:
@@ -331,7 +331,7 @@ class PreparedTree(Prepared):
     @cached_property
     def scale(self) -> Array:
         """Scale of the defects: the largest displacement of each component, (2n,)."""
-        return filled(self.samples.movement)
+        return nonzero_scale(self.samples.movement)
 
     def segments(self, scenario: str) -> Segments:
         """Return the sampled segments, each under its own forces."""
@@ -369,7 +369,7 @@ class PreparedTree(Prepared):
         """Return its amplitude, with a share of the largest of its kind as lower bound."""
         n, size = len(self.names), motion.amplitude
         largest = np.repeat([size[:n].max(), size[n:].max()], n)
-        return filled(np.maximum(size, FLOOR * largest))
+        return nonzero_scale(np.maximum(size, FLOOR * largest))
 
     def power(self) -> VectorFunction:
         """Return energy, supplied and dissipated power."""
@@ -521,7 +521,7 @@ def _solved(
         system=system,
         scenario=scenario,
         samples=drawn,
-        followers=Followers.of(system.tree),
+        followers=Followers.build(system.tree),
         home=home,
         rest=_motion_from_rest(system, drawn, motion) if motion else None,
     )
@@ -600,7 +600,7 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
     push = np.where(push > 0, push, 1.0)
-    amplitude = filled(np.max([m.amplitude for m in motions.values()], axis=0))
+    amplitude = nonzero_scale(np.max([m.amplitude for m in motions.values()], axis=0))
     with with_location(folder):
         record = system_record(folder, equations, linear, motions, described=described)
     return PreparedSystem(

@@ -32,7 +32,7 @@ def system_record(
     motions: Mapping[str, Motion],
     *,
     described: bool,
-) -> records.System:
+) -> records.SystemResult:
     """Build the record of a system.
 
     Args:
@@ -43,7 +43,7 @@ def system_record(
     """
     system = equations.system
     latex = Latex(system.q, system.v, system.a)
-    return records.System(
+    return records.SystemResult(
         name=system.name,
         folder=str(folder),
         title=system.title,
@@ -56,7 +56,7 @@ def system_record(
         constants=constants(system),
         inputs=quantities(system.inputs),
         outputs=tuple(
-            records.Output(
+            records.OutputFormula(
                 name=o.name,
                 unit=o.unit,
                 description=o.description,
@@ -79,7 +79,7 @@ def tree_record(
     drawn: Segments,
     scenario: str,
     motion: float = 0.0,
-) -> records.System:
+) -> records.SystemResult:
     """Return the record of a tree: its joints, the sampled states and its motion.
 
     Args:
@@ -90,7 +90,7 @@ def tree_record(
         motion: duration of a motion from rest, seconds; 0 for none.
     """
     count = len(drawn.start)
-    return records.System(
+    return records.SystemResult(
         name=system.name,
         folder=folder,
         title=system.title,
@@ -101,7 +101,7 @@ def tree_record(
         inputs=(),
         outputs=(),
         scenarios=(
-            records.Scenario(
+            records.ReferenceMotion(
                 name=scenario,
                 description=f"{counted(count, 'state')}, each under its own forces"
                 + (f"; and a motion of {motion:g} s from rest" if motion else ""),
@@ -118,10 +118,10 @@ def tree_record(
 
 def quantities(
     declared: tuple[Coordinate, ...] | tuple[Input, ...],
-) -> tuple[records.Quantity, ...]:
+) -> tuple[records.Symbol, ...]:
     """Build the records of coordinates or inputs."""
     return tuple(
-        records.Quantity(
+        records.Symbol(
             name=each.name,
             unit=each.unit,
             description=each.description,
@@ -131,10 +131,10 @@ def quantities(
     )
 
 
-def constants(system: System) -> tuple[records.Constant, ...]:
+def constants(system: System) -> tuple[records.ConstantValue, ...]:
     """Build the records of a system's constants."""
     return tuple(
-        records.Constant(
+        records.ConstantValue(
             name=c.name,
             unit=c.unit,
             description=c.description,
@@ -335,9 +335,11 @@ def _matrix(matrix: sp.Matrix, latex: Latex) -> str:
     return latex.matrix([[latex.math(entry) for entry in row] for row in matrix.tolist()])
 
 
-def _scenarios(system: System, motions: Mapping[str, Motion]) -> tuple[records.Scenario, ...]:
+def _scenarios(
+    system: System, motions: Mapping[str, Motion]
+) -> tuple[records.ReferenceMotion, ...]:
     return tuple(
-        records.Scenario(
+        records.ReferenceMotion(
             name=each.name,
             description=each.description,
             duration=float(each.duration),

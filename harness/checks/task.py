@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
-from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
@@ -71,7 +71,7 @@ class ModelTask(Generic[P]):
         assert self.sidecar is not None
         return self.sidecar
 
-    def load(self) -> tuple[Model, CoordinateMap]:
+    def load(self) -> tuple[LoadedModel, CoordinateMap]:
         """Load the file in its engine, and build the map from the equations' coordinates.
 
         Raises:
@@ -89,7 +89,7 @@ class ModelTask(Generic[P]):
             raise refused from error
         return model, self.map(model)
 
-    def map(self, model: Model) -> CoordinateMap:
+    def map(self, model: LoadedModel) -> CoordinateMap:
         """Build the map from the equations' coordinates to those of a loaded model."""
         there = tuple(model.coordinates)
         return self.target.coordinates(self.sidecar, self.file, self.engine, there)
@@ -147,7 +147,7 @@ def model_task(
     )
 
 
-def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, CoordinateMap]:
+def load(system: System, sidecar: Sidecar, engine: str) -> tuple[LoadedModel, CoordinateMap]:
     """Load a model of a folder with energies, and build the map between coordinates.
 
     Raises:

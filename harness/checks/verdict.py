@@ -32,7 +32,7 @@ from physics_crosscheck.reference.solving.segments import Motion, Segments
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class CaseJudgement:
     """The judgement of one case.
 
     Attributes:
@@ -73,7 +73,7 @@ STILL = 1e-12
 """Share of the largest scale below which a component moves only by rounding."""
 
 
-def filled(sizes: Array) -> Array:
+def nonzero_scale(sizes: Array) -> Array:
     """Replace zero scales of positions and velocities, (2n,).
 
     A component that moves only by rounding takes the largest scale of its kind, or 1 if none of
@@ -94,7 +94,7 @@ def component_scale(motion: Segments, others: Sequence[Segments]) -> Array:
     largest scale among the positions (or velocities).
     """
     others_scale = np.max([m.movement for m in others], axis=0) if others else motion.movement
-    return filled(np.maximum(motion.movement, FLOOR * others_scale))
+    return nonzero_scale(np.maximum(motion.movement, FLOOR * others_scale))
 
 
 def judged(
@@ -105,7 +105,7 @@ def judged(
     coordinates: tuple[str, ...],
     claimed: int,
     resolution: float,
-) -> Verdict:
+) -> CaseJudgement:
     """Judge extrapolated segments, and their deviation from the coordinate map.
 
     Args:
@@ -130,7 +130,7 @@ def judge(
     claimed: int,
     resolution: float,
     held: bool = False,
-) -> Verdict:
+) -> CaseJudgement:
     """Judge the extrapolated segments of one scenario; see `harness.numerics.judgement`.
 
     `with_residual` judges the deviation of the engine's coordinates from the map. `held` means that
@@ -158,7 +158,7 @@ def judge(
         reason = _unresolved(judged_limit, limit, place, component, claimed, resolution, why)
     elif judged_limit.largest_uncertainty > requested:
         reason = _coarse(limit, judged_limit.largest_uncertainty, requested)
-    return Verdict(
+    return CaseJudgement(
         outcome=judged_limit.outcome,
         discrepancy=judged_limit.discrepancy,
         uncertainty=judged_limit.uncertainty,
@@ -176,12 +176,12 @@ def judge(
 
 
 def with_residual(
-    verdict: Verdict,
+    verdict: CaseJudgement,
     residual: Residual,
     segments: Segments,
     names: tuple[str, ...],
     resolution: float,
-) -> Verdict:
+) -> CaseJudgement:
     """Combine a verdict with that on the residual of the coordinate map, whose reference is zero.
 
     A model leaves the map if it can move in an extra direction, or if a constraint fails. The
@@ -329,7 +329,7 @@ BLOWN_UP = 1e6
 
 
 def with_full_runs(
-    verdict: Verdict, study: StepStudy, motion: Motion, claimed: int
+    verdict: CaseJudgement, study: StepStudy, motion: Motion, claimed: int
 ) -> tuple[Outcome, str, CaseKind]:
     """Return the outcome of a case, its reason and the kind of the reason.
 
@@ -404,7 +404,7 @@ def _reservation(study: StepStudy, motion: Motion, decided_by: DecidedBy) -> str
     )
 
 
-def motions_in_words(verdict: Verdict) -> str:
+def motions_in_words(verdict: CaseJudgement) -> str:
     """Describe the verdict on motions beside another check that differs."""
     if verdict.outcome is Outcome.AGREES:
         return f"all {verdict.decided_by} agree within {verdict.largest_uncertainty:.1e}"
@@ -412,11 +412,11 @@ def motions_in_words(verdict: Verdict) -> str:
 
 
 def with_dynamics(
-    verdict: Verdict,
+    verdict: CaseJudgement,
     comparison: AccelerationComparison | None,
     names: tuple[str, ...],
     resolution: float,
-) -> Verdict:
+) -> CaseJudgement:
     """Combine the verdict on motions with the one on accelerations: a difference in either counts.
 
     Accelerations need no time step, so they decide where stiff motions are unresolved. They do not
@@ -451,12 +451,12 @@ def with_dynamics(
 
 
 def _decided(
-    verdict: Verdict,
+    verdict: CaseJudgement,
     comparison: AccelerationComparison,
     names: tuple[str, ...],
     resolution: float,
     reason: str,
-) -> Verdict:
+) -> CaseJudgement:
     judged = comparison.judgement
     return replace(
         verdict,
@@ -480,7 +480,10 @@ def component(names: tuple[str, ...], index: int) -> str:
 
 
 def _apart(
-    comparison: AccelerationComparison, names: tuple[str, ...], resolution: float, verdict: Verdict
+    comparison: AccelerationComparison,
+    names: tuple[str, ...],
+    resolution: float,
+    verdict: CaseJudgement,
 ) -> str:
     judged = comparison.judgement
     other = ", ".join(

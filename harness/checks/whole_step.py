@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.checks.findings import format_omission
-from physics_crosscheck.harness.checks.verdict import Verdict, motions_in_words
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, motions_in_words
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -427,7 +427,7 @@ def _acted(laws: LawModel, evaluated: Sequence[Evaluated]) -> Iterator[tuple[str
     yield from ((name, times) for name, times in count.items() if times)
 
 
-def with_whole_step(verdict: Verdict, check: WholeStepCheck) -> Verdict:
+def with_whole_step(verdict: CaseJudgement, check: WholeStepCheck) -> CaseJudgement:
     """Combine the verdict on a motion with the one on whole steps: a difference counts."""
     judged = check.judgement
     if judged is None or judged.outcome is not Outcome.DIFFERS:

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.prepared import PreparedComparison
 from physics_crosscheck.harness.compare.segments import Ends, quick, unwrapped
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -308,7 +308,7 @@ def tried(task: TrialTask) -> Array:
     return unwrapped(ends, task.near, task.periodic)
 
 
-def _loaded(task: TrialTask, edited: Candidate) -> Model:
+def _loaded(task: TrialTask, edited: Candidate) -> LoadedModel:
     """Return the edited model, with its actuators held as A's, or as B's where they are B's.
 
     Raises:

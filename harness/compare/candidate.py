@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
-from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
+from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
@@ -67,7 +67,7 @@ class Candidate:
         """The settings that it runs with."""
         return self.sidecar.spec(self.engine).settings
 
-    def load(self) -> Model:
+    def load(self) -> LoadedModel:
         """Load the model; in some engines this unloads the previous one.
 
         Raises:
@@ -199,7 +199,7 @@ def facts(candidate: Candidate) -> Facts:
     )
 
 
-def _limits(model: Model, robot: Robot | None) -> Array:
+def _limits(model: LoadedModel, robot: Robot | None) -> Array:
     """Return position bounds of the file, or of the engine for joints that the file leaves out.
 
     An engine that ignores limits may not report them.

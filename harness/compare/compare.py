@@ -54,7 +54,7 @@ from physics_crosscheck.harness.records.comparison import (
     ComparedModel,
     ComparedRuns,
     ComparedTerm,
-    Comparison,
+    ComparisonResult,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
@@ -94,7 +94,7 @@ class CompareOptions:
 
 def compare(
     options: CompareOptions, executor: Executor, created: datetime.datetime | None = None
-) -> Comparison:
+) -> ComparisonResult:
     """Compare two models.
 
     Raises:
@@ -113,7 +113,7 @@ def compare(
     )
     judged = motions.judgement
     compared = _compared(prepared, motions, share, measured, attribution)
-    return Comparison(
+    return ComparisonResult(
         created=_spelled(created),
         resolution=options.resolution,
         models=tuple(map(_model, prepared.models, prepared.facts, own_files)),
@@ -127,9 +127,9 @@ def compare(
 
 def failed_comparison(
     options: CompareOptions, failure: Failure, created: datetime.datetime | None = None
-) -> Comparison:
+) -> ComparisonResult:
     """Return the record of a comparison that could not run."""
-    return Comparison(
+    return ComparisonResult(
         created=_spelled(created),
         resolution=options.resolution,
         models=tuple(_model(one, None, OwnFile()) for one in (options.a, options.b)),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.checks import verdict as verdicts
-from physics_crosscheck.harness.checks.verdict import Verdict
+from physics_crosscheck.harness.checks.verdict import CaseJudgement
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.segments import SOURCE_SHARE, Ends, unwrapped
 from physics_crosscheck.harness.compare.states import SampledStates
@@ -91,7 +91,7 @@ class Judgement:
         certain: which of these exceed their uncertainty in some run, (2m,).
     """
 
-    verdict: Verdict
+    verdict: CaseJudgement
     by_component: Array
     certain: NDArray[np.bool_]
 
@@ -138,12 +138,12 @@ def judge(recorded: Recorded, followed: Ends, match: Match, resolution: float) -
 
 
 def _largest(
-    verdict: Verdict,
+    verdict: CaseJudgement,
     defect: Array,
     uncertainty: Array,
     differing: NDArray[np.bool_],
     components: Sequence[str],
-) -> Verdict:
+) -> CaseJudgement:
     """Return a verdict that names the component with the largest certain difference.
 
     The ratio to the uncertainty would depend on last digits. Of like differences, take the first.

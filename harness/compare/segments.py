@@ -8,7 +8,7 @@ import numpy as np
 
 from physics_crosscheck.harness.compare.candidate import Candidate
 from physics_crosscheck.harness.compare.match import Match, halves
-from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
 from physics_crosscheck.harness.numerics.ladder import RUNGS, Limit, movement, observed_order
 from physics_crosscheck.harness.numerics.segments import (
@@ -128,7 +128,7 @@ def run_source(task: RunTask) -> Ends:
     return best[1]
 
 
-def _source_ends(model: Model, task: RunTask, runs: Segments) -> Ends:
+def _source_ends(model: LoadedModel, task: RunTask, runs: Segments) -> Ends:
     match = task.match
     assert match is not None
     extrapolated = ends(model, runs, match, task.resolution)
@@ -153,7 +153,9 @@ def _unresolved(task: RunTask, tried: Ends) -> float:
     return float(np.mean(np.max(relative, axis=1) > SOURCE_SHARE * task.resolution))
 
 
-def ends(model: Model, runs: Segments, match: Match | None, resolution: float) -> Extrapolated:
+def ends(
+    model: LoadedModel, runs: Segments, match: Match | None, resolution: float
+) -> Extrapolated:
     """Return end states as h -> 0 and at each rung, in the model's own coordinates.
 
     Rungs are added until the uncertainty is far below the resolution, or stops falling. A run with
@@ -193,7 +195,7 @@ def _mostly_confirmed(extrapolated: Extrapolated, starts: Array, claimed: int) -
     return 2 * sum(confirmed) >= len(confirmed)
 
 
-def quick(model: Model, runs: Segments, match: Match | None) -> Array:
+def quick(model: LoadedModel, runs: Segments, match: Match | None) -> Array:
     """Return only the limits, (K, 2nz), to measure the effect of a change of the model.
 
     Raises:

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
 from physics_crosscheck.harness.compare.equations import FileEquations
 from physics_crosscheck.harness.compare.match import Match
 from physics_crosscheck.harness.compare.segments import quick
-from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import Accelerations
 from physics_crosscheck.harness.numerics.coordinates import identity
 from physics_crosscheck.harness.numerics.segments import BlownUpError
@@ -232,7 +232,7 @@ def _pushed(task: StatesTask, given: list[Array]) -> SampledStates:
     )
 
 
-def _chained(model: Model, first: Segments, match: Match) -> Segments:
+def _chained(model: LoadedModel, first: Segments, match: Match) -> Segments:
     """Return runs, each from the end of the previous one, as long as all are finite."""
     links = [first]
     while len(links) < LINKS:
@@ -250,7 +250,7 @@ def _chained(model: Model, first: Segments, match: Match) -> Segments:
 
 
 def _scales(
-    task: StatesTask, model: Model, rng: np.random.Generator
+    task: StatesTask, model: LoadedModel, rng: np.random.Generator
 ) -> tuple[Array, int, float, float]:
     """Measure a model in the position in which its file draws it.
 

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.compare.candidate import Candidate
 from physics_crosscheck.harness.compare.match import Match, halves
 from physics_crosscheck.harness.compare.property import apart, percent
 from physics_crosscheck.harness.compare.states import SampledStates, free_directions
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import Accelerations, Estimate, force_of
 from physics_crosscheck.harness.numerics.coordinates import identity
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -94,7 +94,7 @@ def mechanics(task: MechanicsTask) -> Mechanics:
 class _Lens:
     """A model in the coordinates of the comparison."""
 
-    def __init__(self, task: MechanicsTask, model: Model) -> None:
+    def __init__(self, task: MechanicsTask, model: LoadedModel) -> None:
         self.task = task
         (z, _), typical = halves(task.start), task.states.typical
         n = z.shape[1]
@@ -119,13 +119,13 @@ class _Lens:
         # The velocities at which one independent coordinate alone moves.
         self.along = inverse @ self.slopes.swapaxes(1, 2) @ self.mass.value
 
-    def _accelerations(self, model: Model) -> Accelerations:
+    def _accelerations(self, model: LoadedModel) -> Accelerations:
         size, fastest = len(self.speed), self.task.states.fastest
         return Accelerations(
             model=model, coordinates=identity(size), speed=self.speed, fastest=fastest
         )
 
-    def forces(self, model: Model, states: Array, indices: Sequence[int]) -> Estimate:
+    def forces(self, model: LoadedModel, states: Array, indices: Sequence[int]) -> Estimate:
         """Return mass times acceleration (B, r), with the mass of the states numbered `indices`."""
         zero, rows = np.zeros((len(states), len(self.speed))), list(indices)
         measured = self._accelerations(model).measure(states, zero[:, :0], zero)
@@ -136,7 +136,7 @@ class _Lens:
         mass = Estimate(value=self.mass.value[rows], uncertainty=self.mass.uncertainty[rows])
         return force_of(mass, Estimate(value=seen, uncertainty=error))
 
-    def odd(self, model: Model) -> Estimate:
+    def odd(self, model: LoadedModel) -> Estimate:
         """Return `Mechanics.odd`; the curvature of the coordinates is even and cancels."""
         task, (z, _) = self.task, halves(self.task.start)
         bases = min(BASES, len(z))

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.diagnosis.robot_task import problem_of
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import replace_numbers
-from physics_crosscheck.harness.engines.protocol import Engine, EngineError, Model
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_texts
 from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
@@ -56,7 +56,7 @@ class Probe:
     frames: SidecarFrames
     resolution: float
 
-    def loaded(self, sidecar: Sidecar) -> Model | None:
+    def loaded(self, sidecar: Sidecar) -> LoadedModel | None:
         """Return the loaded model, or None if the engine rejects it."""
         try:
             model = self.engine.load(sidecar.spec(self.engine.name))
@@ -64,7 +64,7 @@ class Probe:
             return None
         return model if len(model.coordinates) == self.z.shape[1] else None
 
-    def evaluate(self, model: Model) -> Behaviour:
+    def evaluate(self, model: LoadedModel) -> Behaviour:
         """Evaluate a model; its poses are evaluated on demand, while it is still loaded."""
         q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
         return Behaviour(
@@ -73,7 +73,7 @@ class Probe:
             evaluate_poses=partial(self._evaluate_poses, model),
         )
 
-    def _evaluate_poses(self, model: Model) -> tuple[Array, Array]:
+    def _evaluate_poses(self, model: LoadedModel) -> tuple[Array, Array]:
         places = [target.place for target in self.frames.targets if target.place in model.places]
         if not places:
             return np.zeros(0), np.zeros(0)

@@ -13,7 +13,7 @@ import numpy as np
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import Location
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -63,7 +63,11 @@ class TrialHypothesis:
 
 
 def everything(
-    system: System, sidecar: Sidecar, model: Model, coordinates: CoordinateMap, variants: Variants
+    system: System,
+    sidecar: Sidecar,
+    model: LoadedModel,
+    coordinates: CoordinateMap,
+    variants: Variants,
 ) -> tuple[TrialHypothesis, ...]:
     """Return all candidates of a model."""
     return (
@@ -112,13 +116,13 @@ def _exchanges(variants: Variants) -> Iterator[TrialHypothesis]:
             )
 
 
-def _axes(model: Model) -> Iterator[TrialHypothesis]:
+def _axes(model: LoadedModel) -> Iterator[TrialHypothesis]:
     """Yield each joint with a reversed axis."""
     for index, name in enumerate(model.coordinates):
         yield _switch(CauseId(kind="axis", subject=(name,)), Perturbation(reversed=index))
 
 
-def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[TrialHypothesis]:
+def _zeros(model: LoadedModel, coordinates: CoordinateMap) -> Iterator[TrialHypothesis]:
     """Yield each engine coordinate with a moved zero: a `ref`, a rest offset, a rotated body.
 
     Engine coordinates that joints couple have no zero of their own.
@@ -131,7 +135,7 @@ def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[TrialHypothesis
         yield TrialHypothesis(hypothesis, Perturbation(zero=index))
 
 
-def _gravity(model: Model) -> Iterator[TrialHypothesis]:
+def _gravity(model: LoadedModel) -> Iterator[TrialHypothesis]:
     """Yield each component of gravity, if the model reports it: its size and direction."""
     if not model.gravity:
         return
@@ -149,7 +153,7 @@ def _gravity(model: Model) -> Iterator[TrialHypothesis]:
         )
 
 
-def _defaults(model: Model) -> Iterator[TrialHypothesis]:
+def _defaults(model: LoadedModel) -> Iterator[TrialHypothesis]:
     """Yield the engine's own assumptions, which the model's `corrective_settings` switch off."""
     for cause, settings in model.corrective_settings.items():
         yield _switch(CauseId(kind="default", subject=(cause,)), Perturbation(settings=settings))

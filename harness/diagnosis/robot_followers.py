@@ -15,7 +15,7 @@ import numpy as np
 from physics_crosscheck.harness.checks.case import Followed, follow
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.checks.verdict import filled
+from physics_crosscheck.harness.checks.verdict import nonzero_scale
 from physics_crosscheck.harness.diagnosis.samples import RUNGS_USED, finite
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.mechanism.couplings import Coupled
@@ -63,7 +63,7 @@ class Following:
         change = some.end - some.start
         moved = np.abs(np.hstack([change[:, :n] @ multipliers.T, change[:, n:] @ multipliers.T]))
         return Following(
-            coupled=coupled, rows=rows, end=some.end, scale=filled(np.max(moved, axis=0))
+            coupled=coupled, rows=rows, end=some.end, scale=nonzero_scale(np.max(moved, axis=0))
         )
 
     def apart(self, tree: Tree, by: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.segments import extrapolate, limits_only
@@ -36,7 +36,7 @@ def sample_segments(motions: Mapping[str, Motion]) -> tuple[Segments, ...]:
 
 
 def engine_ends(
-    model: Model, coordinates: CoordinateMap, samples: Sequence[Segments]
+    model: LoadedModel, coordinates: CoordinateMap, samples: Sequence[Segments]
 ) -> tuple[Array, Array]:
     """Return the engine's end states as h -> 0 and their uncertainty, both scaled and flat.
 
@@ -57,7 +57,7 @@ def finite(uncertainty: Array, discrepancy: Array) -> Array:
 
 
 def freedoms(
-    model: Model, coordinates: CoordinateMap, samples: Sequence[Segments]
+    model: LoadedModel, coordinates: CoordinateMap, samples: Sequence[Segments]
 ) -> tuple[str, ...]:
     """Return engine coordinates that leave the coordinate map, though the equations fix them.
 
@@ -77,7 +77,7 @@ def freedoms(
 
 
 def quick_ends(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     samples: Sequence[Segments],
     rungs: tuple[int, ...] = RUNGS_USED,

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.diagnosis.samples import (
     sample_segments,
 )
 from physics_crosscheck.harness.diagnosis.trial import TrialModel, scratch
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -224,7 +224,7 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
     return times[: len(states)], states
 
 
-def _run(model: Model, coordinates: CoordinateMap, motion: Motion) -> tuple[Array, Array]:
+def _run(model: LoadedModel, coordinates: CoordinateMap, motion: Motion) -> tuple[Array, Array]:
     t, states = follow(model, coordinates, motion, model.step)
     picked = even_indices(len(t), SAMPLES)
     return t[picked], states[picked]

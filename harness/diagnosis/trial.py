@@ -23,7 +23,7 @@ from physics_crosscheck.harness.diagnosis.samples import (
 from physics_crosscheck.harness.engines.protocol import (
     EngineError,
     Force,
-    Model,
+    LoadedModel,
     StateForce,
 )
 from physics_crosscheck.harness.engines.registry import engines
@@ -58,7 +58,7 @@ class TrialModel:
     """
 
     task: SystemTask
-    model: Model
+    model: LoadedModel
     coordinates: CoordinateMap
     samples: Sequence[Segments]
     ends: Array
@@ -158,7 +158,7 @@ class TrialModel:
             return np.full(len(self.ends), REFUSED)
         return ends if np.isfinite(ends).all() else np.full_like(ends, REFUSED)
 
-    def repaired(self, faults: Faults) -> Model | None:
+    def repaired(self, faults: Faults) -> LoadedModel | None:
         """Return the model with repaired faults, or None if that is impossible.
 
         Raises:
@@ -192,7 +192,7 @@ class TrialModel:
             pass
         return np.full_like(self.ends, REFUSED)
 
-    def _load(self, repair: _Repair) -> Model | None:
+    def _load(self, repair: _Repair) -> LoadedModel | None:
         task, settings = self.task, repair.settings
         literals = {address: change for address, change in repair.literals.items() if change}
         if literals:
@@ -286,10 +286,10 @@ def scratch() -> Iterator[Path]:
         yield Path(folder)
 
 
-class ReorientedModel(Model):
+class ReorientedModel(LoadedModel):
     """A model whose coordinates are sign * (the inner model's - offset), (nz,) each."""
 
-    def __init__(self, model: Model, sign: Array, offset: Array) -> None:
+    def __init__(self, model: LoadedModel, sign: Array, offset: Array) -> None:
         self.model, self.sign, self.offset = model, sign, offset
         self.coordinates, self.step = model.coordinates, model.step
         self.integrator, self.gravity, self.epsilon = model.integrator, model.gravity, model.epsilon

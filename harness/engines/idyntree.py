@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.installed import (
     capture_output,
     import_quietly,
 )
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import each_alone, to_state
 from physics_crosscheck.harness.engines.source import one_line
@@ -78,7 +78,7 @@ class IdyntreeEngine(UrdfEngine):
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (dampers_not_added("iDynTree"),)
 
-    def loaded(self, spec: ModelSpec) -> Model:
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
         return IdyntreeModel(spec)
 

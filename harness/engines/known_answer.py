@@ -1,11 +1,11 @@
 """An engine with a known answer and faults on demand; an example for authors of adapters.
 
-It is complete: a file format, a model with all that `Model` requires, and an adapter. Everything
-else in the protocol has a default. Override `home` and `reach` if coordinates don't start at 0,
-`gravity` if the engine applies one, `corrective_settings` and `usual_mistakes` for the engine's own
-defaults, and `remarks` for parts of a file that the engine reads differently. An adapter is found
-by an entry point of its distribution, in the group `crosscheck.engines`. The tests declare this
-one: `known = "physics_crosscheck.harness.engines.known_answer:KnownEngine"`.
+It is complete: a file format, a model with all that `LoadedModel` requires, and an adapter.
+Everything else in the protocol has a default. Override `home` and `reach` if coordinates don't
+start at 0, `gravity` if the engine applies one, `corrective_settings` and `usual_mistakes` for the
+engine's own defaults, and `remarks` for parts of a file that the engine reads differently. An
+adapter is found by an entry point of its distribution, in the group `crosscheck.engines`. The tests
+declare this one: `known = "physics_crosscheck.harness.engines.known_answer:KnownEngine"`.
 
 A `.known` file is TOML: names, M, C, K and the weights W of M a = F - C v - K q - W sin q, the
 step, the method and the order that it claims, 32 or 64 `bits` of its numbers, and under [fault] the
@@ -30,7 +30,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Engine,
     EngineError,
     Force,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     StateForce,
@@ -92,7 +92,7 @@ class KnownEngine(Engine):
         return tuple(Sample(file=file, text=text) for file, text in texts.items())
 
 
-class KnownModel(Model):
+class KnownModel(LoadedModel):
     """A linear system, or pendulums, stepped by semi-implicit Euler or Heun's method."""
 
     def __init__(self, file: Mapping[str, Any]) -> None:

@@ -1,9 +1,9 @@
 """The engine protocol: the interface of an adapter, without knowledge of a system's equations.
 
-An adapter turns a model file into a `Model` that rolls out. All engine knowledge belongs there. An
-adapter never sees a system's constants, never interpolates, and counts steps in integers. Required
-methods are abstract; everything else has a default. Third parties add an adapter through the entry
-point `crosscheck.engines`. `harness.engines.known_answer` is an example, and
+An adapter turns a model file into a `LoadedModel` that rolls out. All engine knowledge belongs
+there. An adapter never sees a system's constants, never interpolates, and counts steps in integers.
+Required methods are abstract; everything else has a default. Third parties add an adapter through
+the entry point `crosscheck.engines`. `harness.engines.known_answer` is an example, and
 `harness.engines.conformance` checks an adapter.
 """
 
@@ -192,7 +192,7 @@ def held_joints(spec: ModelSpec) -> tuple[str, ...]:
     raise EngineError(f"{spec.path}.toml: {problem}")
 
 
-class Model(ABC):
+class LoadedModel(ABC):
     """A model file, loaded by an engine.
 
     Attributes:
@@ -358,7 +358,7 @@ class WholeModel(ABC):
     """A model file with all its forces, loaded for single steps.
 
     Attributes:
-        coordinates: as in `Model`.
+        coordinates: as in `LoadedModel`.
         step: of the file, s.
         controls, activations: number of inputs and states of actuators.
         edits: options of the file that are changed, as `name=value`.
@@ -455,7 +455,7 @@ class Engine(ABC):
         """Return the version of the engine, or None if it is not installed."""
 
     @abstractmethod
-    def load(self, spec: ModelSpec) -> Model:
+    def load(self, spec: ModelSpec) -> LoadedModel:
         """Load a model file.
 
         Raises:

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.engines.installed import import_quietly
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     DefaultLeftOn,
-    Model,
+    LoadedModel,
     ModelSpec,
     StepRule,
 )
@@ -101,7 +101,7 @@ class SapienEngine(UrdfEngine):
         if DEFAULTS[key] != value
     )
 
-    def loaded(self, spec: ModelSpec) -> Model:
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
         return SapienModel(spec)
 

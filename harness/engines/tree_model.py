@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
     Force,
-    Model,
+    LoadedModel,
     ModelSpec,
     Spring,
     StateForce,
@@ -220,7 +220,7 @@ class Weight:
     mass: float
 
 
-class TreeModel(Model):
+class TreeModel(LoadedModel):
     """A tree, fixed or floating; a subclass reads it and creates the `stepper`.
 
     Args:

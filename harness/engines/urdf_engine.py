@@ -14,7 +14,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
     EngineError,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     clip_ranges,
@@ -68,7 +68,7 @@ class UrdfEngine(Engine):
         """Return the version of the installed package, or None."""
         return version_of(self.package, self.distribution)
 
-    def load(self, spec: ModelSpec) -> Model:
+    def load(self, spec: ModelSpec) -> LoadedModel:
         """Load a file, with the settings that it states itself."""
         if with_stated := _STATED.get(spec.path.suffix):
             spec = with_stated(spec)
@@ -85,7 +85,7 @@ class UrdfEngine(Engine):
             return self.loaded(spec)
 
     @abstractmethod
-    def loaded(self, spec: ModelSpec) -> Model:
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Return the model of a file whose settings are valid."""
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:

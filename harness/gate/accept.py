@@ -17,7 +17,7 @@ from physics_crosscheck.harness.baseline.store import write_baseline
 from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
-from physics_crosscheck.harness.records.baseline import AcceptedCase, Declared
+from physics_crosscheck.harness.records.baseline import AcceptedCase, AcceptedDeclaration
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -130,7 +130,7 @@ def _absent(change: Change) -> bool:
 
 
 def _empty(system: str) -> SystemBaseline:
-    nothing = Declared(system=system, folder="", declared="", scenarios=(), constants={})
+    nothing = AcceptedDeclaration(system=system, folder="", declared="", scenarios=(), constants={})
     return SystemBaseline(declared=nothing, snapshots={}, cases={})
 
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class Results(results.Results, frozen=True, kw_only=True):
+class CheckResults(results.Results, frozen=True, kw_only=True):
     """Results of a check, as in results.json; true if everything agrees."""
 
     @property
@@ -182,7 +182,7 @@ def check(
     model: str = "",
     thorough: bool = False,
     smooth: bool = False,
-) -> Results:
+) -> CheckResults:
     """Run every model and robot file in every scenario, and compare it with its equations.
 
     Args:
@@ -232,4 +232,4 @@ def check(
     )
     with without_main():
         record = run(targets.folders, options, lambda *_: None, robots=targets.robots).results
-    return Results(**msgspec.structs.asdict(record))
+    return CheckResults(**msgspec.structs.asdict(record))

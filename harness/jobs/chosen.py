@@ -18,7 +18,7 @@ def executor(
     scheduler: str = "",
     files: Callable[[], Iterable[Path]] = tuple,
     engines: Sequence[str] = (),
-    sure: bool = False,
+    prestart: bool = False,
 ) -> Executor:
     """Return the executor of tasks, which is a context manager.
 
@@ -29,14 +29,14 @@ def executor(
         files: returns the local paths of the files that tasks read; called if a cluster needs
             copies.
         engines: engines whose versions must be the same on the cluster; empty: all installed here.
-        sure: whether tasks are certain, so that slow preparations start at once.
+        prestart: whether tasks are certain, so that slow preparations start at once.
 
     Raises:
         ClusterError: for a cluster that cannot be used; gives the remedy.
     """
     if not scheduler:
         workers = Workers(jobs or os.cpu_count() or 1, limits)
-        if sure:
+        if prestart:
             workers.begin()
         return workers
     # Import late: dask is an extra, and takes a second.

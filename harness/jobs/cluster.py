@@ -28,7 +28,7 @@ from physics_crosscheck.harness.jobs import payload
 from physics_crosscheck.harness.jobs.executor import MOMENT, ClusterError, Executor, Pending
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.remote_workers import Terms, installed
+from physics_crosscheck.harness.jobs.remote_workers import RunConfig, installed
 
 try:
     import distributed
@@ -41,10 +41,10 @@ except ImportError as error:
 ANSWER = 10.0
 """Timeout for an answer of the scheduler, seconds."""
 
-LOOK = 2.0
+REFRESH_SECONDS = 2.0
 """Interval between two updates of the list of workers, seconds."""
 
-AHEAD = 4
+PREFETCH = 4
 """Maximum number of submitted tasks per thread of the cluster; below half of it, more are sent."""
 
 FEWEST = 4
@@ -111,17 +111,17 @@ class Cluster(Executor):
         self._address, self._jobs = address, jobs
         self._run = f"crosscheck-{uuid.uuid4().hex[:16]}"
         self._places = frozenset(os.path.abspath(file) for file in files)
-        config = Terms(
+        config = RunConfig(
             run=self._run,
             limits=limits or Limits(),
             cwd=str(Path.cwd()),
             versions=installed(tuple(engines)),
             engines=tuple(engines),
         )
-        self._told = pickle.dumps((config, _luggage(files)))
+        self._setup = pickle.dumps((config, _input_files(files)))
         self._flying: dict[Any, _Sent] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._threads, self._looked = 0, -LOOK
+        self._threads, self._looked = 0, -REFRESH_SECONDS
         self._do = _sent("do")
         self._client = _connected(address)
         try:
@@ -188,7 +188,9 @@ class Cluster(Executor):
 
     def _receive(self, workers: Sequence[str] | None = None) -> None:
         """Send the run to workers; None: to all."""
-        answers = self._client.run(_sent("receive"), self._told, workers=workers, on_error="return")
+        answers = self._client.run(
+            _sent("receive"), self._setup, workers=workers, on_error="return"
+        )
         for worker, answer in answers.items():
             if isinstance(answer, ImportError):
                 raise self._without(worker, answer)
@@ -206,7 +208,7 @@ class Cluster(Executor):
         """Return the maximum number of submitted tasks."""
         if self._jobs:
             return self._jobs
-        if time.monotonic() - self._looked > LOOK:
+        if time.monotonic() - self._looked > REFRESH_SECONDS:
             threads = sum(self._client.nthreads().values())
             if not threads and (self._threads or self._looked < 0):
                 print(
@@ -214,7 +216,7 @@ class Cluster(Executor):
                     file=sys.stderr,
                 )
             self._threads, self._looked = threads, time.monotonic()
-        return max(FEWEST, AHEAD * self._threads)
+        return max(FEWEST, PREFETCH * self._threads)
 
     def _send(self) -> list[Pending[Any]]:
         """Send waiting tasks while there is room; return those that cannot be sent."""
@@ -227,7 +229,7 @@ class Cluster(Executor):
             pending = self._waiting.popleft()
             task = (pending.function, pending.argument)
             try:
-                sent.append((pending, payload.packed(task, places=self._places), 0))
+                sent.append((pending, payload.serialize(task, places=self._places), 0))
             except Exception as error:
                 pending.end(Failure(f"{type(error).__name__}: {error}", ""))
                 lost.append(pending)
@@ -332,10 +334,10 @@ def _same(value: Any) -> Any:
     return value
 
 
-def _luggage(files: Sequence[Path]) -> bytes:
+def _input_files(files: Sequence[Path]) -> bytes:
     try:
-        return payload.luggage(files)
-    except payload.ParcelError as error:
+        return payload.input_files(files)
+    except payload.PayloadError as error:
         raise ClusterError(str(error)) from None
 
 

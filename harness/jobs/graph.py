@@ -34,7 +34,7 @@ class Job(Generic[Value]):
     failed: Callable[[Failure], Iterable[Job[Any]]]
 
 
-def work(jobs: Iterable[Job[Any]], workers: Executor, stop: Stop | None = None) -> None:
+def run_jobs(jobs: Iterable[Job[Any]], workers: Executor, stop: Stop | None = None) -> None:
     """Run all jobs and their follow-up jobs; return when all are done, or after a request to stop.
 
     Follow-up jobs run before the waiting jobs. So results appear early, and intermediate results
@@ -49,7 +49,7 @@ def work(jobs: Iterable[Job[Any]], workers: Executor, stop: Stop | None = None) 
             waiting[submitted] = job
 
     start(jobs, first=False)
-    while waiting and not (stop and stop.asked):
+    while waiting and not (stop and stop.requested):
         for pending in workers.turn():
             job, value = waiting.pop(pending), workers.outcome(pending)
             brought = job.failed(value) if isinstance(value, Failure) else job.done(value)

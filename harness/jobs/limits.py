@@ -25,7 +25,7 @@ LEAST_SECONDS = 1e-3
 LEAST_MEMORY = 0.5
 """Smallest valid limit of memory, GiB; Python and an engine need as much."""
 
-MOST = 1e6
+MAX_LIMIT = 1e6
 """Largest valid limit, seconds or GiB."""
 
 

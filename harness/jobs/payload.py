@@ -23,7 +23,7 @@ MOST_SENT = 2**28
 """Maximum size of the files that one run may send, bytes."""
 
 
-class ParcelError(RuntimeError):
+class PayloadError(RuntimeError):
     """An object that cannot be serialized; the message gives the reason."""
 
 
@@ -79,7 +79,7 @@ class _Unpacker(pickle.Unpickler):
         return Path(text) if named[0] == _PATH else text
 
 
-def packed(value: object, *, root: str = "", places: frozenset[str] = frozenset()) -> bytes:
+def serialize(value: object, *, root: str = "", places: frozenset[str] = frozenset()) -> bytes:
     """Serialize a value; if there is a root, remove it from each text and path.
 
     Raises:
@@ -102,27 +102,27 @@ def done(sent: tuple[bytes, str]) -> bytes:
         sent: the task, which is a function and its argument, and the root of the copies.
 
     Raises:
-        ParcelError: for an unreadable task, or a value that cannot be serialized.
+        PayloadError: for an unreadable task, or a value that cannot be serialized.
         Exception: any error of the task.
     """
     data, root = sent
     try:
         function, argument = unpacked(data, root)
     except Exception as error:
-        raise ParcelError(f"its task can't be sent: {type(error).__name__}: {error}") from None
+        raise PayloadError(f"its task can't be sent: {type(error).__name__}: {error}") from None
     value = function(argument)
     try:
-        return packed(value, root=root)
+        return serialize(value, root=root)
     except Exception as error:
-        raise ParcelError(f"its value can't be sent: {type(error).__name__}: {error}") from None
+        raise PayloadError(f"its value can't be sent: {type(error).__name__}: {error}") from None
 
 
-def luggage(files: Iterable[Path]) -> bytes:
+def input_files(files: Iterable[Path]) -> bytes:
     """Serialize copies of files, and of all files in folders.
 
     Raises:
         OSError: for an unreadable file.
-        ParcelError: if they exceed the maximum size.
+        PayloadError: if they exceed the maximum size.
     """
     packet, size = io.BytesIO(), 0
     with tarfile.open(fileobj=packet, mode="w:gz", compresslevel=_FASTEST) as tar:
@@ -130,7 +130,7 @@ def luggage(files: Iterable[Path]) -> bytes:
             data = path.read_bytes()
             size += len(data)
             if size > MOST_SENT:
-                raise ParcelError(
+                raise PayloadError(
                     f"the input files of the run exceed {MOST_SENT >> 20} MiB with "
                     f"{path}, too much to send to workers; run fewer folders at "
                     "once, or remove files that are not models"
@@ -152,7 +152,7 @@ def _within(path: Path) -> Iterable[Path]:
     return paths
 
 
-def unload(packet: bytes, root: Path) -> None:
+def extract(packet: bytes, root: Path) -> None:
     """Extract the copies below a root.
 
     Raises:

@@ -36,17 +36,17 @@ from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.paths import PACKAGE, SOURCES
 
-IDLE = 60.0
+IDLE_SECONDS = 60.0
 """Seconds without a task after which the processes of a pool end; the next task starts new ones."""
 
-_MANY = 10_000
+_MAX_PROCESSES = 10_000
 """Upper limit for the number of processes; dask requests only as many tasks as its worker has
 threads.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
-class Terms:
+class RunConfig:
     """The configuration of a run on remote workers.
 
     Attributes:
@@ -95,7 +95,7 @@ def _sources() -> str:
     return whole.hexdigest()[:12]
 
 
-def _misfit(config: Terms) -> str:
+def _misfit(config: RunConfig) -> str:
     """Describe the differences between this machine's versions and the run's; "" if they agree."""
     here = installed(config.engines)
     return ", ".join(
@@ -105,11 +105,11 @@ def _misfit(config: Terms) -> str:
     )
 
 
-_posts: dict[str, Post] = {}
+_pools: dict[str, RemoteWorkerPool] = {}
 _lock = threading.Lock()
 
 
-class Post:
+class RemoteWorkerPool:
     """The processes for a run's tasks on one machine, with copies of its files.
 
     Args:
@@ -117,11 +117,11 @@ class Post:
         config: configuration of the run.
     """
 
-    def __init__(self, root: Path, config: Terms) -> None:
-        self._root, self._terms = str(root), config
-        self._asked: queue.SimpleQueue[tuple[bytes, Future[object]] | None] = queue.SimpleQueue()
+    def __init__(self, root: Path, config: RunConfig) -> None:
+        self._root, self._config = str(root), config
+        self._requests: queue.SimpleQueue[tuple[bytes, Future[object]] | None] = queue.SimpleQueue()
         self._woken, self._wake = multiprocessing.Pipe(duplex=False)
-        self._asking = threading.Lock()
+        self._request_lock = threading.Lock()
         self._closed = False
         self._thread = threading.Thread(target=self._manage, daemon=True)
         self._thread.start()
@@ -131,25 +131,29 @@ class Post:
         closed.
         """
         future: Future[object] = Future()
-        with self._asking:
+        with self._request_lock:
             if self._closed:
                 return None
-            self._asked.put((data, future))
+            self._requests.put((data, future))
             self._wake.send_bytes(b".")
         value = future.result()
-        return self._told(value) if isinstance(value, Failure) else cast(bytes | None, value)
+        return (
+            self._with_original_paths(value)
+            if isinstance(value, Failure)
+            else cast(bytes | None, value)
+        )
 
     def close(self) -> None:
         """End the processes, including running tasks, and remove the copies."""
-        with self._asking:
+        with self._request_lock:
             if not self._closed:
                 self._closed = True
-                self._asked.put(None)
+                self._requests.put(None)
                 self._wake.send_bytes(b".")
         self._thread.join()
         shutil.rmtree(self._root, ignore_errors=True)
 
-    def _told(self, failure: Failure) -> Failure:
+    def _with_original_paths(self, failure: Failure) -> Failure:
         """Return a failure with the paths that its files have on the machine that started
         the run.
         """
@@ -164,12 +168,12 @@ class Post:
         """Start tasks until the run leaves; only this thread uses multiprocessing."""
         flying: dict[Pending[Any], Future[object]] = {}
         while not self._closed:
-            request = self._next(IDLE)
+            request = self._next(IDLE_SECONDS)
             if request is None:
                 continue
             try:
                 with self._workers() as workers:
-                    self._work(workers, flying, request)
+                    self._run_tasks(workers, flying, request)
             except Exception as error:
                 reason = f"its machine runs no tasks: {type(error).__name__}: {error}"
                 for future in flying.values():
@@ -181,16 +185,18 @@ class Post:
             request[1].set_result(None)
 
     def _workers(self) -> Workers:
-        cwd = Path(self._root + self._terms.cwd)
-        return Workers(_MANY, self._terms.limits, cwd=cwd, wake=self._woken, hide_main=True)
+        cwd = Path(self._root + self._config.cwd)
+        return Workers(
+            _MAX_PROCESSES, self._config.limits, cwd=cwd, wake=self._woken, hide_main=True
+        )
 
     def _next(self, seconds: float) -> tuple[bytes, Future[object]] | None:
         """Return the next task, if one arrives in time and the run has not left."""
         with contextlib.suppress(queue.Empty):
-            return self._asked.get(block=seconds > 0, timeout=seconds)
+            return self._requests.get(block=seconds > 0, timeout=seconds)
         return None
 
-    def _work(
+    def _run_tasks(
         self,
         workers: Workers,
         flying: dict[Pending[Any], Future[object]],
@@ -205,7 +211,7 @@ class Post:
             if self._closed:
                 return
             if not flying:
-                request = self._next(IDLE)
+                request = self._next(IDLE_SECONDS)
                 if request is None:
                     return
                 continue
@@ -226,17 +232,17 @@ def receive(pickled: bytes, temporary: str) -> str:
     Returns:
         The differences between the versions; empty if they agree, and the run is accepted.
     """
-    config, packet = cast(tuple[Terms, bytes], pickle.loads(pickled))
+    config, packet = cast(tuple[RunConfig, bytes], pickle.loads(pickled))
     if other := _misfit(config):
         return other
     with _lock:
-        if config.run not in _posts:
+        if config.run not in _pools:
             root = Path(tempfile.mkdtemp(prefix="crosscheck-", dir=temporary)).resolve()
-            payload.unload(packet, root)
+            payload.extract(packet, root)
             (root / config.cwd.lstrip(os.sep)).mkdir(parents=True, exist_ok=True)
             # multiprocessing's rule is about processes that it starts, not the present one.
             multiprocessing.current_process().daemon = False
-            _posts[config.run] = Post(root, config)
+            _pools[config.run] = RemoteWorkerPool(root, config)
             # Run before multiprocessing waits for children, which it does when a process ends.
             Finalize(None, leave, args=(config.run,), exitpriority=10)
     return ""
@@ -244,13 +250,13 @@ def receive(pickled: bytes, temporary: str) -> str:
 
 def do(run: str, data: bytes) -> bytes | Failure | None:
     """Run a task; return None if this worker does not know the run."""
-    pool = _posts.get(run)
+    pool = _pools.get(run)
     return None if pool is None else pool.do(data)
 
 
 def leave(run: str) -> None:
     """End a run."""
     with _lock:
-        pool = _posts.pop(run, None)
+        pool = _pools.pop(run, None)
     if pool is not None:
         pool.close()

@@ -33,7 +33,7 @@ class Stop:
         self.number = 0
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         """True after a signal arrived."""
         return self.number != 0
 
@@ -59,11 +59,11 @@ def asking() -> Iterator[Stop]:
     """Treat the first signal in the context as a request to stop; a second one acts as usual."""
     stop = Stop()
 
-    def asked(number: int, _: FrameType | None) -> None:
+    def request(number: int, _: FrameType | None) -> None:
         stop.number = number
         restore()
 
-    with _handled(asked) as restore:
+    with _handled(request) as restore:
         yield stop
 
 

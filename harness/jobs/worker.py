@@ -212,14 +212,14 @@ def _failure(error: BaseException, limits: Limits) -> Failure:
     """Convert an exception to a failure."""
     shortage = _shortage(error)
     if shortage is not None:
-        return Failure(_at(shortage, limits.full), "", kind="memory limit")
+        return Failure(_with_line(shortage, limits.full), "", kind="memory limit")
     # Our own errors carry a sentence; other exceptions are reported with their type.
     ours = type(error).__module__.startswith("physics_crosscheck.")
     if ours and isinstance(error, ValueError | RuntimeError):
         return failure_of(error, _words(error))
     # Other BaseExceptions would normally end the program: name the file that raised them.
     message = _error_text(error)
-    return Failure(message if isinstance(error, Exception) else _at(error, message), "")
+    return Failure(message if isinstance(error, Exception) else _with_line(error, message), "")
 
 
 def _shortage(error: BaseException) -> MemoryError | None:
@@ -234,7 +234,7 @@ def _shortage(error: BaseException) -> MemoryError | None:
     return None
 
 
-def _at(error: BaseException, sentence: str) -> str:
+def _with_line(error: BaseException, sentence: str) -> str:
     """Add the line of the user's file that was running, if any, to a sentence."""
     frames = [(f.filename, f.lineno) for f in traceback.extract_tb(error.__traceback__)]
     line = user_line(reversed(frames))

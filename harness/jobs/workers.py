@@ -267,7 +267,7 @@ class Workers(Executor):
         worker.kill()
         if worker.pending is not None:
             reason, kind = why or _cause_of_death(worker)
-            failure = Failure(_at(worker, reason), worker.printed(), kind=kind)
+            failure = Failure(_with_line(worker, reason), worker.printed(), kind=kind)
             worker.pending.end(failure)
         for file in (worker.config.log, worker.config.trace):
             file.unlink(missing_ok=True)
@@ -379,7 +379,7 @@ def _cause_of_death(worker: _Worker) -> _Ended:
     return f"the process died ({_signal(code)}); {_UNAFFECTED}", kind
 
 
-def _at(worker: _Worker, sentence: str) -> str:
+def _with_line(worker: _Worker, sentence: str) -> str:
     """Add the line of the user's file that was running, if known, to a sentence."""
     line = line_of_death(worker.config.trace)
     return f"{line}: {sentence}" if line else sentence

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.mutation.faults import FAULTS, SIZES
 from physics_crosscheck.harness.mutation.mistakes import Mistake
-from physics_crosscheck.harness.mutation.survey import Survey
+from physics_crosscheck.harness.mutation.survey import FaultSurvey
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
@@ -30,7 +30,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 RESOLUTION = 1e-9
 """Uncertainty of motions up to which a model can agree."""
 
-BESIDE = 10.0
+UNCERTAINTY_FACTOR = 10.0
 """Factor of the sound model's uncertainty up to which a model can agree too."""
 
 
@@ -45,7 +45,7 @@ class MutationTask:
     """
 
     model: SystemTask
-    survey: Survey
+    survey: FaultSurvey
     fault: Mistake
 
     @property
@@ -60,7 +60,7 @@ def mutated(task: MutationTask) -> Mutation:
     """Plant a fault in one model, and judge it."""
     began = time.process_time()
     with scratch() as copies:
-        sidecar = task.fault.edit.made(task.model.declared, task.model.engine, copies)
+        sidecar = task.fault.edit.apply(task.model.declared, task.model.engine, copies)
         try:
             row = _judged(task, task.model.with_sidecar(sidecar))
         except (EngineError, BlownUpError) as error:
@@ -125,9 +125,9 @@ def _near(task: MutationTask) -> dict[CauseId, Array] | None:
     return {CauseId(kind="literal", subject=(address,)): slope for address, slope in slopes}
 
 
-def _resolved(uncertainty: Array, sound: Survey) -> bool:
+def _resolved(uncertainty: Array, sound: FaultSurvey) -> bool:
     """Return whether the uncertainty of motions is small enough for agreement."""
-    allowed = max(RESOLUTION, BESIDE * float(np.max(sound.uncertainty)))
+    allowed = max(RESOLUTION, UNCERTAINTY_FACTOR * float(np.max(sound.uncertainty)))
     return float(np.max(uncertainty)) <= allowed
 
 

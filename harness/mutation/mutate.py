@@ -20,7 +20,7 @@ from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS, Limits
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.model_files import (
@@ -31,7 +31,7 @@ from physics_crosscheck.harness.modelfiles.model_files import (
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.mutation.judge import MutationTask, mutated, refused
-from physics_crosscheck.harness.mutation.survey import MutationError, Survey, survey
+from physics_crosscheck.harness.mutation.survey import FaultSurvey, MutationError, survey
 from physics_crosscheck.harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
 from physics_crosscheck.harness.records.mutation import Mutation
 
@@ -72,7 +72,7 @@ def mutate(
     plan = _Plan(only, progress, choice, thorough)
     preparing = partial(prepare, described=False, floating=floating, model=model)
     with executor(jobs=workers, limits=limits or Limits(seconds=FAULT_SECONDS)) as pool:
-        work((plan.target(one, preparing) for one in targets), pool)
+        run_jobs((plan.target(one, preparing) for one in targets), pool)
     for sentence in plan.unsound_engines():
         warn(sentence)
     return plan.sorted()
@@ -85,9 +85,9 @@ class _Plan:
     Attributes:
         unsound: why engines do not agree with robot files, by file.
         sound: robot files that agree with their equations in an engine.
-        found: rows with the positions of their faults in the order of the surveys.
-        unknown: number of jobs that have not yet reported their number of faults.
-        known: number of faults so far.
+        placed_rows: rows with the positions of their faults in the order of the surveys.
+        pending: number of jobs that have not yet reported their number of faults.
+        planned: number of faults so far.
     """
 
     only: Sequence[str]
@@ -96,13 +96,15 @@ class _Plan:
     thorough: bool
     unsound: dict[Path, list[str]] = field(default_factory=dict)
     sound: set[Path] = field(default_factory=set)
-    found: list[tuple[int, Mutation]] = field(default_factory=list)
-    unknown: int = 0
-    known: int = 0
+    placed_rows: list[tuple[int, Mutation]] = field(default_factory=list)
+    pending: int = 0
+    planned: int = 0
 
     def sorted(self) -> list[Mutation]:
         """Return the rows by model and engine, with faults in the order of the surveys."""
-        ordered = sorted(self.found, key=lambda f: (f[1].system, f[1].model, f[1].engine, f[0]))
+        ordered = sorted(
+            self.placed_rows, key=lambda f: (f[1].system, f[1].model, f[1].engine, f[0])
+        )
         return [row for _, row in ordered]
 
     def unsound_engines(self) -> list[str]:
@@ -120,15 +122,15 @@ class _Plan:
         self, place: Path, prepare: Callable[[Path], PreparedSystem | PreparedTree]
     ) -> Job[PreparedSystem | PreparedTree]:
         """Prepare a folder or a robot file, then survey its models."""
-        self.unknown += 1
+        self.pending += 1
         file = place if place.is_file() else place / "system.py"
         return Job(task=Task(prepare, place), done=self._surveys, failed=partial(_unsound, file))
 
     def _surveys(self, prepared: PreparedSystem | PreparedTree) -> Iterator[Job[Any]]:
-        self.unknown -= 1
+        self.pending -= 1
         standalone = prepared.place.is_file()
         for file, engine in self._pairs(prepared.place):
-            self.unknown += 1
+            self.pending += 1
             path, sidecar = model_path(file), file if isinstance(file, Sidecar) else None
             unsound = partial(self._robot_unsound if standalone else _unsound, path)
             if isinstance(prepared, PreparedTree):
@@ -140,32 +142,32 @@ class _Plan:
                 yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
 
     def _robot_unsound(self, file: Path, failure: Failure) -> tuple[()]:
-        self.unknown -= 1
+        self.pending -= 1
         self.unsound.setdefault(file, []).append(failure.about(file))
         return ()
 
-    def _faults(self, model: SystemTask, survey: Survey) -> Iterator[Job[Mutation]]:
-        self.unknown -= 1
+    def _faults(self, model: SystemTask, survey: FaultSurvey) -> Iterator[Job[Mutation]]:
+        self.pending -= 1
         for fault in survey.faults:
             # Sent once for each fault, so drop the other faults.
             task = MutationTask(model=model, survey=replace(survey, faults=()), fault=fault)
             yield Job(
                 task=Task(mutated, task),
-                done=partial(self._row, self.known),
-                failed=partial(self._died, self.known, task),
+                done=partial(self._row, self.planned),
+                failed=partial(self._died, self.planned, task),
             )
-            self.known += 1
+            self.planned += 1
 
     def _tree_faults(self, file: Path, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
         self.sound.add(file)
-        self.unknown -= 1
+        self.pending -= 1
         for fault in faults:
             yield Job(
                 task=Task(mutated_tree, fault),
-                done=partial(self._row, self.known),
-                failed=partial(self._tree_died, self.known, fault),
+                done=partial(self._row, self.planned),
+                failed=partial(self._tree_died, self.planned, fault),
             )
-            self.known += 1
+            self.planned += 1
 
     def _tree_died(self, place: int, fault: TreeFault, failure: Failure) -> tuple[()]:
         return self._row(place, died(fault, failure.reason))
@@ -185,8 +187,8 @@ class _Plan:
                     yield file, engine
 
     def _row(self, place: int, row: Mutation) -> tuple[()]:
-        self.found.append((place, row))
-        self.progress(len(self.found), 0 if self.unknown else self.known, row)
+        self.placed_rows.append((place, row))
+        self.progress(len(self.placed_rows), 0 if self.pending else self.planned, row)
         return ()
 
 

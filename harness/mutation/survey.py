@@ -19,7 +19,7 @@ class MutationError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Survey:
+class FaultSurvey:
     """The effect of each literal on a sound model's motions, and the possible faults.
 
     Attributes:
@@ -38,7 +38,7 @@ class Survey:
     faults: tuple[Mistake, ...]
 
 
-def survey(task: SystemTask) -> Survey:
+def survey(task: SystemTask) -> FaultSurvey:
     """Measure the effect of a small change of every literal, and collect the possible faults.
 
     Raises:
@@ -56,7 +56,7 @@ def survey(task: SystemTask) -> Survey:
         slopes = replace(whole, candidates=bound).slopes({})
         mistakes = known_mistakes(Subject(task, whole.model, whole.coordinates, literals))
     sizes = np.array([abs(b.value) or 1.0 for b in literals])
-    return Survey(
+    return FaultSurvey(
         addresses=tuple(b.address for b in literals),
         slopes=slopes,
         first_caught=_first_caught(np.abs(slopes) * sizes[:, None], uncertainty),

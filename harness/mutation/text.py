@@ -37,22 +37,22 @@ def mutation_lines(rows: Sequence[Mutation], width: int = 160) -> list[str]:
         width: columns; a table that is wider becomes a list.
     """
     lines = _unnamed(rows)
-    literal = _of(rows, FaultKind.LITERAL)
+    literal = _of_kind(rows, FaultKind.LITERAL)
     first = max((len(row.location) for row in literal), default=10)
     for model, group in groupby(rows, _model):
         mine = list(group)
-        lines += ["", str(model), *_literals(_of(mine, FaultKind.LITERAL), first, width)]
+        lines += ["", str(model), *_literals(_of_kind(mine, FaultKind.LITERAL), first, width)]
         lines += [
             f"  {row.name}, {row.location}: {row.verdict}, {row.message}"
-            for row in _of(mine, FaultKind.NONE)
+            for row in _of_kind(mine, FaultKind.NONE)
         ]
-    lines += _mistakes(_of(rows, FaultKind.MISTAKE), width)
+    lines += _mistakes(_of_kind(rows, FaultKind.MISTAKE), width)
     head, *parts = _summary_parts(rows)
     whole = [head, *(f"  {part}" for part in parts), *lines]
     return [part for line in whole for part in wrapped(line, width)]
 
 
-def _of(rows: Sequence[Mutation], kind: FaultKind) -> list[Mutation]:
+def _of_kind(rows: Sequence[Mutation], kind: FaultKind) -> list[Mutation]:
     return [row for row in rows if row.kind is kind]
 
 
@@ -112,7 +112,7 @@ def _mistakes(rows: Sequence[Mutation], columns: int) -> Iterator[str]:
 def _unnamed(rows: Sequence[Mutation]) -> list[str]:
     """Return missed faults, those with a wrong cause, and known mistakes that were refused."""
     planted = [row for row in rows if row.kind is not FaultKind.NONE]
-    none, mistakes = _of(rows, FaultKind.NONE), _of(rows, FaultKind.MISTAKE)
+    none, mistakes = _of_kind(rows, FaultKind.NONE), _of_kind(rows, FaultKind.MISTAKE)
     chosen = {
         "missed:": _with(rows, FaultVerdict.MISSED),
         "false alarms:": [row for row in none if row.verdict is not FaultVerdict.AGREES],
@@ -140,10 +140,10 @@ def summary(rows: Sequence[Mutation]) -> str:
 
 def _summary_parts(rows: Sequence[Mutation]) -> list[str]:
     """Return the verdict, then the counts by kind of fault, without kinds that were not tried."""
-    literal, mistakes = _of(rows, FaultKind.LITERAL), _of(rows, FaultKind.MISTAKE)
+    literal, mistakes = _of_kind(rows, FaultKind.LITERAL), _of_kind(rows, FaultKind.MISTAKE)
     small = [row for row in literal if row.name in SIZES]
     large = [row for row in literal if row.name not in SIZES]
-    none = _of(rows, FaultKind.NONE)
+    none = _of_kind(rows, FaultKind.NONE)
     agree = len(_with(none, FaultVerdict.AGREES))
     unseen = {(_model(row), row.location) for row in _with(literal, FaultVerdict.UNTESTED)}
     missed = len(_with(rows, FaultVerdict.MISSED))

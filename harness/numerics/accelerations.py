@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import RUNGS, floored, weights
 from physics_crosscheck.harness.numerics.residual import FINEST, bounded_by_finest
@@ -75,7 +75,7 @@ class Accelerations:
         fastest: fastest rate of the system's motions, rad/s.
     """
 
-    model: Model
+    model: LoadedModel
     coordinates: CoordinateMap
     speed: Array
     fastest: float

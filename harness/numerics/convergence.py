@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import SampledRun, follow
 from physics_crosscheck.harness.numerics.ladder import EPSILON, weights
@@ -83,7 +83,7 @@ class Sensitivity:
 
 
 def sensitivity(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
     run: SampledRun,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import OperatingPoint, slopes
 from physics_crosscheck.harness.numerics.stepping import (
@@ -53,7 +53,7 @@ class StepLinearization:
 
 
 def linearize_step(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     stepped: Stepped | None,
     point: OperatingPoint,

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import floored
@@ -82,7 +82,7 @@ def mixed(states: Array, inputs: Array) -> tuple[Array, Array]:
 
 
 def forward_dynamics(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     stepped: Stepped,
     states: Array,
@@ -142,7 +142,7 @@ def forward_dynamics(
 class _Compared:
     """A model and its equations, for engine coordinates that are linear in the system's."""
 
-    model: Model
+    model: LoadedModel
     coordinates: CoordinateMap
     stepped: Stepped
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
@@ -121,7 +121,7 @@ def follows(motion: Motion, h: float) -> bool:
 
 
 def full_run(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
     power: VectorFunction,
@@ -135,7 +135,7 @@ def full_run(
 
 
 def traced_run(
-    model: Model, coordinates: CoordinateMap, motion: Motion, power: VectorFunction, h: float
+    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, power: VectorFunction, h: float
 ) -> tuple[CompleteRun, Array, Array]:
     """Run a motion from start to end as `full_run` does, and return all its states.
 
@@ -154,7 +154,7 @@ def traced_run(
 
 
 def _complete(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
     power: VectorFunction,
@@ -178,13 +178,15 @@ def _complete(
     )
 
 
-def sampled_run(model: Model, coordinates: CoordinateMap, motion: Motion, h: float) -> SampledRun:
+def sampled_run(
+    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, h: float
+) -> SampledRun:
     """Run a motion from start to end, without energy balance and drift."""
     return _rolled(model, coordinates, motion, h, _Extent.whole(motion, h, 0))
 
 
 def beginning(
-    model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int, limit: int
+    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, h: float, every: int, limit: int
 ) -> SampledRun:
     """Run the beginning of a motion, of at most `limit` steps, sampled every `every` steps."""
     steps = min(steps_of(motion.duration, h), limit)
@@ -193,7 +195,7 @@ def beginning(
 
 
 def follow(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
     h: float,
@@ -215,7 +217,7 @@ def follow(
 
 
 def simulated(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     start: Array,
     inputs: Inputs,
@@ -258,7 +260,7 @@ class _Extent:
 
 
 def _rolled(
-    model: Model, coordinates: CoordinateMap, motion: Motion, h: float, extent: _Extent
+    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, h: float, extent: _Extent
 ) -> SampledRun:
     samples = _stepped(model, coordinates, motion.inputs, motion.duration, h, extent)
     return _sampled(motion, samples, h, extent, model.epsilon)
@@ -306,7 +308,7 @@ def held_inputs(inputs: Inputs, h: float, steps: int) -> Array:
 
 
 def _stepped(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     inputs: Inputs,
     duration: float,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import Estimate
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import OperatingPoint, slopes
@@ -74,7 +74,7 @@ class LinearizationComparison:
 
 
 def linearize_engine(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     point: OperatingPoint,
     resolution: float,
@@ -142,7 +142,7 @@ def _fastest(a: Array, amplitude: Array) -> float:
 
 
 def _by_accelerations(
-    model: Model, coordinates: CoordinateMap, point: OperatingPoint
+    model: LoadedModel, coordinates: CoordinateMap, point: OperatingPoint
 ) -> Estimate | None:
     """Return A and B, (2n, 2n + inputs), as differences of accelerations.
 
@@ -194,7 +194,7 @@ def _entries_differ(
 
 
 def _by_segments(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     point: OperatingPoint,
     fastest: float,
@@ -216,7 +216,7 @@ def _by_segments(
 
 
 def _transition(
-    model: Model, coordinates: CoordinateMap, point: OperatingPoint, length: float
+    model: LoadedModel, coordinates: CoordinateMap, point: OperatingPoint, length: float
 ) -> Estimate:
     """Return exp([[A, B], [0, 0]] length), extrapolated in perturbation size and in h."""
     size, deltas = len(point.amplitude), point.deltas

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import (
     EPSILON,
@@ -90,7 +90,7 @@ class Observable:
 
 
 def extrapolate(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     segments: Segments,
     *,
@@ -121,7 +121,7 @@ def extrapolate(
 
 
 def limits_only(
-    model: Model, coordinates: CoordinateMap, segments: Segments, rungs: tuple[int, ...]
+    model: LoadedModel, coordinates: CoordinateMap, segments: Segments, rungs: tuple[int, ...]
 ) -> Array:
     """Return the limits (K, c) of segments without uncertainty, for differences of close models.
 
@@ -212,7 +212,7 @@ def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
 
 
 def _ends(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     segments: Segments,
     starts: Starts,
@@ -248,7 +248,7 @@ def _ends(
 
 
 def run_rung(
-    model: Model, coordinates: CoordinateMap, segments: Segments, starts: Starts, rung: int
+    model: LoadedModel, coordinates: CoordinateMap, segments: Segments, starts: Starts, rung: int
 ) -> tuple[Array, Array]:
     """Return the ends (K + 2P, c) of all segments and companions, after `rung` steps.
 

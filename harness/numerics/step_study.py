@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.convergence import (
     SMALL_ERROR,
     FullRunCheck,
@@ -82,7 +82,7 @@ class StepStudy:
 
 
 def study_step(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
     *,
@@ -197,7 +197,7 @@ def _finer(
     run: Callable[[float, int], CompleteRun],
     runs: list[CompleteRun],
     *,
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
     claimed: int,

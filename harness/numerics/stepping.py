@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Array, Model, StepRule
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, StepRule
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import EPSILON, movement
@@ -96,7 +96,7 @@ def steps_alike(rule: StepRule, coordinates: CoordinateMap, states: Array) -> bo
 
 
 def step_engine(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     stepped: Stepped,
     states: Array,
@@ -173,7 +173,7 @@ def _defects(apart: Array, scale: Array, digit: Array, rounding: Array) -> StepD
 
 
 def compare_run(
-    model: Model,
+    model: LoadedModel,
     coordinates: CoordinateMap,
     stepped: Stepped,
     states: Array,
@@ -237,7 +237,7 @@ class Steps:
     """Steps of a model, and of the equations, from the same states."""
 
     def __init__(
-        self, model: Model, coordinates: CoordinateMap, states: Array, inputs: Array
+        self, model: LoadedModel, coordinates: CoordinateMap, states: Array, inputs: Array
     ) -> None:
         self._model, self._coordinates = model, coordinates
         self._states, self._inputs = states, inputs

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 
 def stopped(
-    model: Model, coordinates: CoordinateMap, position: Array, step: Array
+    model: LoadedModel, coordinates: CoordinateMap, position: Array, step: Array
 ) -> tuple[str, ...]:
     """Return the engine coordinates at a joint limit, at a position (n,) or one step (n,) away."""
     places = np.concatenate([position[None], position + np.diag(step), position - np.diag(step)])

@@ -64,7 +64,7 @@ class Cache:
     """
 
     def __init__(self, place: Path) -> None:
-        self._place, self.trouble = place, ""
+        self._place, self.problem = place, ""
         with self._writing():
             place.mkdir(parents=True, exist_ok=True)
             if not (place / ".gitignore").exists():
@@ -92,7 +92,7 @@ class Cache:
             return value
         return None
 
-    def keep(self, key: CacheKey, value: Any, reads: Mapping[str, str]) -> None:
+    def store(self, key: CacheKey, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value; the run continues if that fails.
 
         Args:
@@ -100,7 +100,7 @@ class Cache:
             value: value of the key's kind.
             reads: states of the files that were read, by name relative to the folder.
         """
-        if self.trouble or not key.inputs:
+        if self.problem or not key.inputs:
             return
         if UNREADABLE in reads.values():
             return
@@ -120,7 +120,7 @@ class Cache:
             yield
         except OSError as error:
             why = f"{error.filename or self._place}: {error.strerror or error}"
-            self.trouble = f"nothing more is kept in the cache: {why}"
+            self.problem = f"nothing more is kept in the cache: {why}"
 
     def _prune(self) -> None:
         """Remove old entries, at most once a day."""
@@ -141,7 +141,7 @@ def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
 def key_of_folder(folder: Path, options: Mapping[str, object]) -> CacheKey:
     """Return the key of a folder's preparation, with its options."""
     try:
-        dependencies = (folder_files(folder).system, options, _surroundings())
+        dependencies = (folder_files(folder).system, options, _environment())
         folder_hash = digest_of(msgspec.json.encode(dependencies))
     except OSError:
         folder_hash = ""
@@ -154,17 +154,17 @@ def key_of_file(file: Path, options: Mapping[str, object]) -> CacheKey:
     """
     try:
         has_sidecar = file.with_name(f"{file.name}.toml").is_file()  # reported as not read
-        dependencies = (part_digests(file), options, has_sidecar, VERSION, _surroundings())
+        dependencies = (part_digests(file), options, has_sidecar, VERSION, _environment())
         file_hash = digest_of(msgspec.json.encode(dependencies))
     except OSError:
         file_hash = ""
     return CacheKey(kind="target", folder=str(file), inputs=file_hash)
 
 
-def with_surroundings(model_hash: str, engine: str, motion: float, thorough: bool) -> str:
+def with_environment(model_hash: str, engine: str, motion: float, thorough: bool) -> str:
     """Extend the hash of a folder's model by the packages and the adapter that affect it."""
     return model_hash and digest_of(
-        f"{model_hash} {motion!r} {thorough} {_surroundings()} {_adapter(engine)}".encode()
+        f"{model_hash} {motion!r} {thorough} {_environment()} {_adapter(engine)}".encode()
     )
 
 
@@ -182,7 +182,7 @@ def with_snapshot(model_hash: str, snapshot: Snapshot) -> str:
 
 
 @lru_cache(maxsize=1)
-def _surroundings() -> str:
+def _environment() -> str:
     """Return a hash of this package's source and of its libraries' versions."""
     version_list = [
         platform.machine(),

@@ -97,7 +97,7 @@ def _note_terms(model: Model, failure: Failure) -> Model:
         message=f"its compiled terms are not compared: {failure.about(Path(model.folder))}",
         location=None,
         expected=None,
-        found=None,
+        actual=None,
         severity="note",
     )
     return add_audit(model, Audit(findings=(note,)))

@@ -46,21 +46,21 @@ class ModelPlan:
         self._target, self._results, self._options = target, target.results, target.options
         self._sidecar = file if isinstance(file, Sidecar) else None
         self._file, self._cases = model_path(file), cases
-        self._folder, self._left = str(target.place), len(cases)
+        self._folder, self._remaining = str(target.place), len(cases)
         self.key: ModelKey = self._folder, self._file.name, engine
 
     def begin(self) -> None:
         """Add the model to the results with the texts of its file and its sidecar."""
-        facts, alone = self._target.facts, self._sidecar is None
+        facts, standalone = self._target.facts, self._sidecar is None
         model = Model(
             system=facts.record.name,
             model=self._file.name,
             engine=self.key[-1],
             folder=self._folder,
             text=text_of(self._file),
-            sidecar="" if alone else text_of(self._file.with_name(f"{self._file.name}.toml")),
-            audit=facts.findings if alone else None,
-            coverage=Coverage(left_out=facts.left_out) if alone else None,
+            sidecar="" if standalone else text_of(self._file.with_name(f"{self._file.name}.toml")),
+            audit=facts.findings if standalone else None,
+            coverage=Coverage(left_out=facts.left_out) if standalone else None,
         )
         self._results.begin(model)
 
@@ -106,11 +106,11 @@ class ModelPlan:
         """Add a case; after the last one, diagnose the model if any of them differs."""
         self._results.add(case)
         self._results.enter(self.key, CASE, case)
-        self._left -= 1
+        self._remaining -= 1
         mine = [c for c in self._results.cases if c.key == self.key]
         # Motions show no number that only poses depend on.
         differs = any(c.outcome is Outcome.DIFFERS and c.kind not in NO_MOTION for c in mine)
-        if differs and self._options.diagnosed and not self._left:
+        if differs and self._options.diagnosed and not self._remaining:
             yield from self._do(DIAGNOSIS, (self.key,))
 
     def _do(self, check: ModelCheck, models: Sequence[ModelKey]) -> Iterator[Job[Any]]:

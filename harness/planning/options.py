@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
+from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MAX_LIMIT, Limits
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
@@ -88,8 +88,8 @@ def check_limits(seconds: object, memory: object, options: str) -> Limits:
         TypeError, ValueError: for an invalid limit.
     """
     return Limits(
-        seconds=check_number(seconds, "limit", LEAST_SECONDS, MOST, "seconds"),
-        memory=check_number(memory, "memory", LEAST_MEMORY, MOST, "GiB"),
+        seconds=check_number(seconds, "limit", LEAST_SECONDS, MAX_LIMIT, "seconds"),
+        memory=check_number(memory, "memory", LEAST_MEMORY, MAX_LIMIT, "GiB"),
         options=options,
     )
 

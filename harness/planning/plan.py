@@ -9,10 +9,10 @@ from typing import Any
 
 from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import (
-    barred_case,
     cannot_run,
     failed_case,
     not_of_a_tree,
+    skipped_case,
 )
 from physics_crosscheck.harness.documents.elements import is_whole
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
@@ -29,7 +29,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.model_plan import ModelPlan
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
-from physics_crosscheck.harness.planning.target_plan import TargetPlan, stand_in
+from physics_crosscheck.harness.planning.target_plan import TargetPlan, placeholder_case
 from physics_crosscheck.harness.records.case import CaseId
 
 
@@ -52,19 +52,19 @@ class Plan:
         """
         kept = []
         for target in targets:
-            self._results.expect(str(target), [stand_in(target)], complete=False)
+            self._results.expect(str(target), [placeholder_case(target)], complete=False)
         for target in targets:
             whole = not target.is_file() or is_whole(target)
             if not whole and (why := syntax_problem(target)):
                 failure = Failure(why, "", kind="file")
-                self._results.add(failed_case(stand_in(target), str(target), failure))
+                self._results.add(failed_case(placeholder_case(target), str(target), failure))
             else:
                 kept.append(target)
         return kept
 
     def target(self, place: Path) -> Iterator[Job[Any]]:
         """Prepare a folder or a robot file, then run its models."""
-        self._results.expect(str(place), [stand_in(place)], complete=False)
+        self._results.expect(str(place), [placeholder_case(place)], complete=False)
         plan = TargetPlan(place, self._options, self._results, self._before)
         yield from plan.jobs(partial(self._models, plan))
 
@@ -110,7 +110,7 @@ class Plan:
         folder = str(target.place)
         if why := cannot_run(self._engines, engine, file):
             for case in cases:
-                self._results.add(barred_case(case, folder, why))
+                self._results.add(skipped_case(case, folder, why))
             return False
         bodies = target.facts.declares == "bodies"
         if bodies and isinstance(file, Sidecar) and (reason := not_of_a_tree(file)):

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.system import SystemResult
 
 TASKS = "physics_crosscheck.harness.planning.tasks"
 
@@ -31,7 +31,7 @@ class TargetFacts(Record, frozen=True, kw_only=True):
         findings: what is wrong with a robot file by reading it.
     """
 
-    record: System
+    record: SystemResult
     declares: Literal["energies", "bodies", "robot file"]
     reads: dict[str, str]
     left_out: tuple[str, ...] = ()

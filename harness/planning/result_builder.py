@@ -14,7 +14,7 @@ from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.journal import CacheKey, Journal
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.system import SystemResult
 
 Jobs = Iterable[Job[Any]]
 
@@ -44,16 +44,16 @@ class ResultBuilder:
     """
 
     def __init__(self, progress: Progress, journal: Journal | None = None) -> None:
-        self.systems: list[System] = []
+        self.systems: list[SystemResult] = []
         self.models: dict[ModelKey, Model] = {}
         self.cases: list[Case] = []
         self.measured: dict[tuple[str, CaseId], Measurement | Failure] = {}
-        self.left: dict[tuple[str, CaseId], None] = {}
+        self.remaining: dict[tuple[str, CaseId], None] = {}
         self.cached = 0
         self.reads: dict[str, Mapping[str, str]] = {}
         self._progress, self._journal = progress, journal
         self._unknown: set[str] = set()
-        self._begun: dict[ModelKey, Model] = {}
+        self._first_models: dict[ModelKey, Model] = {}
         self._values: dict[ModelKey, dict[str, list[Any]]] = {}
 
     @property
@@ -64,35 +64,35 @@ class ResultBuilder:
     def expect(self, folder: str, cases: Iterable[CaseId], *, complete: bool = True) -> None:
         """Expect these cases of a target; a placeholder stands for them until they are known."""
         self.forget(folder)
-        self.left |= dict.fromkeys((folder, case) for case in cases)
+        self.remaining |= dict.fromkeys((folder, case) for case in cases)
         if not complete:
             self._unknown.add(folder)
 
     def add(self, case: Case) -> None:
         """Add a finished case."""
-        self.left.pop((case.folder, case.id), None)
+        self.remaining.pop((case.folder, case.id), None)
         self.cases.append(case)
         self._unknown.discard(case.folder)
-        total = 0 if self._unknown else len(self.cases) + len(self.left)
+        total = 0 if self._unknown else len(self.cases) + len(self.remaining)
         self._progress(len(self.cases), total, case)
 
-    def known(self, key: CacheKey) -> Any | None:
+    def lookup(self, key: CacheKey) -> Any | None:
         """Return a value from the journal, if it has one."""
         return None if self._journal is None else self._journal.find(key, RESULTS[key.kind])
 
-    def keep(self, key: CacheKey, value: Any) -> None:
+    def store(self, key: CacheKey, value: Any) -> None:
         """Store a value in the journal, if there is one."""
         if self._journal is not None:
-            self._journal.keep(key, value)
+            self._journal.store(key, value)
 
     def forget(self, folder: str) -> None:
         """Remove the remaining cases of a target."""
-        self.left = {one: None for one in self.left if one[0] != folder}
+        self.remaining = {one: None for one in self.remaining if one[0] != folder}
         self._unknown.discard(folder)
 
     def begin(self, model: Model) -> None:
         """Add a model without results of checks."""
-        self.models[model.key] = self._begun[model.key] = model
+        self.models[model.key] = self._first_models[model.key] = model
 
     def enter(self, key: ModelKey, check: ModelCheck, value: Any) -> None:
         """Enter a check's value, or its failure, into the record of a model.
@@ -101,7 +101,7 @@ class ResultBuilder:
         """
         values = self._values.setdefault(key, {})
         values.setdefault(check.kind, []).append(value)
-        model = self._begun[key]
+        model = self._first_models[key]
         for each in CHECKS:
             for entered in values.get(each.kind, ()):
                 model = each.enter(model, entered)

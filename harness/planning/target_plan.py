@@ -24,8 +24,8 @@ from physics_crosscheck.harness.planning.cache import (
     file_in_engine,
     key_of_file,
     key_of_folder,
+    with_environment,
     with_snapshot,
-    with_surroundings,
 )
 from physics_crosscheck.harness.planning.model_checks import CASE, MEASUREMENT, RESULTS, ModelCheck
 from physics_crosscheck.harness.planning.options import Options
@@ -94,9 +94,9 @@ class TargetPlan:
         return self._facts
 
     @property
-    def stand_in(self) -> CaseId:
+    def placeholder_case(self) -> CaseId:
         """Placeholder for all its cases while they are unknown."""
-        return stand_in(self.place)
+        return placeholder_case(self.place)
 
     def jobs(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """Yield the jobs of its models, after its preparation if needed."""
@@ -116,9 +116,9 @@ class TargetPlan:
 
     def _known_facts(self) -> TargetFacts | None:
         """Return the cached facts; those with a derivation also serve if none is needed."""
-        facts: TargetFacts | None = self._had(self._key)
+        facts: TargetFacts | None = self._lookup(self._key)
         if facts is None and self._cache is not None and self._reading.get("described") is False:
-            facts = self._had(key_of_folder(self.place, {**self._reading, "described": True}))
+            facts = self._lookup(key_of_folder(self.place, {**self._reading, "described": True}))
         return facts
 
     def _preparation(self, then: Callable[[], Jobs]) -> Job[Any]:
@@ -126,7 +126,7 @@ class TargetPlan:
             self._solved = prepared.solved
             if self._facts is None:
                 self._know(prepared.facts)
-                self._keep(self._key, self._facts, {})
+                self._store(self._key, self._facts, {})
             return then()
 
         task = Task(task_function("target", **self._reading), self.place)
@@ -138,7 +138,7 @@ class TargetPlan:
 
     def _unprepared(self, failure: Failure) -> Jobs:
         self.results.forget(str(self.place))
-        self.results.add(failed_case(self.stand_in, str(self.place), failure))
+        self.results.add(failed_case(self.placeholder_case, str(self.place), failure))
         return ()
 
     def do(
@@ -165,12 +165,12 @@ class TargetPlan:
         journal_key = self._journal_key(check.kind, key, scenario, snapshot)
         if (
             journal_key is not None
-            and (value := self._sound(self.results.known(journal_key))) is not None
+            and (value := self._sound(self.results.lookup(journal_key))) is not None
         ):
             yield from done(value)
             return
         cache_key = self._cache_key(check.kind, key, scenario, snapshot)
-        if (value := self._had(cache_key)) is not None:
+        if (value := self._lookup(cache_key)) is not None:
             self.results.cached += check is CASE
             yield from done(value)
             return
@@ -197,8 +197,8 @@ class TargetPlan:
                     else (outcome, {})
                 )
                 if journal_key is not None:
-                    self.results.keep(journal_key, value)
-                self._keep(cache_key, value, reads)
+                    self.results.store(journal_key, value)
+                self._store(cache_key, value, reads)
                 return done(value)
 
             return Job(task=task, done=ended, failed=failed)
@@ -230,7 +230,7 @@ class TargetPlan:
             snapshot=snapshot,
         )
 
-    def _had(self, key: CacheKey | None) -> Any | None:
+    def _lookup(self, key: CacheKey | None) -> Any | None:
         if key is None or self._cache is None:
             return None
         return self._sound(self._cache.find(key, RESULTS[key.kind]))
@@ -241,10 +241,10 @@ class TargetPlan:
             return None
         return value
 
-    def _keep(self, key: CacheKey | None, value: Any, reads: Mapping[str, str]) -> None:
+    def _store(self, key: CacheKey | None, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value, with the files that it read in addition to those of `system.py`."""
         if key is not None and self._cache is not None:
-            self._cache.keep(key, value, merged(self.facts.reads, reads))
+            self._cache.store(key, value, merged(self.facts.reads, reads))
 
     def _inputs(self, key: ModelKey, snapshot: Snapshot | None) -> str:
         """Return a hash of the dependencies of a model in an engine; "" if unknown."""
@@ -255,7 +255,7 @@ class TargetPlan:
         options = self.options
         if not self.standalone:
             hashed = self._hashes.get(key, "")
-            return with_surroundings(hashed, key[-1], options.motion, options.thorough)
+            return with_environment(hashed, key[-1], options.motion, options.thorough)
         assert self._key is not None  # only needed with a cache or a journal
         return file_in_engine(self._key, key[-1], options.resolution, options.thorough)
 
@@ -285,7 +285,7 @@ def _key_of(kind: str, key: ModelKey, scenario: str, inputs: str) -> CacheKey:
     )
 
 
-def stand_in(place: Path) -> CaseId:
+def placeholder_case(place: Path) -> CaseId:
     """Return the placeholder for all cases of a folder or robot file while they are unknown."""
     if place.is_dir():
         return CaseId(system=place.name, model="system.py", scenario="-", engine="-")

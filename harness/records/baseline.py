@@ -233,7 +233,7 @@ class RobotOptions(Record, frozen=True, kw_only=True):
     model: str = ""
 
 
-class Declared(Record, frozen=True, kw_only=True):
+class AcceptedDeclaration(Record, frozen=True, kw_only=True):
     """The declaration of a system when its cases were accepted.
 
     Attributes:
@@ -267,7 +267,7 @@ class BaselineFile(Record, frozen=True, kw_only=True):
     """
 
     format: int
-    declared: Declared
+    declared: AcceptedDeclaration
     cases: tuple[AcceptedCase, ...]
     snapshots: dict[str, Snapshot]
     audits: tuple[AcceptedAudit, ...] = ()

@@ -192,7 +192,7 @@ class Compared(Record, frozen=True, kw_only=True):
     seconds: float
 
 
-class Comparison(Record, frozen=True, kw_only=True):
+class ComparisonResult(Record, frozen=True, kw_only=True):
     """A comparison of two models of one mechanism.
 
     Attributes:
@@ -219,7 +219,7 @@ class Comparison(Record, frozen=True, kw_only=True):
     stdout: str = ""
     compared: Compared | None = None
     strict: bool = False
-    schema: int = 1
+    schema: int = 2
 
     def __post_init__(self) -> None:
         code = comparison_code(self.outcome, self.kind)

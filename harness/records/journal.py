@@ -68,7 +68,7 @@ class Journal:
             return msgspec.json.decode(self._kept[key], type=result) if key in self._kept else None
         return None
 
-    def keep(self, key: CacheKey, value: object) -> None:
+    def store(self, key: CacheKey, value: object) -> None:
         """Write the result of a task; if that fails, the run continues without a journal."""
         if self.problem:
             return

@@ -10,9 +10,9 @@ from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.diff import Diff
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.system import SystemResult
 
-SCHEMA: Literal[4] = 4
+SCHEMA: Literal[5] = 5
 
 
 def nothing_tested(engines: Iterable[str]) -> str:
@@ -60,14 +60,14 @@ class Results(Record, frozen=True, kw_only=True):
     versions: dict[str, str | None]
     resolution: float
     seconds: float
-    systems: tuple[System, ...]
+    systems: tuple[SystemResult, ...]
     models: tuple[Model, ...]
     cases: tuple[Case, ...]
     baseline: BaselineChanges | None = None
     stopped: str = ""
     not_run: tuple[CaseId, ...] = ()
     cached: int = 0
-    schema: Literal[4] = SCHEMA
+    schema: Literal[5] = SCHEMA
 
     @property
     def untested(self) -> str:

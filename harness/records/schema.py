@@ -16,14 +16,14 @@ import msgspec
 
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import BaselineFile, Gate
-from physics_crosscheck.harness.records.comparison import Comparison
+from physics_crosscheck.harness.records.comparison import ComparisonResult
 from physics_crosscheck.harness.records.fields import FilePage, page_texts
 from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.mutation import Mutations
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
-from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.records.versions import Versions
 from physics_crosscheck.harness.records.write import write_whole
 
@@ -33,7 +33,7 @@ SCHEMAS: dict[str, type[Record]] = {
     "results": Results,
     "gate": Gate,
     "baseline": BaselineFile,
-    "comparison": Comparison,
+    "comparison": ComparisonResult,
     "mutations": Mutations,
     "versions": Versions,
 }
@@ -46,7 +46,7 @@ PAGES = (
         reader="Scripts that read derived equations or scenarios need this page. It describes every"
         " field under `systems` in [`results.json`](results.md).",
         written="`crosscheck run` writes one entry per system.",
-        records=(System,),
+        records=(SystemResult,),
         schema="results",
     ),
     FilePage(
@@ -92,7 +92,7 @@ PAGES = (
         reader="Scripts that compare two models need this page. It describes every field of the"
         " comparison.",
         written="`crosscheck compare --json FILE` writes the file.",
-        records=(Comparison,),
+        records=(ComparisonResult,),
         schema="comparison",
     ),
     FilePage(

@@ -22,7 +22,7 @@ class Formula(Record, frozen=True, kw_only=True):
     latex: str
 
 
-class Quantity(Record, frozen=True, kw_only=True):
+class Symbol(Record, frozen=True, kw_only=True):
     """A coordinate or an input.
 
     Attributes:
@@ -38,7 +38,7 @@ class Quantity(Record, frozen=True, kw_only=True):
     latex: str
 
 
-class Constant(Record, frozen=True, kw_only=True):
+class ConstantValue(Record, frozen=True, kw_only=True):
     """A constant of the equations.
 
     Attributes:
@@ -58,7 +58,7 @@ class Constant(Record, frozen=True, kw_only=True):
     source: str
 
 
-class Output(Record, frozen=True, kw_only=True):
+class OutputFormula(Record, frozen=True, kw_only=True):
     """An output.
 
     Attributes:
@@ -182,7 +182,7 @@ class Erratum(Record, frozen=True, kw_only=True):
     note: str
 
 
-class Scenario(Record, frozen=True, kw_only=True):
+class ReferenceMotion(Record, frozen=True, kw_only=True):
     """A scenario and its reference motion.
 
     Attributes:
@@ -322,7 +322,7 @@ class Derivation(Record, frozen=True, kw_only=True):
     errata: tuple[Erratum, ...]
 
 
-class System(Record, frozen=True, kw_only=True):
+class SystemResult(Record, frozen=True, kw_only=True):
     """A system of equations.
 
     Attributes:
@@ -346,11 +346,11 @@ class System(Record, frozen=True, kw_only=True):
     title: str
     source: str
     kind: Literal["SISO", "SIMO", "MISO", "MIMO", "autonomous"]
-    coordinates: tuple[Quantity, ...]
-    constants: tuple[Constant, ...]
-    inputs: tuple[Quantity, ...]
-    outputs: tuple[Output, ...]
-    scenarios: tuple[Scenario, ...]
+    coordinates: tuple[Symbol, ...]
+    constants: tuple[ConstantValue, ...]
+    inputs: tuple[Symbol, ...]
+    outputs: tuple[OutputFormula, ...]
+    scenarios: tuple[ReferenceMotion, ...]
     derivation: Derivation | None = None
     sketch: Sketch | None = None
     seconds: float = 0.0

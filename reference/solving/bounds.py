@@ -44,8 +44,8 @@ def with_bounds(
     for rows, span, signal in each(motion.spans, signals):
         field = field_of(equations, signal)
         times, starts = motion.t[rows], motion.start[rows]
-        own = transitions(field, times, starts, span.length) if flow is None else flow[rows]
-        flows.append(own)
+        flow_here = transitions(field, times, starts, span.length) if flow is None else flow[rows]
+        flows.append(flow_here)
         turned.append(
             rounded_away(
                 equations,
@@ -53,7 +53,7 @@ def with_bounds(
                 times,
                 motion.nodes[rows],
                 span.length,
-                flow=own,
+                flow=flow_here,
                 rounded=not exact,
             )
         )

@@ -73,20 +73,20 @@ def shoot(
     """
     import scipy.interpolate  # slow import, not needed by every command
 
-    at = start_times(spans)
-    guess = scipy.interpolate.CubicSpline(times, states)(at)
+    segment_times = start_times(spans)
+    guess = scipy.interpolate.CubicSpline(times, states)(segment_times)
     guess[0] = states[0]
-    solved = equations, signals, spans, at
+    solved = equations, signals, spans, segment_times
     try:
         with np.errstate(all="ignore"):
             starts, end, nodes, flow = _joined(*solved, guess)
     except ReferenceError:
-        starts = trajectory(equations, states[0], signals, at)
+        starts = trajectory(equations, states[0], signals, segment_times)
         starts[0] = states[0]
         end, nodes = _segments(*solved, starts, CONVERGED)
         flow = _transitions(*solved, starts)
     checks = [
-        by_runge_kutta(field_of(equations, signal), at[rows], starts[rows], span.length)
+        by_runge_kutta(field_of(equations, signal), segment_times[rows], starts[rows], span.length)
         for rows, span, signal in each(spans, signals)
     ]
     motion = Motion.join(

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.baseline.file import (
-    FileError,
+    BaselineFileError,
     SystemBaseline,
     file_text,
     read_file,
@@ -215,7 +215,7 @@ def _baseline(data: bytes) -> object:
     """A baseline's file; once with the seals that it has, once with seals that fit."""
     try:
         return read_file(data, "spring")
-    except FileError:
+    except BaselineFileError:
         file = _unsealed(data)
         if file is None:
             raise
@@ -226,7 +226,7 @@ def _baseline(data: bytes) -> object:
         for one in file.cases
     }
     if any(one.snapshot not in snapshots for one in cases.values()):
-        raise FileError("its snapshot is not there")
+        raise BaselineFileError("its snapshot is not there")
     whole = SystemBaseline(declared=sealed(file.declared), snapshots=snapshots, cases=cases)
     return read_file(file_text(whole).encode(), "spring")
 
@@ -307,7 +307,7 @@ TARGETS = {
             seeds=_results_seeds, words=('"', ":", "null", "[", "{", "NaN", *_NUMBERS), share=0.5,
         ),
         Target(
-            name="baseline", parse=_baseline, errors=(FileError,),
+            name="baseline", parse=_baseline, errors=(BaselineFileError,),
             seeds=_baseline_seeds, words=('"', ":", "null", "[", "{", "NaN", *_NUMBERS), share=0.5,
         ),
         Target(

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks.audit import audit_declared, declared_bin
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import Force, Model, StateForce
+from physics_crosscheck.harness.engines.protocol import Force, LoadedModel, StateForce
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -234,7 +234,7 @@ def test_a_joint_with_pymunks_own_error_bias(look: Look) -> None:
 def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path: Path) -> None:
     """A spring that is stiff far out alone, which no linearization has."""
 
-    class Stiffening(Model):
+    class Stiffening(LoadedModel):
         coordinates, step, integrator = ("theta",), 0.002, "euler"
 
         def exponents(self, varying_input: bool) -> tuple[int, int]:
@@ -259,7 +259,9 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path: Path) -> None:
     task = task.with_target(equilibria=task.target.equilibria[:1])
     model = Stiffening()
     found = list(
-        Compiled.of(task, model, coordinate_map(task.target.system, sidecar, ("theta",))).findings()
+        Compiled.prepare(
+            task, model, coordinate_map(task.target.system, sidecar, ("theta",))
+        ).findings()
     )
     assert [f.kind for f in grave(found)] == ["acceleration"]
 
@@ -286,7 +288,7 @@ def test_a_model_far_stiffer_than_meant_is_measured_with_shorter_steps(look: Loo
 def test_what_has_no_limit_is_said_to_be_unresolved() -> None:
     """An engine whose accelerations depend on the step."""
 
-    class Stepwise(Model):
+    class Stepwise(LoadedModel):
         coordinates, step, integrator = ("theta",), 0.002, "euler"
 
         def exponents(self, varying_input: bool) -> tuple[int, int]:
@@ -304,7 +306,7 @@ def test_what_has_no_limit_is_said_to_be_unresolved() -> None:
     task = model_task(prepared("simple_pendulum"), "mujoco", sidecar)
     map_ = coordinate_map(task.target.system, sidecar, ("theta",))
     model = Stepwise()
-    found = list(Compiled.of(task, model, map_).findings())
+    found = list(Compiled.prepare(task, model, map_).findings())
     assert "can't resolve the accelerations at" in said(found, "unresolved", "note")
     assert said(found, "acceleration") == ""
 

@@ -10,7 +10,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.audit import where
 from physics_crosscheck.harness.engines.mujoco import MujocoModel
-from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.base import SourceLine
@@ -20,7 +20,7 @@ from tests.audit.models import MODELS, Look, said
 def test_what_a_model_remarks_on_itself_is_told_with_its_line(
     look: Look, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def remarks(self: Model, z: Array, w: Array) -> Iterator[Remark]:
+    def remarks(self: LoadedModel, z: Array, w: Array) -> Iterator[Remark]:
         yield Remark(message="a word")
         yield Remark(message="a number", address="body/joint[theta]@damping", value=2.0)
         yield Remark(message="the file", address="")
@@ -37,7 +37,7 @@ def test_what_a_model_remarks_on_itself_is_told_with_its_line(
 
 def test_a_model_that_has_nothing_to_say_of_itself_says_nothing() -> None:
     silent: Any = None
-    assert tuple(Model.remarks(silent, np.zeros((1, 1)), np.zeros((1, 1)))) == ()
+    assert tuple(LoadedModel.remarks(silent, np.zeros((1, 1)), np.zeros((1, 1)))) == ()
 
 
 SWITCHED_ON = [

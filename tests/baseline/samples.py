@@ -10,7 +10,7 @@ from physics_crosscheck.harness.baseline.classify import summarized
 from physics_crosscheck.harness.baseline.file import SystemBaseline, snapshot_key
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
-    Declared,
+    AcceptedDeclaration,
     Identified,
     Measurement,
     OnAccepted,
@@ -74,7 +74,7 @@ ENTRY = summarized(
     )
 )
 
-DECLARED = Declared(
+DECLARED = AcceptedDeclaration(
     system=SYSTEM,
     folder="../../models/spring",
     declared="00112233aabbccdd",

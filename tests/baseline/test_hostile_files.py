@@ -23,8 +23,8 @@ from physics_crosscheck.harness.baseline.store import BaselineError, accepted_te
 from physics_crosscheck.harness.records.baseline import (
     AcceptedAudit,
     AcceptedCase,
+    AcceptedDeclaration,
     AcceptedFinding,
-    Declared,
     RobotOptions,
     Snapshot,
 )
@@ -56,7 +56,7 @@ def resealed(table: Table) -> Table:
     table["snapshots"] = {key: snapshot_in(table)}
     case["snapshot"] = key
     case["seal"] = sealed(decoded(json.dumps(case).encode(), AcceptedCase)).seal
-    declared["seal"] = sealed(decoded(json.dumps(declared).encode(), Declared)).seal
+    declared["seal"] = sealed(decoded(json.dumps(declared).encode(), AcceptedDeclaration)).seal
     return table
 
 
@@ -75,7 +75,7 @@ def refused(folder: Path, data: bytes) -> str:
 
 FIELDS = [
     *(("cases", name) for name in AcceptedCase.__struct_fields__),
-    *(("declared", name) for name in Declared.__struct_fields__),
+    *(("declared", name) for name in AcceptedDeclaration.__struct_fields__),
     *(("snapshots", name) for name in Snapshot.__struct_fields__),
 ]
 

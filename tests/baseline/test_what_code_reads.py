@@ -307,7 +307,7 @@ def test_nothing_is_taken_from_before_where_what_code_saw_has_changed(
     accepted = with_reads(model, reads)
     cache = Cache(folder.parent / "cache")
     key = CacheKey(kind="coverage", folder=str(folder), inputs="known")
-    cache.keep(key, Coverage(note="kept"), reads)
+    cache.store(key, Coverage(note="kept"), reads)
     if way != "removed":
         assert cache.find(key, Coverage) == Coverage(note="kept")
         assert as_now(model, accepted) == accepted
@@ -359,7 +359,7 @@ def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
         load_system(folder)
     assert "can't be read" in found.states().values()
     cache, key = Cache(folder / "cache"), CacheKey(kind="coverage", folder="f", inputs="known")
-    cache.keep(key, Coverage(), found.states())
+    cache.store(key, Coverage(), found.states())
     assert cache.find(key, Coverage) is None
 
 

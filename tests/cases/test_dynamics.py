@@ -11,14 +11,14 @@ import pytest
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.checks.verdict import Verdict, with_dynamics
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, with_dynamics
 from physics_crosscheck.harness.numerics.forward_dynamics import FORCE_KINDS, AccelerationComparison
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.table import dynamics_lines
 from tests.cases.test_robot import SERVO
 
-MOTION = Verdict(
+MOTION = CaseJudgement(
     outcome=Outcome.UNRESOLVED,
     discrepancy=1e-9,
     uncertainty=3e-8,
@@ -49,7 +49,7 @@ def told(off: float, *, complete: bool = True) -> AccelerationComparison:
     )
 
 
-def both(motion: Verdict, dynamics: AccelerationComparison | None) -> Verdict:
+def both(motion: CaseJudgement, dynamics: AccelerationComparison | None) -> CaseJudgement:
     return with_dynamics(motion, dynamics, ("x", "phi"), 1e-9)
 
 
@@ -68,14 +68,14 @@ def test_a_stiff_motion_is_decided_by_accelerations_at_every_state() -> None:
     (AGREES, told(0.0)), (AGREES, told(1e-12)), (DIFFERS, told(0.0)), (DIFFERS, told(1.0)),
 ])  # fmt: skip
 def test_what_they_can_not_decide_is_left_to_the_motions(
-    motion: Verdict, dynamics: AccelerationComparison | None
+    motion: CaseJudgement, dynamics: AccelerationComparison | None
 ) -> None:
     """States of which nothing is told may hold what makes a motion rough; so may a step."""
     assert both(motion, dynamics) is motion
 
 
 @pytest.mark.parametrize("motion", [MOTION, UNKNOWN, AGREES])
-def test_accelerations_that_differ_differ(motion: Verdict) -> None:
+def test_accelerations_that_differ_differ(motion: CaseJudgement) -> None:
     found = both(motion, told(1e-6))
     assert found.outcome is Outcome.DIFFERS
     assert found.component == "phi_ddot"

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.checks.case import StepError, run_case
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.checks.verdict import filled
+from physics_crosscheck.harness.checks.verdict import nonzero_scale
 from physics_crosscheck.harness.diagnosis import trial as diagnosis_room
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
@@ -192,7 +192,7 @@ def test_a_coordinate_that_no_scenario_moves_is_measured_against_its_like(tmp_pa
 def test_what_rounding_alone_moves_has_no_size_of_its_own(
     sizes: list[float], whole: list[float]
 ) -> None:
-    assert filled(np.array(sizes)) == pytest.approx(whole, rel=1e-15)
+    assert nonzero_scale(np.array(sizes)) == pytest.approx(whole, rel=1e-15)
 
 
 def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(

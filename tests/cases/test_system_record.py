@@ -31,7 +31,7 @@ def test_a_record_that_is_written_is_read_as_the_same(name: str) -> None:
     record = prepared(name).record
     assert record.folder == str(builtin() / name)
     assert record.seconds > 0
-    assert msgspec.json.decode(msgspec.json.encode(record), type=records.System) == record
+    assert msgspec.json.decode(msgspec.json.encode(record), type=records.SystemResult) == record
 
 
 def test_without_a_description_nothing_derived_is_recorded() -> None:

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.baseline.fingerprint import model_hashes
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.planning import cache as caches
-from physics_crosscheck.harness.planning.cache import with_surroundings
+from physics_crosscheck.harness.planning.cache import with_environment
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.case import ModelKey
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -337,7 +337,7 @@ def test_the_source_of_an_adapter_counts(
 
     def hashes() -> dict[ModelKey, str]:
         found = model_hashes(folder, 1e-9, None)
-        return {key: with_surroundings(one, key[-1], 0.0, False) for key, one in found.items()}
+        return {key: with_environment(one, key[-1], 0.0, False) for key, one in found.items()}
 
     before = hashes()
     caches._adapter.cache_clear()

@@ -61,7 +61,7 @@ def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
         (("old", "torn.json"), "torn.json: not JSON"),
         (
             ("old", "other.json"),
-            "other.json: not a results file of schema 4; run `crosscheck run` again",
+            "other.json: not a results file of schema 5; run `crosscheck run` again",
         ),
         (("old", "old", "old"), "report takes one run, or two to compare, and not 3"),
     ],
@@ -76,7 +76,7 @@ def test_what_is_no_run_is_refused_with_its_name_and_writes_nothing(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
-    (tmp_path / "torn.json").write_text('{"schema": 4, "cases": [')
+    (tmp_path / "torn.json").write_text('{"schema": 5, "cases": [')
     (tmp_path / "other.json").write_text('{"schema": 7}')
     assert main(["report", *names]) == 2
     assert sentence in capsys.readouterr().err

@@ -226,7 +226,7 @@ def test_what_a_robot_s_file_depends_on_is_what_a_journal_goes_by(
     assert work_of(file, floating=True) != before
     assert work_of(file, resolution=1e-8) != before
     with monkeypatch.context() as patch:
-        patch.setattr(caches, "_surroundings", lambda: "another source or engine")
+        patch.setattr(caches, "_environment", lambda: "another source or engine")
         assert work_of(file) != before
     Path("a.stl").write_text("solid")
     assert work_of(file) != before

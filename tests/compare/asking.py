@@ -12,7 +12,7 @@ from physics_crosscheck.harness.compare.ranges import start_range
 from physics_crosscheck.harness.compare.states import SampledStates, sampled_states
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.comparison import Compared, Comparison
+from physics_crosscheck.harness.records.comparison import Compared, ComparisonResult
 from tests.standing import standing_only
 
 
@@ -26,7 +26,7 @@ def compared(
     resolution: float = 1e-9,
     starts: tuple[Mapping[str, float], ...] = (),
     include_constraints: bool = False,
-) -> Comparison:
+) -> ComparisonResult:
     """Compare two files as the command does."""
     options = CompareOptions(
         a=candidate("A", Path(a), engine_a),
@@ -39,7 +39,7 @@ def compared(
     return compare(options, InThisProcess())
 
 
-def result(comparison: Comparison) -> Compared:
+def result(comparison: ComparisonResult) -> Compared:
     assert comparison.compared is not None, comparison.reason
     return comparison.compared
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.comparison import Comparison
+from physics_crosscheck.harness.records.comparison import ComparisonResult
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, result, sampled, written
@@ -22,7 +22,7 @@ PAIRS = (
 )
 
 
-def agrees(found: Comparison) -> Comparison:
+def agrees(found: ComparisonResult) -> ComparisonResult:
     judged = result(found)
     assert found.outcome is Outcome.AGREES, found.reason
     assert (judged.discrepancy or 0.0) < 1e-9

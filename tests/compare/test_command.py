@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.records.comparison import Comparison
+from physics_crosscheck.harness.records.comparison import ComparisonResult
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
@@ -52,7 +52,7 @@ def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:
     assert first.startswith(f"FAIL  XC320 {a} {address}: 0.024, {b}: 0.024012")
     assert first.endswith("(100 % of the difference)")
     assert fix == f"Fix: set {a} to 0.024012, or {b} to 0.024"
-    written_down = decoded((tmp_path / "out" / "record.json").read_bytes(), Comparison)
+    written_down = decoded((tmp_path / "out" / "record.json").read_bytes(), ComparisonResult)
     assert written_down.outcome is Outcome.DIFFERS
     assert list(written_down.models[0].gravity or ()) == [0, 0, -9.81]
     found = written_down.compared
@@ -75,7 +75,7 @@ def test_an_engine_that_changes_its_file_is_named_with_the_line(tmp_path: Path) 
     begin = lines.index("each engine against the equations of its own file")
     assert lines[0].startswith("FAIL  XC320 leg.urdf in pybullet: XC207 PyBullet's own 1 kg ")
     assert lines[begin + 1].startswith("ok  leg.urdf in mujoco: difference ")
-    written_down = decoded((tmp_path / "record.json").read_bytes(), Comparison)
+    written_down = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult)
     cases = [one.case for one in written_down.models]
     assert [one.outcome for one in cases if one] == [Outcome.AGREES, Outcome.DIFFERS]
 
@@ -87,7 +87,7 @@ def test_the_first_lines_have_both_places_and_the_remedy(tmp_path: Path, width: 
     done = crosscheck("a.xml", "b.xml", "--json", "record.json", cwd=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
     assert done.stdout.splitlines()[-1] == "Explain a code: crosscheck explain XC320"
-    found = decoded((tmp_path / "record.json").read_bytes(), Comparison)
+    found = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult)
     text = io.StringIO()
     print_comparison(Console(file=text, width=width, highlight=False, emoji=False), found)
     lines = text.getvalue().splitlines()
@@ -140,7 +140,7 @@ def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_pat
     assert done.returncode == 3, done.stdout + done.stderr
     assert done.stdout.startswith("ERROR  XC604 ")
     assert f"{b} [known]: the process died (SIGSEGV)" in done.stdout
-    found = decoded((tmp_path / "record.json").read_bytes(), Comparison)
+    found = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult)
     assert found.outcome is Outcome.FAILED
     assert "SIGSEGV" in found.reason
     assert found.compared is None

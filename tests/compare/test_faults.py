@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.comparison import Comparison, FileDifference
+from physics_crosscheck.harness.records.comparison import ComparisonResult, FileDifference
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, result, written
@@ -39,7 +39,7 @@ FAULTS = (
 )  # fmt: skip
 
 
-def single(found: Comparison) -> dict[str, FileDifference]:
+def single(found: ComparisonResult) -> dict[str, FileDifference]:
     """What each difference of the files explains alone, by its label."""
     return {t.edits[0].what: t for t in result(found).differences if len(t.edits) == 1}
 

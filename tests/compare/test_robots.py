@@ -18,7 +18,7 @@ from physics_crosscheck.harness.compare.states import SampledStates
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.numerics.ladder import Limit
-from physics_crosscheck.harness.records.comparison import Comparison, FileDifference
+from physics_crosscheck.harness.records.comparison import ComparisonResult, FileDifference
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.segments import Segments
 from tests.compare.arm import MJCF, URDF
@@ -42,11 +42,11 @@ def gymnasium(name: str) -> Path:
     return Path(found.__file__).parent / "envs" / "mujoco" / "assets" / name
 
 
-def moving(found: Comparison) -> list[str]:
+def moving(found: ComparisonResult) -> list[str]:
     return [one.message for one in result(found).properties if one.moves]
 
 
-def idle(found: Comparison) -> list[str]:
+def idle(found: ComparisonResult) -> list[str]:
     return [one.message for one in result(found).properties if not one.moves]
 
 
@@ -417,7 +417,7 @@ def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> N
     assert shipped.outcome is Outcome.DIFFERS
 
 
-def single(found: Comparison) -> FileDifference:
+def single(found: ComparisonResult) -> FileDifference:
     (trial,) = (one for one in result(found).differences if len(one.edits) == 1)
     return trial
 

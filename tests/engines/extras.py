@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines, missing
 
 EXTRAS = ("pinocchio", "drake", "dart", "idyntree")
@@ -30,7 +30,7 @@ def load(
     folder: Path,
     gravity: float = 0.0,
     settings: Mapping[str, object] | None = None,
-) -> Model:
+) -> LoadedModel:
     """A URDF of this text."""
     need(name)
     path = folder / f"{name}.urdf"

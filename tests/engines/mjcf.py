@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 
@@ -33,13 +33,13 @@ def write(folder: Path, bodies: str, beside: str = "", name: str = "sample.xml")
     return path
 
 
-def mjcf(name: str, path: Path, settings: Mapping[str, object] | None = None) -> Model:
+def mjcf(name: str, path: Path, settings: Mapping[str, object] | None = None) -> LoadedModel:
     """A file in an engine."""
     need(name)
     return engines()[name].load(ModelSpec(path, settings=settings or {}))
 
 
-def off(model: Model, other: Model, seed: int = 1, spread: float = 0.7) -> float:
+def off(model: LoadedModel, other: LoadedModel, seed: int = 1, spread: float = 0.7) -> float:
     """By how much accelerations of one model are off another's, of the largest, at random."""
     assert set(model.coordinates) == set(other.coordinates)
     order = [other.coordinates.index(name) for name in model.coordinates]
@@ -52,7 +52,7 @@ def off(model: Model, other: Model, seed: int = 1, spread: float = 0.7) -> float
     return float(np.max(np.abs(found - known[:, order])) / np.max(np.abs(known)))
 
 
-def ends(model: Model, z: Array, w: Array, seconds: float = 0.05) -> tuple[Array, Array]:
+def ends(model: LoadedModel, z: Array, w: Array, seconds: float = 0.05) -> tuple[Array, Array]:
     """Where a free motion from one state ends, by 200 steps."""
     q, v = model.rollout(z[None], w[None], seconds / 200, 200, None, 200)
     return q[0, 0], v[0, 0]

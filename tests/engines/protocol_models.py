@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, Spring
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import engines
 
 Values = Array | Sequence[object]
@@ -48,7 +48,7 @@ class Pairing:
 class Loaded:
     """A model with the places of the mechanism's coordinates among the engine's."""
 
-    model: Model
+    model: LoadedModel
     places: Array
 
     @property

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, StateForce
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import robot_system
@@ -54,7 +54,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def model(path: Path) -> Model:
+def model(path: Path) -> LoadedModel:
     pytest.importorskip("pybullet")
     return engines()["pybullet"].load(ModelSpec(path, settings=SETTINGS))
 
@@ -65,7 +65,7 @@ def states(count: int) -> tuple[Array, Array, Array]:
     return q, v, f
 
 
-def test_their_accelerations_are_those_of_the_equations(path: Path, model: Model) -> None:
+def test_their_accelerations_are_those_of_the_equations(path: Path, model: LoadedModel) -> None:
     equations = TreeEquations(robot_system(read_robot(path)))
     names = [c.name for c in equations.system.coordinates]
     order = [names.index(name) for name in model.coordinates]
@@ -77,7 +77,9 @@ def test_their_accelerations_are_those_of_the_equations(path: Path, model: Model
     assert found == pytest.approx(wanted, abs=1e-5 * np.max(np.abs(wanted)))
 
 
-def test_positions_move_as_the_rates_say_and_forces_by_state_are_the_same(model: Model) -> None:
+def test_positions_move_as_the_rates_say_and_forces_by_state_are_the_same(
+    model: LoadedModel,
+) -> None:
     q, v, f = states(3)
     moved, after = model.rollout(q, v, 1e-6, 1, f[:, None], 1)
     assert (moved[:, 0] - q) / 1e-6 == pytest.approx(after[:, 0], abs=1e-4)
@@ -97,7 +99,7 @@ def test_their_motor_is_off_unless_asked_for(path: Path) -> None:
     assert np.all(change[True] > 10)
 
 
-def test_links_are_placed_by_their_rotations(model: Model) -> None:
+def test_links_are_placed_by_their_rotations(model: LoadedModel) -> None:
     turned = np.zeros((1, 7))
     turned[0, 2] = 4 * np.tan(np.pi / 8)  # q, a quarter about the joint's z
     still, moved = (model.poses(["link:a"], z)[1][0, 0] for z in (np.zeros((1, 7)), turned))

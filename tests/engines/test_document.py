@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import Engine, Model
+from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.faults.known_folder import SYSTEM, by_case, run_folders
@@ -69,6 +69,6 @@ def test_every_hook_of_the_protocol_is_in_the_tables() -> None:
     _, _, tables = PAGE.partition("## Required members")
     rows = [line for line in tables.splitlines() if line.startswith("|")]
     told = {word for row in rows for word in re.findall(r"\w+", row.split("|")[1])}
-    for base in (Engine, Model):
+    for base in (Engine, LoadedModel):
         hooks = {name for name in (*vars(base), *base.__annotations__) if name[0] != "_"}
         assert hooks - told == set()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, Spring
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.protocol_models import (
     GROUND,
@@ -27,7 +27,7 @@ def load(
     parts: Sequence[str],
     springs: tuple[Spring, ...] = (),
     **settings: object,
-) -> Model:
+) -> LoadedModel:
     pytest.importorskip(pairing.engine)
     path = tmp_path / "model.urdf"
     path.write_text(f'<robot name="r">{GROUND}{"".join(parts)}</robot>')
@@ -36,7 +36,7 @@ def load(
 
 
 def pull(
-    model: Model, q: Sequence[float], v: Sequence[float] | None = None, h: float = 1e-6
+    model: LoadedModel, q: Sequence[float], v: Sequence[float] | None = None, h: float = 1e-6
 ) -> Array:
     """Accelerations, from one tiny step."""
     z = np.array([q], dtype=float)

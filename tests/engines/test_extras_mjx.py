@@ -8,14 +8,19 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.engines.conformance import CHECKS, conform
-from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec, StateForce
+from physics_crosscheck.harness.engines.protocol import (
+    EngineError,
+    LoadedModel,
+    ModelSpec,
+    StateForce,
+)
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 
 MODELS = Path(__file__).parents[2] / "models"
 
 
-def load(path: Path, engine: str = "mjx", **settings: object) -> Model:
+def load(path: Path, engine: str = "mjx", **settings: object) -> LoadedModel:
     need("mjx")
     return engines()[engine].load(ModelSpec(path, settings=settings))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC, WELDED
@@ -21,7 +21,7 @@ INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 
 def mjcf(
     folder: Path, body: str, beside: str = "", settings: Mapping[str, object] | None = None
-) -> Model:
+) -> LoadedModel:
     need("newton")
     path = folder / "sample.xml"
     compiler = '<compiler angle="radian"/>'

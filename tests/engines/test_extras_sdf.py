@@ -12,7 +12,7 @@ from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_system, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
-from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import model_files
@@ -40,7 +40,7 @@ def text(
 <axis>{xyz}{axis}</axis></joint>{beside}</model></sdf>"""
 
 
-def load(name: str, sdf: str, folder: Path, **settings: object) -> Model:
+def load(name: str, sdf: str, folder: Path, **settings: object) -> LoadedModel:
     need(name)
     path = folder / "m.sdf"
     path.write_text(sdf)

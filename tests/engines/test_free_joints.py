@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Model, ModelSpec, StateForce
+from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, unit_quaternion
 from tests.engines.test_readings import BELOW
@@ -30,13 +30,13 @@ TUMBLING = (
 
 
 @pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Model:
+def model(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
     file = tmp_path_factory.mktemp("free") / "top.xml"
     file.write_text(MJCF)
     return engines()["mujoco"].load(ModelSpec(file))
 
 
-def test_its_coordinates_are_as_many_as_it_has_freedoms(model: Model) -> None:
+def test_its_coordinates_are_as_many_as_it_has_freedoms(model: LoadedModel) -> None:
     place, turn = ("top:x", "top:y", "top:z"), ("top:rx", "top:ry", "top:rz")
     assert model.coordinates == (*place, *turn, "neck:rx", "neck:ry", "neck:rz")
     # Of a quarter of a turn about z: 4 tan(90/4 degrees).
@@ -46,7 +46,7 @@ def test_its_coordinates_are_as_many_as_it_has_freedoms(model: Model) -> None:
     assert np.isinf(model.limits).all()
 
 
-def test_positions_move_as_the_rates_say(model: Model) -> None:
+def test_positions_move_as_the_rates_say(model: LoadedModel) -> None:
     rng = np.random.default_rng(0)
     q, v = rng.normal(size=(2, 5, 9))
     moved, after = model.rollout(q, v, H, 1, None, 1)
@@ -54,7 +54,7 @@ def test_positions_move_as_the_rates_say(model: Model) -> None:
     assert (moved[:, 0] - q) / H == pytest.approx(after[:, 0], abs=1e-5)
 
 
-def test_beyond_half_a_turn_coordinates_go_on(model: Model) -> None:
+def test_beyond_half_a_turn_coordinates_go_on(model: LoadedModel) -> None:
     """Spinning about z from 170 degrees over 180: a quaternion's sign must not show."""
     q, v = np.zeros((1, 9)), np.zeros((1, 9))
     q[0, 5] = 4 * np.tan(np.radians(170) / 4)
@@ -66,7 +66,7 @@ def test_beyond_half_a_turn_coordinates_go_on(model: Model) -> None:
     assert angles[-1] == pytest.approx(np.radians(170) + 0.4, rel=1e-6)
 
 
-def test_forces_are_along_the_world_and_moments_about_the_bodys_axes(model: Model) -> None:
+def test_forces_are_along_the_world_and_moments_about_the_bodys_axes(model: LoadedModel) -> None:
     """Turned by a quarter about z: a moment about its x axis turns it about the world's y."""
     q, push = model.home[None], np.zeros((1, 1, 9))
     push[0, 0, 0], push[0, 0, 3] = 6.0, 0.05

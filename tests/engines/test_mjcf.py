@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 
 pytest.importorskip("mujoco")
@@ -29,13 +29,13 @@ def _no_log_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def load(folder: Path, *change: str, **settings: object) -> Model:
+def load(folder: Path, *change: str, **settings: object) -> LoadedModel:
     path = folder / "model.xml"
     path.write_text(GOOD.replace(change[0], change[1], 1) if change else GOOD)
     return engines()["mujoco"].load(ModelSpec(path, settings=settings))
 
 
-def told(model: Model) -> list[str]:
+def told(model: LoadedModel) -> list[str]:
     z = np.zeros((1, 1))
     return [remark.message for remark in model.remarks(z, z)]
 

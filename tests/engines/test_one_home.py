@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.protocol import Engine, Model
+from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_reading
 
 ROOT = Path(__file__).parents[2]
@@ -54,7 +54,7 @@ def test_no_engine_is_named_outside_its_home() -> None:
 def test_hooks_are_declared_and_never_looked_for_by_their_names() -> None:
     hooks = {
         name
-        for base in (Engine, Model)
+        for base in (Engine, LoadedModel)
         for name in (*vars(base), *base.__annotations__)
         if not name.startswith("_")
     }

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.engines.conformance import conform
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
-    Model,
+    LoadedModel,
     ModelSpec,
     StateForce,
 )
@@ -49,14 +49,16 @@ def halve(space, key, body):
 """
 
 
-def load(folder: Path, *, before: str = "", space: str = "pymunk.Space", inside: str = "") -> Model:
+def load(
+    folder: Path, *, before: str = "", space: str = "pymunk.Space", inside: str = ""
+) -> LoadedModel:
     path = folder / "space.py"
     text = SCRIPT.format(before=before, space=space, inside=inside or "pass")
     path.write_text(text)
     return engines()["pymunk"].load(ModelSpec(path, settings={"step": H}))
 
 
-def speeds(model: Model, n: int = 3, force: Array | StateForce | None = None) -> list[float]:
+def speeds(model: LoadedModel, n: int = 3, force: Array | StateForce | None = None) -> list[float]:
     still = np.zeros((1, 3))
     v = np.array([[8.0, 0.0, 0.0]])
     return [float(w) for w in model.rollout(still, v, H, n, force, 1)[1][0, :, 0]]

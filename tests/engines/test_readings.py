@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 
@@ -43,7 +43,7 @@ def limit(lower: float, upper: float, velocity: float = 100) -> str:
     return urdf(inside, kind="revolute")
 
 
-def load(name: str, text: str, folder: Path, gravity: float = 0.0) -> Model:
+def load(name: str, text: str, folder: Path, gravity: float = 0.0) -> LoadedModel:
     path = folder / f"{name}.urdf"
     path.write_text(text)
     settings = {"step": H, "gravity": [0.0, 0.0, -gravity]}
@@ -51,7 +51,7 @@ def load(name: str, text: str, folder: Path, gravity: float = 0.0) -> Model:
 
 
 def moved(
-    model: Model, q: float, v: float, seconds: float, push: float | None = None
+    model: LoadedModel, q: float, v: float, seconds: float, push: float | None = None
 ) -> tuple[float, float]:
     """Position and velocity of the first joint after a while, all pushed alike."""
     start: Array = np.ones((1, len(model.coordinates)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 
 URDF = """<robot name="r">
@@ -50,7 +50,7 @@ SERVO = -100 * 0.8 / (0.145 + 2 * 0.25**2)
 """What the servo adds, which nothing saturates."""
 
 
-def loaded(engine: str, tmp_path: Path, **settings: object) -> Model:
+def loaded(engine: str, tmp_path: Path, **settings: object) -> LoadedModel:
     mjcf = engine == "mujoco mjcf"
     file = tmp_path / ("r.xml" if mjcf else "r.urdf")
     file.write_text(MJCF if mjcf else URDF)

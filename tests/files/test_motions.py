@@ -12,7 +12,7 @@ import sympy as sp
 
 from physics_crosscheck import System
 from physics_crosscheck.harness.checks.task import load
-from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import (
     at_constants,
@@ -100,7 +100,7 @@ def forced(folder: Path) -> tuple[System, Motion]:
 
 def verdict(
     system: System, sidecar: Sidecar, engine: str, motion: Motion, resolution: float
-) -> Verdict:
+) -> CaseJudgement:
     model, coordinates = load(system, sidecar, engine)
     motion = replace(motion, scale=component_scale(motion, []))
     claimed, _ = model.exponents(motion.varying)

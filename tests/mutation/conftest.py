@@ -14,7 +14,7 @@ from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
 from physics_crosscheck.harness.mutation.mistakes import Mistake, Subject
-from physics_crosscheck.harness.mutation.survey import Survey, survey
+from physics_crosscheck.harness.mutation.survey import FaultSurvey, survey
 from physics_crosscheck.harness.records.mutation import Mutation
 from tests.physics import physics
 
@@ -53,5 +53,5 @@ def rows(task: SystemTask, chosen: Callable[[Mistake], bool]) -> list[Mutation]:
     return [tried(task, alone, fault) for fault in filter(chosen, known.faults)]
 
 
-def tried(task: SystemTask, known: Survey, fault: Mistake) -> Mutation:
+def tried(task: SystemTask, known: FaultSurvey, fault: Mistake) -> Mutation:
     return mutated(MutationTask(model=task, survey=known, fault=fault))

@@ -64,7 +64,7 @@ def copied(tmp_path: Path) -> Copied:
 def edited(found: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tuple[Mistake, str]]:
     """The text of each mistake's copy."""
     return [
-        (m, m.edit.made(s.task.declared, s.task.engine, tmp_path / str(i)).model.read_text())
+        (m, m.edit.apply(s.task.declared, s.task.engine, tmp_path / str(i)).model.read_text())
         for i, (s, m) in enumerate(found)
     ]
 
@@ -229,7 +229,7 @@ def test_every_family_is_made_somewhere_and_each_mistake_once() -> None:
 
 def test_a_setting_that_is_a_mistake_stays_in_copies_with_other_literals(tmp_path: Path) -> None:
     task = sound(MSD, "robot.urdf", "pybullet")
-    made = Edit(settings={"motors": True}).made(task.declared, "pybullet", tmp_path / "made")
+    made = Edit(settings={"motors": True}).apply(task.declared, "pybullet", tmp_path / "made")
     moved = with_literals(made, {"sidecar:settings.step": 0.001}, tmp_path / "moved")
     assert moved.spec("pybullet").settings["motors"] is True
     assert moved.spec("pybullet").settings["step"] == 0.001

@@ -75,7 +75,7 @@ def test_its_text_is_that_of_the_terminal_and_its_record_that_of_the_command(
 ) -> None:
     assert "mujoco.xml:38" in str(differing)
     assert repr(differing) == str(differing)
-    record = comparison.Comparison
+    record = comparison.ComparisonResult
     assert set(record.__struct_fields__) == set(Comparison.__struct_fields__)
     assert json.loads(encoded(differing))["outcome"] == "DIFFERS"
 

@@ -12,15 +12,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from physics_crosscheck import MotionError, Results
+from physics_crosscheck import CheckResults, MotionError
 from physics_crosscheck.harness.interfaces.notebook.markup import GROUNDS
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.report import samples
 
 
 @pytest.fixture
-def mixed() -> Results:
-    return Results(**msgspec.structs.asdict(samples.mixed()))
+def mixed() -> CheckResults:
+    return CheckResults(**msgspec.structs.asdict(samples.mixed()))
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def pyplot() -> Iterator[Any]:
     plt.close("all")
 
 
-def test_the_table_has_a_row_a_case_with_its_numbers(mixed: Results) -> None:
+def test_the_table_has_a_row_a_case_with_its_numbers(mixed: CheckResults) -> None:
     pytest.importorskip("pandas")
     frame = mixed.to_frame()
     assert len(frame) == len(mixed.cases)
@@ -53,13 +53,13 @@ def test_the_table_has_a_row_a_case_with_its_numbers(mixed: Results) -> None:
     assert frame["reason"].str.contains("exponents").any()
 
 
-def test_the_table_of_nothing_has_the_same_columns(mixed: Results) -> None:
+def test_the_table_of_nothing_has_the_same_columns(mixed: CheckResults) -> None:
     pytest.importorskip("pandas")
     nothing = msgspec.structs.replace(mixed, cases=())
     assert list(nothing.to_frame().columns) == list(mixed.to_frame().columns)
 
 
-def test_the_page_shows_every_outcome_in_words_and_the_causes_beneath(mixed: Results) -> None:
+def test_the_page_shows_every_outcome_in_words_and_the_causes_beneath(mixed: CheckResults) -> None:
     html = mixed._repr_html_()
     ElementTree.fromstring(html)
     for outcome in Outcome:
@@ -72,13 +72,13 @@ def test_the_page_shows_every_outcome_in_words_and_the_causes_beneath(mixed: Res
     assert "url(" not in html
 
 
-def test_of_many_cases_the_page_shows_some_and_says_how_many_more(mixed: Results) -> None:
+def test_of_many_cases_the_page_shows_some_and_says_how_many_more(mixed: CheckResults) -> None:
     many = msgspec.structs.replace(mixed, cases=mixed.cases * 5)
     html = many._repr_html_()
     assert f"and {len(many.cases) - 60} more, in .cases and .to_frame()" in html
 
 
-def test_a_case_has_its_motions_as_trajectories_with_units(mixed: Results) -> None:
+def test_a_case_has_its_motions_as_trajectories_with_units(mixed: CheckResults) -> None:
     given = {"scenario": "free", "model": "mujoco.xml", "system": "system_1"}
     case, found = mixed.case(**given), mixed.trajectories(**given)
     assert case.series is not None
@@ -120,7 +120,7 @@ def _curve() -> str:
     return curve(np.arange(3.0), np.arange(3.0), "a line")
 
 
-def test_verdicts_and_steps_are_drawn_case_by_case(mixed: Results, pyplot: Any) -> None:
+def test_verdicts_and_steps_are_drawn_case_by_case(mixed: CheckResults, pyplot: Any) -> None:
     ax: Any = mixed.plot()
     judged = [case for case in mixed.cases if case.verdict is not None]
     labels = [text.get_text() for text in ax.get_yticklabels()]
@@ -139,7 +139,7 @@ def test_verdicts_and_steps_are_drawn_case_by_case(mixed: Results, pyplot: Any) 
     assert (own.get_xlabel(), own.get_yscale()) == ("step (s)", "log")
 
 
-def test_what_can_not_be_drawn_is_refused(mixed: Results, pyplot: Any) -> None:
+def test_what_can_not_be_drawn_is_refused(mixed: CheckResults, pyplot: Any) -> None:
     with pytest.raises(ValueError, match="'verdicts' and 'steps' can"):
         mixed.plot("motions")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="no case has verdicts"):

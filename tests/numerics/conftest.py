@@ -18,7 +18,7 @@ from physics_crosscheck import (
     System,
 )
 from physics_crosscheck.harness.checks.prepare import scaled
-from physics_crosscheck.harness.engines.protocol import Array, Force, Model, StateForce
+from physics_crosscheck.harness.engines.protocol import Array, Force, LoadedModel, StateForce
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
@@ -59,7 +59,7 @@ def oscillator(
 
 
 @dataclass
-class SymplecticEuler(Model):
+class SymplecticEuler(LoadedModel):
     """v += h a(q, v); q += h v, of the oscillator in plain Python."""
 
     mass: float = MASS

@@ -7,7 +7,7 @@ import pytest
 from sympy import Expr, Heaviside, Rational, sin
 
 from physics_crosscheck import t
-from physics_crosscheck.harness.checks.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics.ladder import RUNGS
 from physics_crosscheck.harness.numerics.segments import (
@@ -22,7 +22,7 @@ from tests.numerics.conftest import MASS, STIFFNESS, Bench, MakeBench, Symplecti
 NAMES = ("x", "x_dot")
 
 
-def verdict(bench: Bench, resolution: float = 1e-9) -> tuple[Verdict, Extrapolated]:
+def verdict(bench: Bench, resolution: float = 1e-9) -> tuple[CaseJudgement, Extrapolated]:
     batch = bench.motion
     found = extrapolate(bench.model, bench.coordinates, batch, resolution=resolution)
     claimed = bench.model.exponents(False)[0]

@@ -83,8 +83,8 @@ def other_files() -> Iterator[tuple[str, str]]:
     for text in ("", " ", "null", "1", '"results"', "[]", "{}", "[{}]", TEXT + TEXT, TEXT + "x"):
         yield f"text {text[:12]!r}", text
     yield "deep", DEEP
-    yield "deep cases", '{"schema": 4, "cases": ' + DEEP + "}"
-    yield "another record", '{"schema": 4, "summary": "", "rows": []}'
+    yield "deep cases", '{"schema": 5, "cases": ' + DEEP + "}"
+    yield "another record", '{"schema": 5, "summary": "", "rows": []}'
 
 
 def unequal() -> Iterator[tuple[str, str]]:

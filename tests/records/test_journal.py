@@ -30,7 +30,7 @@ DONE: dict[CacheKey, object] = {
 def filled(place: Path) -> None:
     with journal(place, resume=False) as fresh:
         for one, value in DONE.items():
-            fresh.keep(one, value)
+            fresh.store(one, value)
 
 
 def kept(place: Path, *, resume: bool = True) -> dict[CacheKey, object]:
@@ -55,7 +55,7 @@ def test_a_line_that_was_cut_is_lost_alone_and_the_next_is_whole(tmp_path: Path,
     last = list(DONE)[-1]
     assert kept(tmp_path) == {one: value for one, value in DONE.items() if one != last}
     with journal(tmp_path, resume=True) as again:
-        again.keep(last, DONE[last])
+        again.store(last, DONE[last])
     assert kept(tmp_path) == DONE
 
 
@@ -80,7 +80,7 @@ def test_a_file_that_was_removed_meanwhile_is_not_taken_for_the_lock(tmp_path: P
     with journal(tmp_path, resume=False) as first:
         first.remove()
         with journal(tmp_path, resume=False) as second:
-            second.keep(work(), case())
+            second.store(work(), case())
     assert kept(tmp_path) == {work(): case()}
 
 
@@ -93,7 +93,7 @@ def test_a_full_disk_ends_the_journal_and_not_the_run(
     with journal(tmp_path, resume=False) as fresh:
         monkeypatch.setattr(os, "fsync", full)
         for _ in range(2):
-            fresh.keep(work(), case())
+            fresh.store(work(), case())
         assert fresh.problem == f"{tmp_path / NAME}: No space left on device"
 
 

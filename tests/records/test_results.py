@@ -76,8 +76,8 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
 
 
 @pytest.mark.parametrize(("text", "sentence"), [
-    (None, "can't be read"), ("{", "not JSON"), ("[]", "not a results file of schema 4"),
-    ('{"schema": 99}', "not a results file of schema 4"),
+    (None, "can't be read"), ("{", "not JSON"), ("[]", "not a results file of schema 5"),
+    ('{"schema": 99}', "not a results file of schema 5"),
 ])  # fmt: skip
 def test_a_file_that_is_no_results_is_refused_with_a_remedy(
     tmp_path: Path, text: str | None, sentence: str

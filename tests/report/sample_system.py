@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from physics_crosscheck.harness.records.system import (
-    Constant,
+    ConstantValue,
     Derivation,
     Erratum,
     Formula,
     Linearity,
     Linearization,
     Mode,
-    Output,
+    OutputFormula,
     Pole,
-    Quantity,
-    Scenario,
+    ReferenceMotion,
     Shape,
     Sketch,
     SketchTree,
-    System,
+    Symbol,
+    SystemResult,
     TransferFunction,
 )
 
@@ -64,20 +64,20 @@ def taylor_pole(real: float, imaginary: float) -> Pole:
     return Pole(real=real, imaginary=imaginary, multiplicity=1, frequency=size, damping=damping)
 
 
-def system(name: str, coordinates: int) -> System:
+def system(name: str, coordinates: int) -> SystemResult:
     names = [f"q{i}" for i in range(coordinates)]
-    return System(
+    return SystemResult(
         name=name,
         folder=f"/models/{name}",
         title=f"The {name}",
         source="Example 9.1",
         kind="SIMO",
         coordinates=tuple(
-            Quantity(name=n, unit="m", description=f"displacement {n}", latex=f"q_{{{i}}}")
+            Symbol(name=n, unit="m", description=f"displacement {n}", latex=f"q_{{{i}}}")
             for i, n in enumerate(names)
         ),
         constants=(
-            Constant(
+            ConstantValue(
                 name="k",
                 unit="N/m",
                 description="stiffness",
@@ -86,13 +86,13 @@ def system(name: str, coordinates: int) -> System:
                 source="chosen",
             ),
         ),
-        inputs=(Quantity(name="f", unit="N", description="force", latex="f"),),
+        inputs=(Symbol(name="f", unit="N", description="force", latex="f"),),
         outputs=tuple(
-            Output(name=n, unit="m", description=f"displacement {n}", formula=formula(n))
+            OutputFormula(name=n, unit="m", description=f"displacement {n}", formula=formula(n))
             for n in names
         ),
         scenarios=tuple(
-            Scenario(
+            ReferenceMotion(
                 name=scenario,
                 description=f"a {scenario} motion",
                 duration=12.0,

@@ -349,5 +349,5 @@ def test_more_than_a_run_may_send_is_refused(
 ) -> None:
     (tmp_path / "big.bin").write_bytes(bytes(3000))
     monkeypatch.setattr(payload, "MOST_SENT", 2000)
-    with pytest.raises(payload.ParcelError, match=r"exceed .* with .*big\.bin, too much to send"):
-        payload.luggage([tmp_path])
+    with pytest.raises(payload.PayloadError, match=r"exceed .* with .*big\.bin, too much to send"):
+        payload.input_files([tmp_path])

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 import pytest
 
 from physics_crosscheck.harness.jobs.environment import without_main
-from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 
 
@@ -42,7 +42,7 @@ def test_jobs_bring_further_jobs(workers: Workers) -> None:
         found.append(value)
         return [job(value)] if value > 2 else []
 
-    work([job(256.0), job(1.0), job(0.25)], workers)
+    run_jobs([job(256.0), job(1.0), job(0.25)], workers)
     # What a job brings comes before the jobs that wait; one may have been handed out before.
     assert sorted(found) == [0.5, 1.0, 2.0, 4.0, 16.0]
     assert found.index(2.0) < found.index(0.5)
@@ -66,7 +66,7 @@ def test_a_task_that_fails_is_told_and_the_others_are_done(
         found.append(value)
         return ()
 
-    work(
+    run_jobs(
         [
             Job(task=task, done=done, failed=failed),
             Job(task=Task(_root, 4.0), done=done, failed=_unexpected),
@@ -83,4 +83,4 @@ def test_what_a_plan_does_wrong_is_raised_not_lost(workers: Workers) -> None:
         raise KeyError("a mistake of the plan")
 
     with pytest.raises(KeyError, match="a mistake of the plan"):
-        work([Job(task=Task(_root, 4.0), done=done, failed=_unexpected)], workers)
+        run_jobs([Job(task=Task(_root, 4.0), done=done, failed=_unexpected)], workers)

@@ -15,9 +15,9 @@ def test_the_first_signal_asks_and_the_second_ends(number: signal.Signals) -> No
     was = signal.signal(number, signal.SIG_DFL)  # under nohup SIGHUP is ignored
     try:
         with raising(), asking() as stop:
-            asked = [stop.asked]
+            asked = [stop.requested]
             os.kill(os.getpid(), number)
-            assert [*asked, stop.asked] == [False, True]
+            assert [*asked, stop.requested] == [False, True]
             assert stop.name == number.name
             with pytest.raises(Stopped) as stopped:
                 os.kill(os.getpid(), number)
@@ -32,6 +32,6 @@ def test_a_signal_that_is_ignored_stays_so(monkeypatch: pytest.MonkeyPatch) -> N
     try:
         with asking() as stop:
             os.kill(os.getpid(), signal.SIGHUP)
-            assert not stop.asked
+            assert not stop.requested
     finally:
         signal.signal(signal.SIGHUP, before)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, LoadedModel, ModelSpec
 
 BATCH, STEPS, EVERY = 3, 12, 4
 NEAR = 0.05
@@ -36,7 +36,7 @@ class ConformanceSubject:
 class Loaded:
     """A model with the file's own time step, seconds."""
 
-    model: Model
+    model: LoadedModel
     h: float
 
     @property

@@ -36,7 +36,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
     Force,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     StepRule,
@@ -121,7 +121,7 @@ class DartEngine(UrdfEngine):
     default_settings_note = "1 ms and -9.81 m/s^2"
     massless_link_default = "1 kg"
 
-    def loaded(self, spec: ModelSpec) -> Model:
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
         return DartModel(spec)
 

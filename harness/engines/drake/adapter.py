@@ -13,7 +13,7 @@ from physics_crosscheck.harness.engines.drake.mjcf import DrakeMjcf
 from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, TAMSI
 from physics_crosscheck.harness.engines.drake.urdf import DrakeUrdf
 from physics_crosscheck.harness.engines.mjcf_engine import ADDED, MJCF_NON_PHYSICAL, sample_mjcf
-from physics_crosscheck.harness.engines.protocol import Model, ModelSpec, Sample
+from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, Sample
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, sample_urdf
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
@@ -61,7 +61,7 @@ class DrakeEngine(UrdfEngine):
     non_physical = MappingProxyType({**URDF_NON_PHYSICAL, **SDF_NON_PHYSICAL, **MJCF_NON_PHYSICAL})
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
 
-    def loaded(self, spec: ModelSpec) -> Model:
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
         if spec.path.suffix == ".xml":
             return DrakeMjcf(spec, DEFAULTS, self.compilers.get(".xml"))

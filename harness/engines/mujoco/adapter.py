@@ -64,7 +64,7 @@ from physics_crosscheck.harness.engines.protocol import (
     EngineError,
     Force,
     LeftOut,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     StateForce,
@@ -320,7 +320,7 @@ def _reals(owner: str) -> tuple[str, ...]:
     )
 
 
-class MujocoModel(Model):
+class MujocoModel(LoadedModel):
     """A compiled model, whose state is (qpos, qvel)."""
 
     def __init__(

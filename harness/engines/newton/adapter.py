@@ -28,7 +28,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
     Force,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     StepRule,
@@ -148,13 +148,13 @@ class NewtonEngine(UrdfEngine):
     default_settings_note = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
 
-    def load(self, spec: ModelSpec) -> Model:
+    def load(self, spec: ModelSpec) -> LoadedModel:
         """Load a URDF or an MJCF; an MJCF states step and gravity itself."""
         if "controls" in spec.settings:
             raise EngineError(f"{spec.path}: it has actuators, which {DROPS}")
         return super().load(spec if spec.path.suffix == ".urdf" else with_options(spec))
 
-    def loaded(self, spec: ModelSpec) -> Model:
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
         return NewtonUrdf(spec) if spec.path.suffix == ".urdf" else NewtonMjcf(spec)
 
@@ -167,7 +167,7 @@ class NewtonEngine(UrdfEngine):
         return (sample_urdf(), Sample(file="sample.xml", text=_SAMPLE))
 
 
-class NewtonModel(Model):
+class NewtonModel(LoadedModel):
     """A tree in one world per state; the shared part of both formats."""
 
     integrator = "semi-implicit euler"

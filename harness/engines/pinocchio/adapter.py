@@ -17,7 +17,7 @@ from physics_crosscheck.harness.engines.mjcf_engine import ADDED, MJCF_NON_PHYSI
 from physics_crosscheck.harness.engines.pinocchio.mjcf import PinocchioMjcf
 from physics_crosscheck.harness.engines.pinocchio.model import PinocchioModel
 from physics_crosscheck.harness.engines.pinocchio.reading import build_urdf
-from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, Sample
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec, Sample
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.stepped_here import ADDED_HERE, dampers_not_added
 from physics_crosscheck.harness.engines.urdf import (
@@ -117,7 +117,7 @@ class PinocchioEngine(UrdfEngine):
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
     usual_mistakes = (dampers_not_added("Pinocchio"),)
 
-    def loaded(self, spec: ModelSpec) -> Model:
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
         if spec.path.suffix == ".urdf":
             return PinocchioUrdf(spec, DEFAULTS)

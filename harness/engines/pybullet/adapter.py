@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Engine,
     EngineError,
     Force,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     Spring,
@@ -145,7 +145,7 @@ class PybulletEngine(Engine):
         return (sample_urdf(),)
 
 
-class PybulletModel(Model):
+class PybulletModel(LoadedModel):
     """A multibody of slides, hinges and balls, fixed or floating, stepped by semi-implicit
     Euler.
     """

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Engine,
     EngineError,
     Force,
-    Model,
+    LoadedModel,
     ModelSpec,
     Sample,
     StateForce,
@@ -169,7 +169,7 @@ class PymunkEngine(Engine):
         return (Sample(file="sample.py", text=_SAMPLE, settings={"step": 0.004}),)
 
 
-class PymunkModel(Model):
+class PymunkModel(LoadedModel):
     """The bodies that `build` returns; coordinates are `name.x`, `name.y` and `name.angle`."""
 
     integrator = "semi-implicit euler, positions first"

@@ -79,7 +79,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 def _stopped(stop: Stop, out: Path) -> int:
     """Return the exit code of an interrupted sweep; 0 if it finished."""
-    if not stop.asked:
+    if not stop.requested:
         return 0
     resume = f"The same command resumes the sweep; it reuses the rows in {out}."
     print(f"crosscheck: stopped by {stop.name}. {resume}", file=sys.stderr)

@@ -11,8 +11,8 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.checks.verdict import Verdict
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, Model
+from physics_crosscheck.harness.checks.verdict import CaseJudgement
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, LoadedModel
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -99,7 +99,7 @@ class CaseRecord:
         """Set fields of the row."""
         self.row = msgspec.structs.replace(self.row, **fields)
 
-    def set_verdict(self, verdict: Verdict) -> None:
+    def set_verdict(self, verdict: CaseJudgement) -> None:
         """Set the fields that follow from the segments."""
         self.update(
             outcome=verdict.outcome,
@@ -129,7 +129,7 @@ class CaseRecord:
         finally:
             self.update(engine_seconds=model.seconds, steps=model.steps)
 
-    def check_step(self, model: Model, case: Planned) -> None:
+    def check_step(self, model: LoadedModel, case: Planned) -> None:
         """Set the model's time step.
 
         Raises:
@@ -143,7 +143,7 @@ class CaseRecord:
             )
 
 
-def _digits(verdict: Verdict) -> float:
+def _digits(verdict: CaseJudgement) -> float:
     """Return the number of digits that agree in every component; nan without a judged one."""
     worst = max(verdict.largest_discrepancy, verdict.largest_uncertainty)
     if not math.isfinite(worst):
@@ -151,10 +151,10 @@ def _digits(verdict: Verdict) -> float:
     return -math.log10(worst) if worst > 0 else 17.0
 
 
-class Timed(Model):
+class Timed(LoadedModel):
     """A model that counts and times its steps."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: LoadedModel) -> None:
         self._model = model
         self.seconds, self.steps = 0.0, 0
         self.coordinates, self.step = model.coordinates, model.step

@@ -30,7 +30,7 @@ from physics_crosscheck.harness.extras.sweep.survey import SourceSurvey, SurveyT
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.graph import Job, Task, work
+from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop
 from physics_crosscheck.harness.modelfiles.choice import NamedModel
 from physics_crosscheck.harness.modelfiles.input_files import input_files
@@ -102,7 +102,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> CasePla
 
         return Job(task=Task(survey, task), done=surveyed, failed=failed)
 
-    work(map(job, wanted.places), workers)
+    run_jobs(map(job, wanted.places), workers)
     return plan(options, [surveys[str(place)] for place in wanted.places])
 
 
@@ -223,7 +223,7 @@ def sweep(
             first = [
                 job for _ in range(BLOCKS_PER_WORKER * whole.options.jobs) for job in running.next()
             ]
-            work(first, workers, stop)
+            run_jobs(first, workers, stop)
     return running.done
 
 

@@ -14,13 +14,13 @@ import sympy as sp
 
 from physics_crosscheck.harness.checks.case import StepError
 from physics_crosscheck.harness.checks.verdict import (
-    Verdict,
+    CaseJudgement,
     component_scale,
     failure,
-    filled,
     judged,
+    nonzero_scale,
 )
-from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.extras.sweep.planned import CaseRecord, Planned, Timed
 from physics_crosscheck.harness.extras.sweep.source import (
@@ -206,10 +206,10 @@ class Swept(Source):
         self,
         case: Planned,
         motion: Motion,
-        model: Model,
+        model: LoadedModel,
         coordinates: CoordinateMap,
         resolution: float,
-    ) -> Verdict:
+    ) -> CaseJudgement:
         others = [m for name, m in self.declared_motions.items() if name != case.scenario]
         segments = replace(motion, scale=component_scale(motion, others))
         names = [c.name for c in self.system.coordinates]
@@ -226,12 +226,12 @@ class Swept(Source):
         self,
         case: Planned,
         motion: Motion,
-        model: Model,
+        model: LoadedModel,
         coordinates: CoordinateMap,
         record: CaseRecord,
     ) -> None:
         run = sampled_run(model, coordinates, motion, model.step)
-        amplitude = filled(np.maximum(motion.amplitude, FLOOR * self.amplitude))
+        amplitude = nonzero_scale(np.maximum(motion.amplitude, FLOOR * self.amplitude))
         error = largest(run, amplitude[: len(self.system.coordinates)])
         record.update(global_error=number(error))
         why, kind = failure(run, error, motion)
@@ -240,7 +240,9 @@ class Swept(Source):
             record.update(outcome=Outcome.FAILED, reason=message, kind=kind)
 
 
-def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:
+def loaded(
+    sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]
+) -> LoadedModel:
     """Load a model with another step and integrator, if requested.
 
     Raises:

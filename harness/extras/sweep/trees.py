@@ -135,7 +135,7 @@ class _FileNumbers:
             declared,
             system=system,
             samples=here,
-            followers=Followers.of(tree),
+            followers=Followers.build(tree),
             home=declared.home[order],
         )
         apart = np.max(np.abs(here.end - there.end[:, both]), axis=0)

@@ -52,8 +52,8 @@ def main(options: argparse.Namespace) -> int:
     )
     if not model_audits:
         raise FolderError("no model matches these names and engines; run `crosscheck list` for all")
-    if cache is not None and cache.trouble:
-        print(f"crosscheck: {cache.trouble}", file=sys.stderr)
+    if cache is not None and cache.problem:
+        print(f"crosscheck: {cache.problem}", file=sys.stderr)
     code = AGREE
     if all(model.absent for model in model_audits):
         print(f"crosscheck: {nothing_tested(m.id.engine for m in model_audits)}", file=sys.stderr)

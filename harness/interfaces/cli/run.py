@@ -96,7 +96,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
                 control = RunControl(stop, done)
                 ran = run(wanted.folders, run_options, progress, control, wanted.robots)
             results = ran.results
-            if not (results.cases or stop.asked or run_options.choice.everything):
+            if not (results.cases or stop.requested or run_options.choice.everything):
                 done.remove()
                 why = "no case has such a name, or its engine is not installed"
                 raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
@@ -105,12 +105,12 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
             write_whole(options.out / "results.json", encoded(whole))
             past = keep_history(options.out, results, begin=options.history)
             write_report(options.out / "index.html", whole, past)
-        if not stop.asked:
+        if not stop.requested:
             done.remove()
     _print(results, options)
     _print_stopped(results, options.out, done)
-    if cache is not None and cache.trouble:
-        print(f"crosscheck: {cache.trouble}", file=sys.stderr)
+    if cache is not None and cache.problem:
+        print(f"crosscheck: {cache.problem}", file=sys.stderr)
     if options.verbose and run_options.choice.everything:
         _print_absent(absent_engine_lines(wanted.folders))
     if results.untested:
@@ -121,8 +121,8 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
             "\n".join(f"crosscheck: --strict: {line}" for line in untested_parts), file=sys.stderr
         )
         code = FAIL
-    code = SIGNALLED + stop.number if stop.asked else code
-    return Ran(whole, code, bool(stop.asked), ran.reads)
+    code = SIGNALLED + stop.number if stop.requested else code
+    return Ran(whole, code, bool(stop.requested), ran.reads)
 
 
 def _print(results: Results, options: argparse.Namespace) -> None:

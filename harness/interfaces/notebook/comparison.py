@@ -75,7 +75,7 @@ class Difference:
     share: Number
 
 
-class Comparison(comparison.Comparison, frozen=True, kw_only=True):
+class Comparison(comparison.ComparisonResult, frozen=True, kw_only=True):
     """Result of a comparison, as `crosscheck compare --json` writes it; true if models agree."""
 
     @property

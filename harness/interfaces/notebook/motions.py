@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.not_run import not_of_a_tree
 from physics_crosscheck.harness.checks.prepare import joints_of
 from physics_crosscheck.harness.checks.task import load
-from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.notebook.columns import Columns
 from physics_crosscheck.harness.interfaces.notebook.subject import NotebookSubject, sidecar_of
@@ -216,7 +216,9 @@ def _start_state(
     )
 
 
-def _loaded(source: _Source, subject: NotebookSubject, engine: str) -> tuple[Model, CoordinateMap]:
+def _loaded(
+    source: _Source, subject: NotebookSubject, engine: str
+) -> tuple[LoadedModel, CoordinateMap]:
     """Load a model, and return it with the map between its coordinates and the mechanism's."""
     file = subject.file
     assert file is not None
@@ -232,7 +234,7 @@ def _loaded(source: _Source, subject: NotebookSubject, engine: str) -> tuple[Mod
         settings = {**adapter.settings_for(file.suffix), **settings_of(source.robot)}
         spec = ModelSpec(path=file, settings=settings)
     model = adapter.load(spec)
-    followers = Followers.of(source.declaration.tree)
+    followers = Followers.build(source.declaration.tree)
     order = joints_of(followers, tuple(model.coordinates), file, engine)
     names = tuple(c.name for c in source.declaration.coordinates)
     return model, followers.map(order, names)

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from physics_crosscheck.harness.checks.declared import Declared
-from physics_crosscheck.harness.checks.not_run import CannotRun, barred_case, failed_case
+from physics_crosscheck.harness.checks.not_run import CannotRun, failed_case, skipped_case
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.model_files import (
@@ -289,7 +289,7 @@ class CrosscheckItem(pytest.Item):
         )
         why = self._precondition(self.model)
         if why is not None:
-            return barred_case(case_id, str(target), why)
+            return skipped_case(case_id, str(target), why)
         if self.scenario is not None:
             return runner.case(case_id, target, self.model)
         audit = runner.audit(target, self.model, self.engine)

@@ -25,7 +25,7 @@ from physics_crosscheck.harness.checks.not_run import (
     not_of_a_tree,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.interfaces.api import Results, Target, check, target_names
+from physics_crosscheck.harness.interfaces.api import CheckResults, Target, check, target_names
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import Limits
@@ -240,7 +240,7 @@ class Checker:
 
     def __init__(self, config: pytest.Config) -> None:
         self._config, self._settings = config, run_settings(config)
-        self._results: dict[tuple[object, ...], Results] = {}
+        self._results: dict[tuple[object, ...], CheckResults] = {}
 
     def __call__(
         self,
@@ -250,7 +250,7 @@ class Checker:
         floating: bool = False,
         model: str = "",
         smooth: bool = False,
-    ) -> Results:
+    ) -> CheckResults:
         """Run models as `check` does; the results are true if all of them agree.
 
         Args:

@@ -11,7 +11,7 @@ import numpy as np
 from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.protocol import Engine, Model
+from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import Binding
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
@@ -30,13 +30,13 @@ class Subject:
     Attributes:
         task: the model and its motions.
         model, coordinates: the loaded model and its coordinate map.
-        found: bindings of the model.
+        bindings: bindings of the model.
     """
 
     task: SystemTask
-    model: Model
+    model: LoadedModel
     coordinates: CoordinateMap
-    found: tuple[Binding, ...]
+    bindings: tuple[Binding, ...]
 
     @property
     def suffix(self) -> str:
@@ -67,7 +67,7 @@ class Subject:
     @property
     def bound(self) -> frozenset[str]:
         """Addresses of the literals that are bound to constants."""
-        return frozenset(b.address for b in self.found)
+        return frozenset(b.address for b in self.bindings)
 
     def joints(self) -> Iterator[tuple[str, XmlElement]]:
         """Yield the moving joints with their names and elements."""
@@ -111,7 +111,7 @@ class Subject:
         parameters = {(p.kind, p.name): p.size for p in self.task.target.variants.parameters}
         return float(parameters[kind, name] / slope ** (1 if kind == "friction" else 2))
 
-    def reach(self, joint: str) -> float:
+    def max_travel(self, joint: str) -> float:
         """Return the largest movement of a joint to either side, in its own units."""
         moved = [self.coordinates.to_engine(m.start)[0] for m in self.task.target.motions.values()]
         mine = np.concatenate(moved)[:, self.model.coordinates.index(joint)]

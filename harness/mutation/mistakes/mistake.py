@@ -26,7 +26,7 @@ class Edit:
     attributes: tuple[Attribute, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
 
-    def made(self, sidecar: Sidecar, engine: str, into: Path) -> Sidecar:
+    def apply(self, sidecar: Sidecar, engine: str, into: Path) -> Sidecar:
         """Write an edited copy of the model into the folder `into`, and return its sidecar.
 
         Raises:

@@ -148,7 +148,7 @@ def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
         stated = subject.numbers("option@gravity")
         return dict(enumerate(stated)) if len(stated) == 3 else {}
     addresses: dict[int, str] = {}
-    for b in subject.found:
+    for b in subject.bindings:
         names = {c.name for c in subject.task.target.system.constants if c.unit in ACCELERATION}
         if b.expression.strip(" -") in names:
             addresses |= {i: b.address for i in range(3) if abs(old[i]) == abs(b.value)}
@@ -157,7 +157,7 @@ def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
 
 def _sign(subject: Subject, address: str, component: float) -> float:
     """Return -1 if a number is the size of a component in the negative direction."""
-    values = {b.address: b.value for b in subject.found}
+    values = {b.address: b.value for b in subject.bindings}
     return -1.0 if values.get(address, component) == -component != 0 else 1.0
 
 

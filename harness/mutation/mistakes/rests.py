@@ -37,7 +37,7 @@ def _joints(subject: Subject) -> Iterator[Mistake]:
             continue
         unit = 57.3 if joint.attributes.get("type") != "slide" and not radian(subject) else 1.0
         old = float(joint.attributes.get("springref", "0"))
-        new = old + rounded(SHARE * unit * subject.reach(name))
+        new = old + rounded(SHARE * unit * subject.max_travel(name))
         yield Mistake(
             "a rest offset",
             name,
@@ -63,7 +63,7 @@ def _tendons(subject: Subject) -> Iterator[Mistake]:
         place, address = tendon.spelled(1), f"{tendon.spelled(1)}@springlength"
         causes = literal_causes(address).union(*(moved_rest(subject, name) for name in names))
         words = tendon.attributes["springlength"].split()
-        new = float(words[0]) + rounded(SHARE * max(subject.reach(name) for name in names))
+        new = float(words[0]) + rounded(SHARE * max(subject.max_travel(name) for name in names))
         edit = Edit(attributes=(Attribute(tendon.start, "springlength", repr(new)),))
         yield Mistake("a rest offset", place, edit, causes)
         # -1 is the default: relaxed at the length in the file's pose.
@@ -77,7 +77,7 @@ def _gazebo(subject: Subject) -> Iterator[Mistake]:
     for name, _ in subject.joints():
         address = f"gazebo[{name}]/springReference"
         if address in stated:
-            new = stated[address] + rounded(SHARE * subject.reach(name))
+            new = stated[address] + rounded(SHARE * subject.max_travel(name))
             causes = moved_rest(subject, name) | literal_causes(address)
             yield Mistake("a rest offset", name, Edit({address: new}), causes)
 
@@ -99,7 +99,7 @@ def _declared(subject: Subject) -> Iterator[Mistake]:
         joints = [name for name in spring.joints if name in subject.model.coordinates]
         if spring.stiffness and joints:
             address = f"{SIDECAR}spring[{index}].rest"
-            new = spring.rest + rounded(SHARE * max(map(subject.reach, joints)))
+            new = spring.rest + rounded(SHARE * max(map(subject.max_travel, joints)))
             causes = literal_causes(address).union(*(moved_rest(subject, name) for name in joints))
             yield Mistake("a rest offset", address, Edit({address: new}), causes)
 

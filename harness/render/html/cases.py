@@ -14,7 +14,7 @@ from physics_crosscheck.harness.records.case import (
     WholeStep,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.system import Scenario
+from physics_crosscheck.harness.records.system import ReferenceMotion
 from physics_crosscheck.harness.render.html.text import (
     NOTHING,
     agreeing_digits,
@@ -91,7 +91,7 @@ def severity(case: Case) -> tuple[int, float]:
     return -case.outcome.severity, -(discrepancy or 0.0)
 
 
-def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -> CaseView:
+def case_view(case: Case, identity: str, pack: str, scenario: ReferenceMotion | None) -> CaseView:
     """Return the view of one case.
 
     Args:
@@ -323,7 +323,7 @@ def _steps(full_run: FullRun) -> Iterator[Fact]:
         )
 
 
-def _run(case: Case, scenario: Scenario | None) -> Iterator[Fact]:
+def _run(case: Case, scenario: ReferenceMotion | None) -> Iterator[Fact]:
     if scenario is not None:
         yield "scenario", shown(scenario.description)
         for name, text in scenario.inputs.items():

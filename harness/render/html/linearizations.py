@@ -18,8 +18,8 @@ from physics_crosscheck.harness.records.system import (
     Linearization,
     Mode,
     Pole,
-    Quantity,
-    System,
+    Symbol,
+    SystemResult,
     TransferFunction,
 )
 from physics_crosscheck.harness.render.html.maths import mathml
@@ -66,7 +66,7 @@ class LinearView:
     engines: tuple[EngineLinearView, ...]
 
 
-def linear_views(system: System, models: Sequence[Model]) -> tuple[LinearView, ...]:
+def linear_views(system: SystemResult, models: Sequence[Model]) -> tuple[LinearView, ...]:
     """Return the views of a system's linearizations, with those of its models."""
     if system.derivation is None:
         names = dict.fromkeys(one.equilibrium for model in models for one in model.linearizations)
@@ -104,7 +104,7 @@ def _exact_poles(poles: Sequence[Pole | EnginePole]) -> tuple[tuple[str, str], .
     return tuple((_pole(poles[i], size), _pace(poles[i], size)) for i in _shown_poles(poles))
 
 
-def _linear_view(about: Linearization, system: System, models: Sequence[Model]) -> LinearView:
+def _linear_view(about: Linearization, system: SystemResult, models: Sequence[Model]) -> LinearView:
     of_models = _of_models(about.equilibrium, models)
     taylor: Sequence[Pole | EnginePole] = about.poles
     if of_models:
@@ -119,13 +119,13 @@ def _linear_view(about: Linearization, system: System, models: Sequence[Model]) 
     )
 
 
-def _transfer(transfer: TransferFunction, system: System) -> Markup:
+def _transfer(transfer: TransferFunction, system: SystemResult) -> Markup:
     output = next(each.formula.latex for each in system.outputs if each.name == transfer.output)
     source = next(each.latex for each in system.inputs if each.name == transfer.input)
     return mathml(rf"\frac{{{output}}}{{{source}}} = {transfer.formula.latex}", block=True)
 
 
-def _mode(mode: Mode, coordinates: Sequence[Quantity]) -> tuple[str, ...]:
+def _mode(mode: Mode, coordinates: Sequence[Symbol]) -> tuple[str, ...]:
     shape = ", ".join(
         f"{shown(coordinate.name)} {_entry(value)}"
         for coordinate, value in zip(coordinates, mode.shape, strict=True)

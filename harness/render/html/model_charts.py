@@ -11,7 +11,7 @@ from physics_crosscheck.harness.records.case import Series
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario, Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
-from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.render.html.diagnoses import named
 from physics_crosscheck.harness.render.html.packs import Array, Chart, Column, Curve, Pack
 from physics_crosscheck.harness.render.html.runs import CaseRun, ends, largest, single, values
@@ -23,7 +23,7 @@ PAIRS = 6
 LINEAR, CAUSE = "Linear equations", "Does it explain the motion?"
 
 
-def responses(pack: Pack, model: Model, system: System) -> tuple[Chart, ...]:
+def responses(pack: Pack, model: Model, system: SystemResult) -> tuple[Chart, ...]:
     """Plot the frequency response of an engine's linearization and of the transfer functions."""
     pairs = [
         f"{shown(output.name)} / {shown(source.name)}"
@@ -75,7 +75,7 @@ def _response(pack: Pack, linearization: EngineLinearization, pairs: Sequence[st
     )
 
 
-def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
+def reaches(pack: Pack, system: SystemResult) -> tuple[Chart, ...]:
     """Plot the error of the linear equations over amplitude."""
     linearity = system.derivation.linearity if system.derivation else ()
     if not linearity:

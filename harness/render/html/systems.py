@@ -8,7 +8,12 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.system import Derivation, Erratum, Scenario, System
+from physics_crosscheck.harness.records.system import (
+    Derivation,
+    Erratum,
+    ReferenceMotion,
+    SystemResult,
+)
 from physics_crosscheck.harness.render.html.drawing import Drawing, drawing
 from physics_crosscheck.harness.render.html.linearizations import LinearView, linear_views
 from physics_crosscheck.harness.render.html.maths import mathml
@@ -65,7 +70,7 @@ class SystemView:
 NOT_DERIVED = Derivation(energies={}, equations=(), linearizations=(), linearity=(), errata=())
 
 
-def system_view(system: System, models: Sequence[Model], pack: str) -> SystemView:
+def system_view(system: SystemResult, models: Sequence[Model], pack: str) -> SystemView:
     """Return the view of a system and of the models in its folder.
 
     Args:
@@ -102,7 +107,7 @@ def system_view(system: System, models: Sequence[Model], pack: str) -> SystemVie
     )
 
 
-def _symbols(system: System) -> Iterator[tuple[Markup | str, ...]]:
+def _symbols(system: SystemResult) -> Iterator[tuple[Markup | str, ...]]:
     """Yield the outputs with the expression of each."""
     for what, quantities in (("coordinate", system.coordinates), ("input", system.inputs)):
         for entry in quantities:
@@ -123,7 +128,7 @@ def _erratum(erratum: Erratum, names: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _scenario(scenario: Scenario) -> tuple[str, ...]:
+def _scenario(scenario: ReferenceMotion) -> tuple[str, ...]:
     return (
         shown(scenario.name),
         shown(scenario.description),

@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView, case_view, severity
 from physics_crosscheck.harness.render.html.content import Content
 from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView, diagnosis_view
@@ -163,7 +163,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     )
 
 
-def _names(results: Results, systems: Mapping[str, System]) -> dict[str, tuple[str, str]]:
+def _names(results: Results, systems: Mapping[str, SystemResult]) -> dict[str, tuple[str, str]]:
     """Return the system's name and its displayed name, by folder in the order of the run."""
     folders = dict.fromkeys([*systems, *(case.folder for case in results.cases)])
     names = {case.folder: case.system for case in results.cases}
@@ -220,7 +220,7 @@ class _Ids:
 
 
 def _views(
-    cases: Sequence[Case], systems: Mapping[str, System], ids: _Ids, content: Content
+    cases: Sequence[Case], systems: Mapping[str, SystemResult], ids: _Ids, content: Content
 ) -> list[CaseView]:
     scenarios = {
         (folder, scenario.name): scenario

@@ -8,7 +8,11 @@ from pathlib import Path
 from rich.console import Console
 
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.comparison import Compared, ComparedProperty, Comparison
+from physics_crosscheck.harness.records.comparison import (
+    Compared,
+    ComparedProperty,
+    ComparisonResult,
+)
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.console import print_text
 from physics_crosscheck.harness.results.status import counted
@@ -27,7 +31,7 @@ MINOR = 1e-5
 
 
 def print_properties(
-    console: Console, comparison: Comparison, compared: Compared, *, is_named: bool = False
+    console: Console, comparison: ComparisonResult, compared: Compared, *, is_named: bool = False
 ) -> None:
     """Print properties that differ with an effect on motions, frames, and the others.
 
@@ -108,7 +112,7 @@ def line_name(where: SourceLine) -> str:
     return Path(str(where)).name
 
 
-def _print_share(console: Console, comparison: Comparison, compared: Compared) -> None:
+def _print_share(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
     """Print how far the engines are from the equations of both files, if these do not explain it.
 
     The statements about each engine and its own file replace the distances.

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedModel,
     ComparedProperty,
-    Comparison,
+    ComparisonResult,
     FileDifference,
     FileEdit,
 )
@@ -50,7 +50,7 @@ VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in 
 """Pattern of a sentence about a property: subject, property, value in A and in B."""
 
 
-def print_comparison(console: Console, comparison: Comparison) -> None:
+def print_comparison(console: Console, comparison: ComparisonResult) -> None:
     """Print the verdict with its cause and remedy, other differences, then what was compared."""
     compared = comparison.compared
     if compared is None:
@@ -65,7 +65,7 @@ def print_comparison(console: Console, comparison: Comparison) -> None:
         _print_models(console, comparison, compared)
 
 
-def _print_own_files(console: Console, comparison: Comparison) -> None:
+def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
     """Print each engine against the equations of its own file, unless the verdict names it."""
     cause = _own_cause(comparison)
     models = [
@@ -83,14 +83,14 @@ def _print_own_files(console: Console, comparison: Comparison) -> None:
         print_wrapped(console, sentence, lead=lead, style=STYLES[outcome], indent=2)
 
 
-def _print_failure(console: Console, comparison: Comparison) -> None:
+def _print_failure(console: Console, comparison: ComparisonResult) -> None:
     text = with_code(comparison.code, comparison.reason)
     print_wrapped(console, text, lead=f"{WORDS[Outcome.FAILED]}  ", style=STYLES[Outcome.FAILED])
     for line in comparison.stdout.splitlines()[-6:]:
         print_text(console, f"  | {line}")
 
 
-def _print_models(console: Console, comparison: Comparison, compared: Compared) -> None:
+def _print_models(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
     """Print the compared files, engines and runs, and the parts that were not compared."""
     console.print()
     for label, model in zip("AB", comparison.models, strict=True):
@@ -138,7 +138,7 @@ def _not_compared(compared: Compared) -> str:
     return f"{begin}{text}" if parts else ""
 
 
-def _print_outcome(console: Console, comparison: Comparison, compared: Compared) -> None:
+def _print_outcome(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
     """Print the verdict, with the first cause, the remedy, and the size of the difference."""
     outcome, lead = comparison.outcome, f"{WORDS[comparison.outcome]}  "
     size = f"{_size(compared.discrepancy)}, uncertainty {_size(compared.uncertainty)}"
@@ -180,7 +180,7 @@ def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
     return (compared.terms[0].message, "") if _is_cause_a_term(compared) else ("", "")
 
 
-def _own_cause(comparison: Comparison) -> str:
+def _own_cause(comparison: ComparisonResult) -> str:
     """Return why an engine differs from its file, if the files are not the cause; "" if unknown."""
     compared = comparison.compared
     if comparison.outcome is not Outcome.DIFFERS or compared is None:
@@ -273,7 +273,7 @@ def _rounded(size: float) -> float:
     return float(f"{size:.5e}")
 
 
-def _print_terms(console: Console, comparison: Comparison, compared: Compared) -> None:
+def _print_terms(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
     outcome = comparison.outcome
     is_named = outcome is Outcome.DIFFERS and _is_cause_a_term(compared)
     is_named = is_named and not _own_cause(comparison)
