@@ -17,8 +17,8 @@ function evaluate(tree, q) {
 /** Return the matrix of a shape, as in drawing.py. */
 function matrix(shape, q) {
   const at = (point) => point.map((part) => evaluate(part, q));
-  if (shape.at) {
-    const [x, y] = at(shape.at);
+  if (shape.center) {
+    const [x, y] = at(shape.center);
     const [w, h, a] = [shape.width, shape.height, shape.angle].map((part) => evaluate(part, q));
     return [w * Math.cos(a), w * Math.sin(a), -h * Math.sin(a), h * Math.cos(a), x, y];
   }
@@ -88,7 +88,7 @@ function frame(shapes, reference) {
     const q = reference.q.map((row) => row[k]);
     for (const shape of shapes) {
       const [a, b, c, d, x, y] = matrix(shape, q);
-      const corners = shape.at ? [[-0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.5, -0.5]] : [[0, 0], [1, 0]];
+      const corners = shape.center ? [[-0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.5, -0.5]] : [[0, 0], [1, 0]];
       for (const [u, v] of corners) {
         const [px, py] = [a * u + c * v + x, b * u + d * v + y];
         left = Math.min(left, px); right = Math.max(right, px);
