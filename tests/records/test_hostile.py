@@ -112,7 +112,7 @@ def sketches() -> Iterator[tuple[str, str]]:
         yield f"sketch {tree}", json.dumps(replaced(EXAMPLE, path, tree))
     shape = ("systems", 0, "sketch", "shapes", 0)
     yield "sketch nested", raw((*shape, "end"), '["sin", ' * 900 + "0" + "]" * 900)
-    yield "sketch without a place", json.dumps(replaced(EXAMPLE, (*shape, "at"), [0.5]))
+    yield "sketch without a place", json.dumps(replaced(EXAMPLE, (*shape, "center"), [0.5]))
 
 
 FILES: dict[str, bytes] = {
