@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 from msgspec import structs
 
@@ -20,7 +21,7 @@ from physics_crosscheck.harness.checks.case_record import (
     stepping_record,
     verdict_record,
 )
-from physics_crosscheck.harness.checks.poses import PoseCheck, check_bodies, with_poses
+from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
 from physics_crosscheck.harness.checks.verdict import (
@@ -29,13 +30,8 @@ from physics_crosscheck.harness.checks.verdict import (
     with_dynamics,
     with_full_runs,
 )
-from physics_crosscheck.harness.checks.whole_step import (
-    WholeStepCheck,
-    check_whole_step,
-    with_whole_step,
-)
+from physics_crosscheck.harness.checks.whole_step import case_whole_step
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
@@ -48,8 +44,8 @@ from physics_crosscheck.harness.numerics.full_run import CompleteRun, why_no_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
 from physics_crosscheck.harness.numerics.stepping import StepComparison, step_engine
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case, SkippedCheck, Stepping
+from physics_crosscheck.harness.records.base import Record, SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseKind, SkippedCheck, Stepping
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.solving.segments import Motion
@@ -132,17 +128,16 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     if why and isinstance(task.target, PreparedSystem):
         raise StepError(f"{_place_of_step(task)}: {why}")
     # Now: some engines unload this model when another one is loaded.
-    poses = _poses(task, model, coordinates)
+    parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
     judged = _judgement(task, (model, coordinates), None if why else motion)
-    whole = _whole_step(task)
-    verdict = _combined(judged.verdict, poses, whole)
+    verdict = _combined(judged.verdict, parts.values())
     study, full_run, series = None, None, None
     if motion is not None and not why:
         study = _study(task, (model, coordinates), motion, judged, verdict)
         if judged.by_steps and not study.full_run_check.conclusive:
             # The steps agree, but the full runs do not converge: segments decide.
             judged = _by_segments(task, (model, coordinates), judged.stepping, judged.dynamics)
-            verdict = _combined(judged.verdict, poses, whole)
+            verdict = _combined(judged.verdict, parts.values())
             study = _study(task, (model, coordinates), motion, judged, verdict)
     outcome, reason, kind = verdict.outcome, verdict.reason, verdict.kind
     if why:
@@ -164,9 +159,8 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     return structs.replace(
         _case(task, outcome, reason),
         kind=kind,
-        locations=_lines(task, poses) if kind == "pose" and poses is not None else (),
-        poses=None if poses is None else poses.record,
-        whole_step=None if whole is None else whole.record,
+        locations=next((p.locations for p in parts.values() if p and p.kind == kind), ()),
+        **{name: part.record for name, part in parts.items() if part},
         verdict=verdict_record(verdict, judged.limits, judged.order, judged.steps_taken),
         full_run=full_run,
         series=series,
@@ -195,12 +189,39 @@ def judge(
     return _judgement(task, task.load(), None).verdict
 
 
-def _combined(
-    verdict: CaseJudgement, poses: PoseCheck | None, whole: WholeStepCheck | None
-) -> CaseJudgement:
-    """Combine the verdict on a motion with those on poses and whole steps."""
-    verdict = verdict if poses is None else with_poses(verdict, poses)
-    return verdict if whole is None else with_whole_step(verdict, whole)
+class CasePart(Protocol):
+    """The result of a check of a case beside its motion."""
+
+    @property
+    def kind(self) -> CaseKind:
+        """Kind of a case that differs by it."""
+
+    @property
+    def record(self) -> Record:
+        """The record in the results."""
+
+    @property
+    def locations(self) -> tuple[SourceLine, ...]:
+        """Lines of the file that its reason names."""
+
+    def combined(self, verdict: CaseJudgement) -> CaseJudgement:
+        """Combine a verdict with this one: a difference in either counts."""
+
+
+PARTS: Mapping[
+    str, Callable[[ModelTask[Prepared], LoadedModel, CoordinateMap], CasePart | None]
+] = {
+    "poses": case_poses,
+    "whole_step": case_whole_step,
+}
+"""Every check beside a case's motion, by the field of its record; None if it does not apply."""
+
+
+def _combined(verdict: CaseJudgement, parts: Iterable[CasePart | None]) -> CaseJudgement:
+    """Combine the verdict on a motion with those of the other checks."""
+    for part in parts:
+        verdict = verdict if part is None else part.combined(verdict)
+    return verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -394,35 +415,6 @@ def _by_another_integrator(
                 other_verdict, reason="; ".join(filter(None, [other_verdict.reason, message]))
             )
     return followed, verdict
-
-
-def _poses(
-    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
-) -> PoseCheck | None:
-    """Compare the poses of a robot file's bodies; those of a folder's model are audited."""
-    if task.sidecar is not None or not isinstance(task.target, PreparedTree):
-        return None
-    return check_bodies(task.target, model, coordinates)
-
-
-def _whole_step(task: ModelTask[Prepared]) -> WholeStepCheck | None:
-    """Compare whole steps of a robot file, unless only its smooth forces are asked for."""
-    target = task.target
-    if task.sidecar is not None or not isinstance(target, PreparedTree) or target.smooth:
-        return None
-    if set(task.spec.settings) - set(engines()[task.engine].switches):
-        return None  # the laws are those of the file as it is shipped
-    return check_whole_step(target.place, task.engine, task.file, task.resolution)
-
-
-def _lines(task: ModelTask[Prepared], poses: PoseCheck) -> tuple[SourceLine, ...]:
-    """Return the lines of the bodies and shapes that are elsewhere."""
-    assert isinstance(task.target, PreparedTree)
-    lines = {name: (task.file, line) for name, line in task.target.lines.items()}
-    lines |= {one.name: (one.file, one.line) for one in task.target.placed}
-    names = (name for one in poses.findings for name in one.frames)
-    places = dict.fromkeys(lines[name] for name in names if name in lines)
-    return tuple(SourceLine(file=str(file), line=line) for file, line in places if line)
 
 
 def _motion(task: ModelTask[Prepared], model: LoadedModel) -> tuple[Motion | None, str]:

@@ -10,14 +10,16 @@ import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.placed_frames import Frames, Placed
-from physics_crosscheck.harness.checks.prepare import PreparedTree
+from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
+from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, motions_in_words
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.base import SourceLine, number
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.poses import FramePose, Poses
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
@@ -241,10 +243,33 @@ class PoseFinding:
 
 @dataclass(frozen=True)
 class PoseCheck:
-    """The compared frames, and their differences."""
+    """The compared frames, their differences, and the lines of the frames that differ."""
 
     record: Poses
     findings: tuple[PoseFinding, ...] = ()
+    locations: tuple[SourceLine, ...] = ()
+    kind: CaseKind = "pose"
+
+    def combined(self, verdict: CaseJudgement) -> CaseJudgement:
+        """Combine the verdict on a motion with this one: a difference in either counts."""
+        if not self.findings or verdict.outcome is Outcome.DIFFERS:
+            return verdict
+        worst = min(self.findings, key=lambda one: one.share)
+        differs_by = RESOLUTION / worst.share
+        return replace(
+            verdict,
+            outcome=Outcome.DIFFERS,
+            discrepancy=differs_by,
+            uncertainty=RESOLUTION,
+            largest_discrepancy=differs_by,
+            largest_uncertainty=RESOLUTION,
+            component=worst.frames[0],
+            time=float("nan"),
+            reason="; ".join([*(one.message for one in self.findings), motions_in_words(verdict)]),
+            resolution=RESOLUTION,
+            kind=self.kind,
+            decided_by="poses",
+        )
 
 
 def check_poses(
@@ -280,7 +305,24 @@ def check_poses(
     return _compared(frames, system.coordinates, points, q, unchecked)
 
 
-def check_bodies(target: PreparedTree, model: LoadedModel, coordinates: CoordinateMap) -> PoseCheck:
+def case_poses(
+    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
+) -> PoseCheck | None:
+    """Compare the poses of a robot file's bodies; those of a folder's model are audited."""
+    if task.sidecar is not None or not isinstance(task.target, PreparedTree):
+        return None
+    check = _check_bodies(task.target, model, coordinates)
+    lines = {name: (task.file, line) for name, line in task.target.lines.items()}
+    lines |= {one.name: (one.file, one.line) for one in task.target.placed}
+    names = (name for one in check.findings for name in one.frames)
+    places = dict.fromkeys(lines[name] for name in names if name in lines)
+    locations = (SourceLine(file=str(file), line=line) for file, line in places if line)
+    return replace(check, locations=tuple(locations))
+
+
+def _check_bodies(
+    target: PreparedTree, model: LoadedModel, coordinates: CoordinateMap
+) -> PoseCheck:
     """Compare bodies, shapes and sites of a robot file, by name, at the sampled positions."""
     engine_names = {
         name: place
@@ -356,28 +398,6 @@ def _size_finding(shape: PlacedShape, measured: Sequence[float], off: float) -> 
 def _place_of(name: str, places: Collection[str]) -> str | None:
     """Return a body's name in an engine, or None if the engine lacks it."""
     return next((f"{kind}:{name}" for kind in BODIES if f"{kind}:{name}" in places), None)
-
-
-def with_poses(verdict: CaseJudgement, check: PoseCheck) -> CaseJudgement:
-    """Combine the verdict on a motion with the one on poses: a difference in either counts."""
-    if not check.findings or verdict.outcome is Outcome.DIFFERS:
-        return verdict
-    worst = min(check.findings, key=lambda one: one.share)
-    differs_by = RESOLUTION / worst.share
-    return replace(
-        verdict,
-        outcome=Outcome.DIFFERS,
-        discrepancy=differs_by,
-        uncertainty=RESOLUTION,
-        largest_discrepancy=differs_by,
-        largest_uncertainty=RESOLUTION,
-        component=worst.frames[0],
-        time=float("nan"),
-        reason="; ".join([*(one.message for one in check.findings), motions_in_words(verdict)]),
-        resolution=RESOLUTION,
-        kind="pose",
-        decided_by="poses",
-    )
 
 
 def _compared(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -431,33 +432,41 @@ def with_dynamics(
     """
     if comparison is None or verdict.outcome is Outcome.DIFFERS:
         return verdict
-    outcome = comparison.judgement.outcome
-    if outcome is Outcome.DIFFERS:
-        return _decided(
-            verdict, comparison, names, resolution, _apart(comparison, names, resolution, verdict)
-        )
-    stiff = verdict.outcome is Outcome.UNRESOLVED and math.isfinite(verdict.uncertainty)
-    if not (stiff and outcome is Outcome.AGREES and comparison.complete):
-        return verdict
-    resolved = max(
-        comparison.judgement.largest_discrepancy, comparison.judgement.largest_uncertainty
+    judged = comparison.judgement
+    by_accelerations = partial(
+        decided,
+        verdict,
+        judged,
+        by="accelerations",
+        component=component(names, judged.component),
+        resolution=resolution,
     )
+    if judged.outcome is Outcome.DIFFERS:
+        reason = _apart(comparison, names, resolution, verdict)
+        return by_accelerations(kind="acceleration", reason=reason)
+    stiff = verdict.outcome is Outcome.UNRESOLVED and math.isfinite(verdict.uncertainty)
+    if not (stiff and judged.outcome is Outcome.AGREES and comparison.complete):
+        return verdict
+    resolved = max(judged.largest_discrepancy, judged.largest_uncertainty)
     held = " with soft equalities held exactly" if comparison.holds_equalities else ""
     message = (
         f"its accelerations{held}, at {counted(comparison.states, 'state')}, match the "
         f"equations to {resolved:.1e} of the largest; its motions: {verdict.reason}"
     )
-    return _decided(verdict, comparison, names, resolution, message)
+    return by_accelerations(kind="", reason=message)
 
 
-def _decided(
+def decided(
     verdict: CaseJudgement,
-    comparison: AccelerationComparison,
-    names: tuple[str, ...],
-    resolution: float,
+    judged: LimitVerdict,
+    *,
+    by: DecidedBy,
+    kind: CaseKind,
+    component: str,
     reason: str,
+    resolution: float,
 ) -> CaseJudgement:
-    judged = comparison.judgement
+    """Return the verdict of another check that decides a case, in place of that on motions."""
     return replace(
         verdict,
         outcome=judged.outcome,
@@ -465,12 +474,12 @@ def _decided(
         uncertainty=judged.uncertainty,
         largest_discrepancy=judged.largest_discrepancy,
         largest_uncertainty=judged.largest_uncertainty,
-        component=component(names, judged.component),
+        component=component,
         time=float("nan"),
         reason=reason,
         resolution=resolution,
-        kind="acceleration" if judged.outcome is Outcome.DIFFERS else "",
-        decided_by="accelerations",
+        kind=kind,
+        decided_by=by,
     )
 
 

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from physics_crosscheck.harness.checks.findings import format_omission
-from physics_crosscheck.harness.checks.verdict import CaseJudgement, motions_in_words
+from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
+from physics_crosscheck.harness.checks.task import ModelTask
+from physics_crosscheck.harness.checks.verdict import CaseJudgement, decided, motions_in_words
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
     EngineStep,
+    LoadedModel,
     ModelSpec,
     WholeModel,
     WholeState,
@@ -28,10 +31,11 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import floored
-from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.case import LawTerm, WholeStep
+from physics_crosscheck.harness.records.base import SourceLine, number
+from physics_crosscheck.harness.records.case import CaseKind, LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.laws.drives import unsaturated
@@ -77,11 +81,37 @@ class WholeStepCheck:
         record: for the results.
         judgement: of accelerations and the next state; None if nothing was compared.
         resolution: relative discrepancy that it resolves.
+        locations: none, since a law has no single line.
+        kind: kind of a case that differs by it.
     """
 
     record: WholeStep
     judgement: LimitVerdict | None = None
     resolution: float = 0.0
+    locations: tuple[SourceLine, ...] = ()
+    kind: CaseKind = "whole step"
+
+    def combined(self, verdict: CaseJudgement) -> CaseJudgement:
+        """Combine the verdict on a motion with this one: a difference in either counts."""
+        judged, record = self.judgement, self.record
+        if judged is None or judged.outcome is not Outcome.DIFFERS:
+            return verdict
+        if verdict.outcome is Outcome.DIFFERS:
+            return verdict
+        return decided(
+            verdict,
+            judged,
+            by="whole steps",
+            kind=self.kind,
+            component=record.component,
+            reason=(
+                f"with limits, friction, contacts and drives, {record.component} is off by"
+                f" {judged.discrepancy:.2e} of its largest value at"
+                f" {counted(record.states, 'state')}; the uncertainty is"
+                f" {judged.uncertainty:.1e}; {motions_in_words(verdict)}"
+            ),
+            resolution=self.resolution,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -266,6 +296,18 @@ def load_comparison(laws: LawModel, engine: str, loaded: Path) -> LawComparison 
     return None if model is None else LawComparison(laws, model)
 
 
+def case_whole_step(
+    task: ModelTask[Prepared], _model: LoadedModel, _coordinates: CoordinateMap
+) -> WholeStepCheck | None:
+    """Compare whole steps of a robot file, unless only its smooth forces are asked for."""
+    target = task.target
+    if task.sidecar is not None or not isinstance(target, PreparedTree) or target.smooth:
+        return None
+    if set(task.spec.settings) - set(engines()[task.engine].switches):
+        return None  # the laws are those of the file as it is shipped
+    return check_whole_step(target.place, task.engine, task.file, task.resolution)
+
+
 def check_whole_step(
     file: Path, engine: str, loaded: Path, resolution: float
 ) -> WholeStepCheck | None:
@@ -425,31 +467,3 @@ def _acted(laws: LawModel, evaluated: Sequence[Evaluated]) -> Iterator[tuple[str
         count["drives at a limit"] += len(sample.law.driven.clipped)
         count["drives"] += int(np.count_nonzero(sample.law.driven.forces))
     yield from ((name, times) for name, times in count.items() if times)
-
-
-def with_whole_step(verdict: CaseJudgement, check: WholeStepCheck) -> CaseJudgement:
-    """Combine the verdict on a motion with the one on whole steps: a difference counts."""
-    judged = check.judgement
-    if judged is None or judged.outcome is not Outcome.DIFFERS:
-        return verdict
-    if verdict.outcome is Outcome.DIFFERS:
-        return verdict
-    record = check.record
-    return replace(
-        verdict,
-        outcome=Outcome.DIFFERS,
-        discrepancy=judged.discrepancy,
-        uncertainty=judged.uncertainty,
-        largest_discrepancy=judged.largest_discrepancy,
-        largest_uncertainty=judged.largest_uncertainty,
-        component=record.component,
-        time=float("nan"),
-        reason=(
-            f"with limits, friction, contacts and drives, {record.component} is off by"
-            f" {judged.discrepancy:.2e} of its largest value at {counted(record.states, 'state')};"
-            f" the uncertainty is {judged.uncertainty:.1e}; {motions_in_words(verdict)}"
-        ),
-        resolution=check.resolution,
-        kind="whole step",
-        decided_by="whole steps",
-    )

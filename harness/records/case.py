@@ -303,6 +303,11 @@ class ForwardDynamics(Record, frozen=True, kw_only=True):
     states: Count
     terms: tuple[ForceTerm, ...]
 
+    @property
+    def differs(self) -> bool:
+        """True if it differs."""
+        return self.outcome is Outcome.DIFFERS
+
 
 class Convergence(Record, frozen=True, kw_only=True):
     """Convergence of the extrapolation over its rungs.
@@ -434,6 +439,11 @@ class WholeStep(Record, frozen=True, kw_only=True):
     covered: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
 
+    @property
+    def differs(self) -> bool:
+        """True if it differs."""
+        return self.outcome is Outcome.DIFFERS
+
 
 class Case(Record, frozen=True, kw_only=True):
     """The result of one case.
@@ -529,18 +539,13 @@ class Case(Record, frozen=True, kw_only=True):
         if v.map_residual is not None and v.map_residual > max(v.map_uncertainty or 0.0, least):
             return f"AGREES contradicts the residual {v.map_residual:.1e} of its coordinate map"
         part = self._differing_part
-        return f"AGREES contradicts its {part}, which differ" if part else ""
+        return f"AGREES contradicts its {part}, which differs" if part else ""
 
     @property
     def _differing_part(self) -> str:
         """Name of a further check that differs; empty if none does."""
-        dynamics, poses, steps = self.forward_dynamics, self.poses, self.whole_step
-        parts = {
-            "accelerations": dynamics is not None and dynamics.outcome is Outcome.DIFFERS,
-            "poses": poses is not None and bool(poses.wrong),
-            "whole steps": steps is not None and steps.outcome is Outcome.DIFFERS,
-        }
-        return next((name for name, differs in parts.items() if differs), "")
+        parts = ((name, getattr(self, name)) for name in self.__struct_fields__)
+        return next((name for name, part in parts if getattr(part, "differs", False)), "")
 
     @property
     def digits(self) -> Number:

@@ -48,3 +48,8 @@ class Poses(Record, frozen=True, kw_only=True):
     def wrong(self) -> tuple[FramePose, ...]:
         """Frames and points that differ."""
         return tuple(frame for frame in self.frames if not frame.agrees)
+
+    @property
+    def differs(self) -> bool:
+        """True if a frame differs."""
+        return bool(self.wrong)
