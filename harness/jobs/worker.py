@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import gc
 import multiprocessing
 import os
 import shutil
@@ -61,6 +62,7 @@ class WorkerConfig:
 
 def serve(tasks: Connection, config: WorkerConfig) -> NoReturn:
     """Run tasks until no more arrive: the main function of a worker process."""
+    gc.freeze()  # collecting what the server imported would copy all its memory
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)  # child processes of a task end with it; only the program handles Ctrl-C
     signal.signal(signal.SIGINT, signal.SIG_IGN)

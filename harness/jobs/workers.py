@@ -43,12 +43,11 @@ MOST_PRINTED = 4000
 _TRIES = 5
 """Number of attempts to start a worker, since a task may end the process that starts them."""
 
-# The last ones are modules that sympy imports only when it adds and simplifies.
+# The last ones are modules that sympy imports only when it adds, simplifies and prints code.
 PRELOADED = (
-    "physics_crosscheck.harness.checks.case", "physics_crosscheck.harness.checks.multibody",
-    "physics_crosscheck.harness.checks.audit", "physics_crosscheck.harness.diagnosis.coverage",
-    "physics_crosscheck.harness.diagnosis.task", "scipy.integrate", "scipy.linalg",
-    "sympy.tensor.tensor", "sympy.physics.units",
+    "physics_crosscheck.harness.planning.tasks", "physics_crosscheck.harness.engines.preloaded",
+    "scipy.integrate", "scipy.linalg", "sympy.tensor.tensor", "sympy.physics.units",
+    "sympy.assumptions.wrapper", "sympy.codegen.ast", "sympy.sets.setexpr",
 )  # fmt: skip
 """Modules that are imported once for all worker processes."""
 

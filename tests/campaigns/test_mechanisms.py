@@ -29,9 +29,12 @@ from campaigns.mechanisms.results import (
 from campaigns.mechanisms.trial import Posed, loaded, pose
 
 SMALL = Options(seed=5, joints=3, segments=9)
+SLOW = pytest.mark.slow
 
 
-@pytest.mark.parametrize("first", range(0, 270, 27))
+@pytest.mark.parametrize(
+    "first", [*range(0, 108, 27), *(pytest.param(i, marks=SLOW) for i in range(108, 270, 27))]
+)
 def test_no_right_mechanism_fails_and_no_limit_is_outside(first: int) -> None:
     results = [study(SMALL, index) for index in range(first, first + 27)]
     assert {result.group.split(",")[0] for result in results} == {

@@ -24,7 +24,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.reference.solving.segments import Motion
 from tests import commands
-from tests.robots.files import UNLIMITED
+from tests.robots.files import ADRIFT, UNLIMITED
 
 DATA = Path(pybullet_data.getDataPath())
 SUITE = (*(engine.name for engine in default_engines(".urdf")), "pinocchio")
@@ -215,16 +215,6 @@ def test_a_robot_that_floats_agrees(name: str, engine: str) -> None:
     assert case.verdict is not None
     assert case.verdict.largest_discrepancy is not None
     assert case.verdict.largest_discrepancy < 1e-11
-
-
-ADRIFT = """<robot name="adrift">
-<link name="hub"><inertial><origin xyz="0.1 -0.2 0.05" rpy="0.3 0.2 0.1"/><mass value="2"/>
-<inertia ixx="0.05" iyy="0.06" izz="0.07" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="arm"><inertial><origin xyz="0 0 -0.3"/><mass value="0.7"/>
-<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="hub" type="continuous"><parent link="hub"/><child link="arm"/>
-<origin xyz="0.1 0 0.2" rpy="0.5 0 0"/><axis xyz="0 1 0"/><dynamics damping="0.1"/></joint></robot>
-"""
 
 
 @pytest.mark.slow

@@ -89,3 +89,13 @@ UNLIMITED = """<robot name="unlimited"><link name="ground"/><link name="arm"><in
 ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute"><parent link="ground"/>
 <child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
 """A revolute joint without `<limit>`, which Pinocchio refuses."""
+
+ADRIFT = """<robot name="adrift">
+<link name="hub"><inertial><origin xyz="0.1 -0.2 0.05" rpy="0.3 0.2 0.1"/><mass value="2"/>
+<inertia ixx="0.05" iyy="0.06" izz="0.07" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="arm"><inertial><origin xyz="0 0 -0.3"/><mass value="0.7"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hub" type="continuous"><parent link="hub"/><child link="arm"/>
+<origin xyz="0.1 0 0.2" rpy="0.5 0 0"/><axis xyz="0 1 0"/><dynamics damping="0.1"/></joint></robot>
+"""
+"""A floating root whose center of mass is off its origin, and whose inertia is turned."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import os
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.jobs.failure import LONGEST
 from physics_crosscheck.harness.jobs.stop import SIGNALS
 from physics_crosscheck.harness.jobs.workers import (
+    PRELOADED,
     Failure,
     Limits,
     Workers,
@@ -440,3 +442,9 @@ def test_a_pool_that_is_closed_leaves_no_worker_and_no_folder() -> None:
         assert alive(pid)
     assert not alive(pid)
     assert not scratch.exists()
+
+
+def test_every_preloaded_module_exists() -> None:
+    """Catch a moved module: the server ignores a missing one, and each worker imports it again."""
+    missing = [name for name in PRELOADED if importlib.util.find_spec(name) is None]
+    assert not missing
