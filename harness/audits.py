@@ -34,6 +34,7 @@ from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.survey import ActingQuantity
 
 AUDIT_ONLY = Selection(models=None)
 """Selection without derivation and diagnosis."""
@@ -49,6 +50,7 @@ class ModelAudit:
         failure: the reason for missing findings; empty otherwise.
         absent: whether the failure is that the engine is not installed.
         left_out: statements of the file that the equations omit.
+        acting: quantities that its numbers act as.
         bodies: whether its equations come from bodies, so that no number is bound to a formula.
         mechanics: whether its compiled terms were compared with the equations.
     """
@@ -58,6 +60,7 @@ class ModelAudit:
     failure: str = ""
     absent: bool = False
     left_out: tuple[str, ...] = ()
+    acting: tuple[ActingQuantity, ...] = ()
     bodies: bool = False
     mechanics: bool = True
 
@@ -121,7 +124,7 @@ class _TargetAudits:
                 yield replace(audit, failure=failure.about(self._target / audit.id.model))
             elif record.audit is not None:
                 left_out = () if record.coverage is None else record.coverage.left_out
-                yield replace(audit, findings=record.audit, left_out=left_out)
+                yield replace(audit, findings=record.audit, left_out=left_out, acting=record.acting)
 
     def _models(self, target: TargetPlan) -> Iterator[Job[Any]]:
         system, adapters = target.facts.record.name, registered()

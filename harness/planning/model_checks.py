@@ -30,7 +30,13 @@ def add_audit(model: Model, value: Audit) -> Model:
     if value.left_out:
         coverage = replace(coverage or Coverage(), left_out=value.left_out)
     audit = (*(model.audit or ()), *value.findings)
-    return replace(model, audit=audit, poses=value.poses or model.poses, coverage=coverage)
+    return replace(
+        model,
+        audit=audit,
+        acting=value.acting or model.acting,
+        poses=value.poses or model.poses,
+        coverage=coverage,
+    )
 
 
 def fail_audit(model: Model, failure: Failure) -> Model:
@@ -158,6 +164,12 @@ CHECKS = (
         plans=("audit",),  # accelerations show the same in a run
         wanted=lambda facts, options: facts.declares != "energies",
         fail=_note_terms,
+    ),
+    ModelCheck(
+        kind="acting",
+        function="checks.acting.audit_acting",
+        wanted=lambda facts, options: facts.declares == "robot file",
+        fail=lambda model, failure: model,  # other checks report that the file cannot be read
     ),
     DIAGNOSIS,
 )

@@ -7,6 +7,7 @@ from physics_crosscheck.harness.records.case import ModelId, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.survey import ActingQuantity
 
 
 class EnginePole(Record, frozen=True, kw_only=True):
@@ -110,6 +111,7 @@ class Model(Record, frozen=True, kw_only=True):
         linearization_failure: Reason if the linearization failed; empty otherwise.
         audit: Findings without motion; None if not requested, or failed.
         audit_failure: Reason if the audit failed; empty otherwise.
+        acting: Quantities that the numbers act as, of a robot file; empty if not requested.
         poses: Comparison of frames; None if there was none.
         diagnosis: Causes of the differences; None if nothing differs or none was requested.
         coverage: Tested and untested numbers; None if not requested.
@@ -126,6 +128,7 @@ class Model(Record, frozen=True, kw_only=True):
     linearization_failure: str = ""
     audit: tuple[AuditFinding, ...] | None = None
     audit_failure: str = ""
+    acting: tuple[ActingQuantity, ...] = ()
     poses: Poses | None = None
     diagnosis: Diagnosis | None = None
     coverage: Coverage | None = None

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.harness.results.github import on_github, plain_line
 from physics_crosscheck.harness.results.messages import with_code
@@ -46,6 +47,16 @@ def audit_lines(
                 text = f"{_place(finding.location)}{finding.message}"
                 lines.append(f"{severity:<8} {with_code(finding.code, text)}")
     return lines or [success]
+
+
+def acting_lines(quantities: Iterable[ActingQuantity]) -> list[str]:
+    """Return one line per subject: what its numbers act as, with units and rules."""
+    alike: dict[str, list[str]] = {}
+    for row in quantities:
+        value = "not finite" if row.value is None else f"{row.value:.4g}"
+        text = f"{row.quantity} {value}{row.unit and ' '}{row.unit}"
+        alike.setdefault(row.subject, []).append(text + (f" ({row.rule})" if row.rule else ""))
+    return [f"{'acts as':<8} {subject}: {', '.join(rows)}" for subject, rows in alike.items()]
 
 
 def _place(where: SourceLine | None) -> str:

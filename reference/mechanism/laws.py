@@ -113,6 +113,8 @@ class Surface:
         priority: a larger one determines the contact.
         mix: weight of its softness.
         margin: distance at which contact begins, m.
+        masks: two surfaces touch if a bit of the first mask of one is in the second one of the
+            other.
     """
 
     body: int
@@ -122,6 +124,7 @@ class Surface:
     mix: float
     margin: float
     softness: Softness
+    masks: tuple[int, int] = (1, 1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -200,6 +200,7 @@ def _surface(m: Any, i: int, *, override: bool) -> Surface:
         friction=(sliding, spinning, rolling),
         priority=int(m.geom_priority[i]),
         mix=float(m.geom_solmix[i]),
+        masks=(int(m.geom_contype[i]), int(m.geom_conaffinity[i])),
         margin=float(o.o_margin) / 2 if override else float(m.geom_margin[i]),
         softness=_softness(o.o_solref, o.o_solimp)
         if override

@@ -30,7 +30,7 @@ from physics_crosscheck.harness.render.terminal.console import (
     terminal,
     wrapped,
 )
-from physics_crosscheck.harness.results.failure import audit_lines, survey_lines
+from physics_crosscheck.harness.results.failure import acting_lines, audit_lines, survey_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 
 
@@ -90,6 +90,7 @@ def _print(console: Console, models: Sequence[ModelAudit], codes: list[str]) -> 
             if model.bodies
             else audit_lines(model.findings)
         )
+        lines = [*lines, *acting_lines(model.acting)]
         found_codes = [one.code for one in model.findings if one.severity == "finding"]
         codes += found_codes
         code = DIFFER if found_codes else AGREE

@@ -31,6 +31,7 @@ class ModelFile:
     Attributes:
         covers: what a verdict on it covers, in each engine.
         failures: why its linearization or its audit is missing, in each engine.
+        acting: what its numbers act as: engine, subject, quantity, value, rule.
     """
 
     model: str
@@ -38,6 +39,7 @@ class ModelFile:
     text: str
     covers: tuple[str, ...]
     failures: tuple[str, ...]
+    acting: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,9 +154,18 @@ def _files(models: Sequence[Model]) -> tuple[ModelFile, ...]:
                 text=shown(same[0].text),
                 covers=tuple(_covers(model) for model in same if coverage_line(model)),
                 failures=tuple(failure for model in same for failure in _failures(model)),
+                acting=tuple(row for model in same for row in _acting(model)),
             )
         )
     return tuple(rows)
+
+
+def _acting(model: Model) -> Iterator[tuple[str, ...]]:
+    for row in model.acting:
+        value = quantity(row.value, row.unit)
+        yield (
+            shown(model.engine), shown(row.subject), shown(row.quantity), value, shown(row.rule)
+        )  # fmt: skip
 
 
 def _covers(model: Model) -> str:

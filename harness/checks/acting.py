@@ -1,0 +1,212 @@
+"""Quantities that the numbers of a robot file act as, without a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.task import TreeTask
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.survey import ActingQuantity, Audit
+from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, rest_on
+from physics_crosscheck.reference.laws.constraints import mix_surfaces
+from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.laws import ContactParameters, Drive, SoftLimit, Surface
+from physics_crosscheck.reference.mechanism.tree import TreeError
+
+NAMED = 3
+"""Largest number of subjects that a line names."""
+
+DIAGONAL = float(np.sqrt(0.5))
+"""Friction of a pyramid between its edges, relative to that along them."""
+
+
+def audit_acting(task: TreeTask) -> Audit:
+    """Return what the numbers of a file act as; nothing in engines without a documented law.
+
+    Raises:
+        EngineError: if the file cannot be compiled.
+    """
+    engine = engines()[task.engine]
+    if task.file.suffix not in engine.compiles:
+        return Audit(findings=())
+    compiled = engine.compiled(task.file)
+    try:
+        model = law_model(compiled)
+    except TreeError:
+        model = None
+    if model is None:
+        return Audit(findings=())
+    return Audit(findings=(), acting=tuple(Acting(model, compiled).quantities()))
+
+
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """The laws of a file, in its drawn configuration at rest."""
+
+    model: LawModel
+    compiled: CompiledTree
+
+    def quantities(self) -> Iterator[ActingQuantity]:
+        """Yield all quantities: contacts with the ground, joint limits, drives."""
+        yield from self._contacts()
+        yield from self._limits()
+        for drive in self.model.laws.drives:
+            yield from self._drive(drive)
+
+    @cached_property
+    def _posture(self) -> Posture:
+        home = self.model.home
+        return next(self.model.tree.postures(home[None], np.zeros((1, len(home)))))
+
+    @property
+    def _weight(self) -> float:
+        """The weight of all bodies that move, N."""
+        tree = self.model.tree
+        rows = zip(tree.masses, tree.bodies, strict=True)
+        mass = sum(float(mass) for mass, (link, _) in rows if link >= 0)
+        return mass * float(np.linalg.norm(tree.tree.gravity))
+
+    def _contacts(self) -> Iterator[ActingQuantity]:
+        """Yield quantities of contacts between shapes that stand still and others."""
+        alike: dict[tuple[ContactParameters, str], list[tuple[int, int]]] = {}
+        for pair, parameters, rule in self._pairs():
+            alike.setdefault((parameters, rule), []).append(pair)
+        for (parameters, rule), pairs in alike.items():
+            subject = f"{self._shape(pairs[0][0])} with {_listed(self._shape(j) for _, j in pairs)}"
+            yield from self._contact(subject, parameters, rule, [j for _, j in pairs])
+
+    def _pairs(self) -> Iterator[tuple[tuple[int, int], ContactParameters, str]]:
+        """Yield a still and a moving surface, the numbers of their contact, and their rule."""
+        laws = self.model.laws
+        stated = {frozenset(pair): parameters for *pair, parameters in laws.pairs}
+        surfaces = list(enumerate(laws.surfaces))
+        for i, first in surfaces:
+            for j, other in surfaces:
+                if self._moves(first) or not self._moves(other):
+                    continue
+                if (parameters := stated.get(frozenset((i, j)))) is not None:
+                    yield (i, j), parameters, "stated for the pair"
+                elif _touch(first, other):
+                    yield (i, j), mix_surfaces(first, other), _rule(first, other)
+
+    def _moves(self, surface: Surface) -> bool:
+        return self.model.tree.bodies[surface.body][0] >= 0
+
+    def _shape(self, index: int) -> str:
+        return self.compiled.placed[index].name.partition(":")[2]
+
+    def _contact(
+        self, subject: str, contact: ContactParameters, rule: str, moving: list[int]
+    ) -> Iterator[ActingQuantity]:
+        laws = self.model.laws
+        if contact.dimension > 1:
+            friction = contact.friction[0]
+            yield _quantity(subject, "friction", friction, rule=rule)
+            if not laws.elliptic:
+                note = "between the edges of its pyramid"
+                yield _quantity(subject, "friction at 45 degrees", friction * DIAGONAL, rule=note)
+        motion = pressed(contact.softness, laws)
+        yield _quantity(subject, "restitution", motion.rebound, rule="of solref, at full depth")
+        bodies = [laws.surfaces[j].body for j in moving]
+        weight = float(max(self.model.weights.bodies[body, 0] for body in bodies))
+        if not self._weight or not weight:
+            return
+        rest = rest_on(contact, laws, weight, self._weight)
+        whole = "the whole weight on one contact"
+        yield _quantity(subject, "rest depth", rest.depth, "m", whole)
+        if contact.dimension > 1 and contact.friction[0] > np.tan(SLOPE):
+            note = f"{whole}, on a slope of {np.degrees(SLOPE):g} degrees"
+            yield _quantity(subject, "creep", rest.creep, "m/s", note)
+
+    def _limits(self) -> Iterator[ActingQuantity]:
+        """Yield the rebound of joint limits, once for those with the same softness."""
+        alike: dict[object, list[SoftLimit]] = {}
+        for limit in self.model.laws.limits:
+            if limit.joint >= 0:
+                alike.setdefault(limit.softness, []).append(limit)
+        for limits in alike.values():
+            names = _listed(self.model.tree.tree.links[one.joint].name for one in limits)
+            motion, subject = pressed(limits[0].softness, self.model.laws), f"limits of {names}"
+            rule = "of solreflimit, at full depth"
+            yield _quantity(subject, "rebound", motion.rebound, rule=rule)
+            yield _quantity(subject, "time constant", 1 / (motion.rate * motion.damping), "s")
+            yield _quantity(subject, "damping ratio", motion.damping)
+
+    def _drive(self, drive: Drive) -> Iterator[ActingQuantity]:
+        """Yield the motion of a drive on one joint, with all other joints held."""
+        joints = self.model.tree.paths[drive.path].joints
+        if len(joints) != 1 or not drive.on:
+            return
+        (link, gear), tree = joints[0], self.model.tree.tree
+        joint, there = tree.links[link], tree.velocities[link].start
+        subject, load = f"drive of {joint.name}", float(self._posture.smooth[there])
+        if drive.force_range is not None and load:
+            limit = min(map(abs, drive.force_range)) * abs(gear)
+            share = abs(load) / limit if limit else np.inf
+            yield _quantity(subject, "share of force for weight", share, rule="as drawn")
+        if drive.bias != "affine" or drive.biases[1] >= 0:
+            return
+        servo = self._servo(drive, link, gear, load)
+        motion, unit = servo.motion, "rad" if joint.kind == "hinge" else "m"
+        yield _quantity(
+            subject, "natural frequency", motion.rate / (2 * np.pi), "Hz", "others held"
+        )
+        yield _quantity(subject, "damping ratio", motion.damping)
+        if load:
+            yield _quantity(subject, "sag", servo.sag, unit, "as drawn, to first order")
+        if self.model.laws.integrator:
+            share = (
+                servo.stiffness / servo.unstable_stiffness if servo.unstable_stiffness else np.inf
+            )
+            rule = f"the step of {servo.step:g} s grows above 1"
+            yield _quantity(subject, "gain over unstable gain", share, rule=rule)
+
+    def _servo(self, drive: Drive, link: int, gear: float, load: float) -> Servo:
+        laws, joint = self.model.laws, self.model.tree.tree.links[link]
+        there = self.model.tree.tree.velocities[link].start
+        active = -drive.biases[2] * gear**2
+        passive = joint.damping + laws.drive_damping.get(link, 0.0)
+        ends = laws.integrator != "euler"
+        implicit = passive + active if ends else passive if laws.damps_implicitly else 0.0
+        return Servo(
+            inertia=float(self._posture.mass[there, there]),
+            stiffness=-drive.biases[1] * gear**2 + joint.stiffness,
+            damping=passive + active - implicit,
+            implicit_damping=implicit,
+            load=load,
+            step=laws.step,
+        )
+
+
+def _touch(first: Surface, other: Surface) -> bool:
+    """Return whether two surfaces touch by their masks."""
+    return bool(first.masks[0] & other.masks[1] or other.masks[0] & first.masks[1])
+
+
+def _rule(first: Surface, other: Surface) -> str:
+    values = f"{first.friction[0]:g} and {other.friction[0]:g}"
+    if first.priority != other.priority:
+        return f"of the higher priority, of {values}"
+    return f"the larger of {values}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    unique = list(dict.fromkeys(names))
+    more = len(unique) - NAMED
+    return ", ".join(unique[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _quantity(
+    subject: str, quantity: str, value: float, unit: str = "", rule: str = ""
+) -> ActingQuantity:
+    return ActingQuantity(
+        subject=subject, quantity=quantity, value=number(value), unit=unit, rule=rule
+    )
