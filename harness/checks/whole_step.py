@@ -197,17 +197,18 @@ class LawComparison:
 
     def compare(self, evaluated: Sequence[Evaluated]) -> LawDefect:
         """Compare accelerations, the next velocities and positions, and states of drives."""
-        scale = np.max([np.abs(sample.acceleration) for sample in evaluated], axis=0)
-        scale = floored(np.maximum(scale, SHARE * np.max(scale)))
         speeds = [
             np.maximum(np.abs(sample.law.posture.m), np.abs(sample.engine.after.m[self._order]))
             for sample in evaluated
         ]
         speed, h = floored(np.max(speeds, axis=0)), self.model.step
+        size = np.max([np.abs(sample.acceleration) for sample in evaluated], axis=0)
+        # Of a joint that nothing accelerates, only rounding is left.
+        scale = np.maximum(size, np.maximum(SHARE * np.max(size), LEAST_GAIN * speed / h))
         parts = [scale]
         if self.steps:
             drives = np.ones(self.model.activations)
-            parts += [np.maximum(h * scale, LEAST_GAIN * speed), h * speed, drives]
+            parts += [h * scale, h * speed, drives]
         whole = np.concatenate(parts)
         defect = [
             self._answer(sample) - self.predict(sample.law, sample.acceleration, sample.engine)
