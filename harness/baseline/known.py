@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
@@ -58,8 +59,6 @@ class Accepted:
         resolution: resolution of the run.
         engines: engines to run; empty: all.
         absent: engines of extras that are not installed.
-        snapshots: snapshots of the cases that a run must measure: known differences and cases with
-            changed dependencies.
     """
 
     place: Path
@@ -68,12 +67,31 @@ class Accepted:
     versions: Mapping[str, str | None]
     resolution: float
     engines: tuple[str, ...]
-    snapshots: Mapping[CaseId, Snapshot] = field(repr=False)
     absent: frozenset[str] = frozenset()
 
     def includes(self, engine: str) -> bool:
         """Return whether a run includes an engine; engines of missing extras are not included."""
         return engine not in self.absent and (not self.engines or engine in self.engines)
+
+    def stale_models(self, folder: str) -> Iterator[tuple[str, str]]:
+        """Yield each model file of a folder with each engine whose dependencies changed."""
+        return stale_models(*self.folders[folder], self.versions, self.resolution)
+
+    @cached_property
+    def snapshots(self) -> Mapping[CaseId, Snapshot]:
+        """Snapshots of the cases that a run must measure: known differences and changed cases."""
+        snapshots: dict[CaseId, Snapshot] = {}
+        for folder, (_, accepted_system) in self.folders.items():
+            if accepted_system is None:
+                continue
+            changed = set(self.stale_models(folder))
+            snapshots |= {
+                case: snapshot
+                for case, entry in accepted_system.cases.items()
+                if entry.outcome is not Outcome.AGREES or (case.model, case.engine) in changed
+                if (snapshot := accepted_system.snapshot(case)) is not None
+            }
+        return snapshots
 
     def system_of(self, folder: str, system: str) -> SystemBaseline | None:
         """Return the baseline of a system: by name for a folder, by path for a robot file."""
@@ -116,9 +134,7 @@ def accepted(
     systems = {} if place is None else read_baseline(place)
     if place is None or not systems:
         return None
-    engine_versions = versions()
     folders: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
-    snapshots: dict[CaseId, Snapshot] = {}
     for target in targets:
         options = robot_options(target, floating=robot.floating, model=robot.model)
         try:
@@ -128,24 +144,17 @@ def accepted(
         if accepted_system is not None and accepted_system.robot != scan.robot:
             accepted_system = None  # other options make it a different robot
         folders[str(target)] = scan, accepted_system
-        if accepted_system is not None:
-            changed = set(stale_models(scan, accepted_system, engine_versions, resolution))
-            snapshots |= {
-                case: snapshot
-                for case, entry in accepted_system.cases.items()
-                if entry.outcome is not Outcome.AGREES or (case.model, case.engine) in changed
-                if (snapshot := accepted_system.snapshot(case)) is not None
-            }
-    return Accepted(
+    baseline = Accepted(
         place=place,
         systems=systems,
         folders=folders,
-        versions=engine_versions,
+        versions=versions(),
         resolution=resolution,
         engines=only,
         absent=frozenset(absent_extras()),
-        snapshots=snapshots,
     )
+    _ = baseline.snapshots  # now: later changes of files do not count
+    return baseline
 
 
 def mark_known(

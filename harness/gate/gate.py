@@ -58,11 +58,11 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
     began = time.perf_counter()
     state = survey(targets, options)
     ran = _run(state, options, progress) if state.running else None
-    names = by_name(state, ran.results if ran else None, options.baseline)
+    names = by_name(state, ran.results if ran else None)
     changes: list[Change] = []
     if ran is not None:
         moved = list(_of_run(ran, names, state, options))
-        changes = with_audits(moved, ran.results, state.baseline)
+        changes = with_audits(moved, ran.results, state.systems)
     changes += _of_the_rest(changes, names, state, options)
     order = list(Status)
     changes.sort(key=lambda c: (order.index(c.status), -c.diff.size, c.id.system))
@@ -71,7 +71,7 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
         file_diffs=file_diffs(changes, names, options.baseline),
         results=ran.results if ran else None,
         folders=names,
-        baseline=state.baseline,
+        baseline=state.systems,
         seconds=time.perf_counter() - began,
     )
 
@@ -155,7 +155,7 @@ def _of_run(
             case,
             ran.measured.get((case.folder, case.id)),
             scan,
-            state.baseline.get(system),
+            state.systems.get(system),
             state.versions,
             options.resolution,
             stale=again[scan.folder] != scan,
@@ -169,12 +169,12 @@ def _of_the_rest(
     seen = {change.id for change in ran}
     # A declaration or a sidecar that cannot be read makes its cases fail; they are not gone.
     failed = {(c.id.system, c.id.model) for c in ran if c.status is Status.NOT_RUN}
-    for system, system_baseline in sorted(state.baseline.items()):
+    for system, system_baseline in sorted(state.systems.items()):
         scan = names.get(system)
         if scan is None and not is_expected(system_baseline, options):
             continue
         for case, entry in system_baseline.cases.items():
-            if case in seen or case.engine in state.left_out:
+            if case in seen or not state.includes(case.engine):
                 continue
             if scan is not None and was_left_alone(scan, system_baseline, case, state):
                 yield _as_accepted(entry)

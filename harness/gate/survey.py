@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
 
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, versions
+from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.baseline.stale import (
     location,
     robot_name,
     robot_options,
     scan_target,
-    stale_models,
 )
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import absent_extras
@@ -57,31 +58,32 @@ class GateOptions:
     parents: tuple[Path, ...] | None = None
     thorough: bool = False
 
-    def left_out(self, engines: Collection[str]) -> frozenset[str]:
-        """Return the engines to ignore: not requested, or of extras that are not installed."""
-        wanted = set(self.engines or engines) - set(absent_extras())
-        return frozenset(engines) - wanted
-
 
 @dataclass(frozen=True, kw_only=True)
-class Survey:
-    """The present files and the accepted results.
+class Survey(Accepted):
+    """The accepted results, the present files, and the models to run.
 
     Attributes:
-        baseline: accepted results, by name of the system.
-        versions: versions of the engines.
-        scans: files of each folder and robot file.
-        matched: accepted results of each of them.
-        left_out: engines to ignore.
-        chosen: models to run.
+        every: whether to run unchanged models too.
     """
 
-    baseline: Mapping[str, SystemBaseline] = field(repr=False)
-    versions: Mapping[str, str | None]
-    scans: tuple[FolderFiles, ...] = field(repr=False)
-    matched: Mapping[Path, SystemBaseline | None] = field(repr=False)
-    left_out: frozenset[str]
-    chosen: frozenset[ModelInEngine]
+    every: bool
+
+    @cached_property
+    def chosen(self) -> frozenset[ModelInEngine]:
+        """Models to run: changed ones, or all."""
+        return frozenset(
+            (folder, model, engine)
+            for folder in self.folders
+            for model, engine in self._to_run(folder)
+            if self.includes(engine)
+        )
+
+    def _to_run(self, folder: str) -> Iterable[tuple[str, str]]:
+        if not self.every:
+            return self.stale_models(folder)
+        scan, _ = self.folders[folder]
+        return ((model.model, engine) for model in scan.models for engine in model.engines)
 
     @property
     def running(self) -> list[FolderFiles]:
@@ -89,13 +91,13 @@ class Survey:
         wanted = {folder for folder, _, _ in self.chosen}
         return [
             scan
-            for scan in self.scans
-            if str(scan.folder) in wanted or scan.broken or not scan.models
+            for folder, (scan, _) in self.folders.items()
+            if folder in wanted or scan.broken or not scan.models
         ]
 
     def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
         """Return the accepted snapshot of a case; for a new case, that of its scenario."""
-        accepted = self.matched.get(Path(folder)) or self.baseline.get(case.system)
+        accepted = self.folders[folder][1] or self.systems.get(case.system)
         if accepted is None:
             return None
         id_ = msgspec.structs.replace(case, system=accepted.system)
@@ -112,29 +114,17 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
         BaselineError: for an invalid baseline.
         OSError: for an unreadable file.
     """
-    baseline = read_baseline(options.baseline)
-    engine_versions = versions()
-    pairs = [_scan(target, baseline, options) for target in targets]
-    scans = tuple(scan for scan, _ in pairs)
-    matched = {scan.folder: system_baseline for scan, system_baseline in pairs}
-    accepted = {
-        case.engine for system_baseline in baseline.values() for case in system_baseline.cases
-    }
-    declared = {name for scan in scans for model in scan.models for name in model.engines}
-    left_out = options.left_out(accepted | declared)
-    chosen = frozenset(
-        (str(scan.folder), model, engine)
-        for scan in scans
-        for model, engine in _to_run(scan, matched[scan.folder], engine_versions, options)
-        if engine not in left_out
-    )
+    systems = read_baseline(options.baseline)
+    pairs = [_scan(target, systems, options) for target in targets]
     return Survey(
-        baseline=baseline,
-        versions=engine_versions,
-        scans=scans,
-        matched=matched,
-        left_out=left_out,
-        chosen=chosen,
+        place=options.baseline,
+        systems=systems,
+        folders={str(scan.folder): (scan, accepted) for scan, accepted in pairs},
+        versions=versions(),
+        resolution=options.resolution,
+        engines=options.engines,
+        absent=frozenset(absent_extras()),
+        every=options.every,
     )
 
 
@@ -146,19 +136,7 @@ def _scan(
     return scan_target(target, options.baseline, baseline, options.engines, given)
 
 
-def _to_run(
-    scan: FolderFiles,
-    accepted: SystemBaseline | None,
-    versions: Mapping[str, str | None],
-    options: GateOptions,
-) -> Iterable[tuple[str, str]]:
-    """Return the models of a folder, in any engine, that must run: changed ones, or all."""
-    if options.every:
-        return ((model.model, engine) for model in scan.models for engine in model.engines)
-    return stale_models(scan, accepted, versions, options.resolution)
-
-
-def by_name(state: Survey, results: Results | None, baseline: Path) -> dict[str, FolderFiles]:
+def by_name(state: Survey, results: Results | None) -> dict[str, FolderFiles]:
     """Return the folders by the name of their system, as loaded or as accepted.
 
     A robot file is named by its path, not by the robot's name.
@@ -168,10 +146,9 @@ def by_name(state: Survey, results: Results | None, baseline: Path) -> dict[str,
     """
     loaded = {system.folder: system.name for system in results.systems} if results else {}
     names: dict[str, FolderFiles] = {}
-    for scan in state.scans:
-        system_baseline = state.matched[scan.folder]
+    for scan, system_baseline in state.folders.values():
         if scan.robot is not None:
-            name = robot_name(scan.folder, baseline)
+            name = robot_name(scan.folder, state.place)
         else:
             name = loaded.get(str(scan.folder)) or (
                 system_baseline.system if system_baseline else scan.folder.name

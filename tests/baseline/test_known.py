@@ -49,7 +49,6 @@ def accepted(*entries: AcceptedCase) -> Accepted:
         versions={"e": "1.0"},
         resolution=1e-9,
         engines=(),
-        snapshots={},
     )
 
 

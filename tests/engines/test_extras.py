@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.registry import (
     engines_reading,
     engines_to_run,
 )
-from physics_crosscheck.harness.gate.survey import GateOptions
+from physics_crosscheck.harness.gate.survey import GateOptions, survey
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
@@ -105,10 +105,11 @@ def test_the_list_of_engines_tells_what_installs_one(capsys: pytest.CaptureFixtu
 
 @pytest.mark.usefixtures("absent")
 def test_a_gate_leaves_what_was_accepted_of_it(tmp_path: Path) -> None:
-    engines = {"pinocchio", "mujoco", "pybullet"}
-    assert GateOptions(baseline=tmp_path).left_out(engines) == {"pinocchio"}
-    asked = GateOptions(baseline=tmp_path, engines=("mujoco",))
-    assert asked.left_out(engines) == {"pinocchio", "pybullet"}
+    names = ("pinocchio", "mujoco", "pybullet")
+    state = survey([], GateOptions(baseline=tmp_path))
+    assert [name for name in names if not state.includes(name)] == ["pinocchio"]
+    state = survey([], GateOptions(baseline=tmp_path, engines=("mujoco",)))
+    assert [name for name in names if not state.includes(name)] == ["pinocchio", "pybullet"]
 
 
 def test_standing_engines_are_no_extras() -> None:
