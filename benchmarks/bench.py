@@ -35,8 +35,8 @@ from benchmarks.bench_engines import costs_of_engines
 from benchmarks.bench_robots import robots
 from benchmarks.bench_segments import certification, overhead
 from benchmarks.lasting import keep, this_version
-from physics_crosscheck.harness.compare.candidate import candidate
-from physics_crosscheck.harness.compare.compare import CompareOptions, compare
+from physics_crosscheck.harness.commands.compare.candidate import candidate
+from physics_crosscheck.harness.commands.compare.compare import CompareOptions, compare
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.case import Case

@@ -24,8 +24,8 @@ from rich.table import Table
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.scaffold.from_model import from_model
 
 ROBOTS = (
     ("pybullet_data", "kuka_iiwa/model.urdf", False),

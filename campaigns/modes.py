@@ -27,6 +27,7 @@ from campaigns.mechanisms.written import sidecar
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import ModelTask, TreeTask, model_task
+from physics_crosscheck.harness.commands.mutation.survey import survey
 from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
@@ -39,7 +40,6 @@ from physics_crosscheck.harness.modelfiles.model_files import (
 from physics_crosscheck.harness.modelfiles.numbers import SMALL
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.mutation.survey import survey
 from physics_crosscheck.harness.records.case import Case
 
 SIZES = (1e-6, 1e-8, 1e-9)

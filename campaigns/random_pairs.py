@@ -16,12 +16,12 @@ import numpy as np
 from campaigns.random_draws import pairings
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.commands.mutation.survey import survey
 from physics_crosscheck.harness.diagnosis.task import ranked
 from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.mutation.survey import survey
 from physics_crosscheck.harness.records.cause import CauseId
 
 SMALL, LARGE = 1e-4, 1e-2

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from physics_crosscheck.harness.compare.candidate import CompareError
+    from physics_crosscheck.harness.commands.compare.candidate import CompareError
     from physics_crosscheck.harness.interfaces.api import CheckResults, check
     from physics_crosscheck.harness.interfaces.notebook.ask import simulate, solve
     from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison, compare
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 _FROM = {
     "physics_crosscheck.harness.interfaces.api": ("CheckResults", "check"),
-    "physics_crosscheck.harness.compare.candidate": ("CompareError",),
+    "physics_crosscheck.harness.commands.compare.candidate": ("CompareError",),
     "physics_crosscheck.harness.interfaces.notebook.ask": ("simulate", "solve"),
     "physics_crosscheck.harness.interfaces.notebook.comparison": ("Comparison", "compare"),
     "physics_crosscheck.harness.interfaces.notebook.trajectory": ("MotionError", "Trajectory"),

@@ -46,7 +46,7 @@ def test_a_record_does_not_depend_on_which_check_ends_first() -> None:
     assert records[0].coverage == Coverage(motion=3, left_out=("friction",))
 
 
-@pytest.mark.parametrize("module", ["run", "audits", "gate.gate"])
+@pytest.mark.parametrize("module", ["run", "audits", "commands.gate.gate"])
 def test_planning_imports_no_equations_and_no_engine(module: str) -> None:
     heavy = ("sympy", "scipy", "mujoco", "pybullet", "pymunk")
     code = (

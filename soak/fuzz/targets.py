@@ -20,8 +20,13 @@ from physics_crosscheck.harness.baseline.file import (
     sealed,
     snapshot_key,
 )
-from physics_crosscheck.harness.compare.candidate import CompareError
-from physics_crosscheck.harness.compare.match import declared
+from physics_crosscheck.harness.commands.compare.candidate import CompareError
+from physics_crosscheck.harness.commands.compare.match import declared
+from physics_crosscheck.harness.commands.scaffold.constants import Ledger
+from physics_crosscheck.harness.commands.scaffold.folder import NewError
+from physics_crosscheck.harness.commands.scaffold.from_energies import _read, _with_symbols
+from physics_crosscheck.harness.commands.scaffold.scenarios import provisional
+from physics_crosscheck.harness.commands.scaffold.text import system_text
 from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
@@ -39,11 +44,6 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError,
 from physics_crosscheck.harness.records.baseline import BaselineFile
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.scaffold.constants import Ledger
-from physics_crosscheck.harness.scaffold.folder import NewError
-from physics_crosscheck.harness.scaffold.from_energies import _read, _with_symbols
-from physics_crosscheck.harness.scaffold.scenarios import provisional
-from physics_crosscheck.harness.scaffold.text import system_text
 from physics_crosscheck.reference.dynamics.notation import readings
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation

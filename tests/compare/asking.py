@@ -4,12 +4,12 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.compare.candidate import candidate
-from physics_crosscheck.harness.compare.compare import CompareOptions, compare, states_task
-from physics_crosscheck.harness.compare.match import declared
-from physics_crosscheck.harness.compare.prepared import prepare
-from physics_crosscheck.harness.compare.ranges import start_range
-from physics_crosscheck.harness.compare.states import SampledStates, sampled_states
+from physics_crosscheck.harness.commands.compare.candidate import candidate
+from physics_crosscheck.harness.commands.compare.compare import CompareOptions, compare, states_task
+from physics_crosscheck.harness.commands.compare.match import declared
+from physics_crosscheck.harness.commands.compare.prepared import prepare
+from physics_crosscheck.harness.commands.compare.ranges import start_range
+from physics_crosscheck.harness.commands.compare.states import SampledStates, sampled_states
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.comparison import Compared, ComparisonResult

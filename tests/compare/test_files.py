@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.compare.candidate import Candidate, candidate
-from physics_crosscheck.harness.compare.diff import applied, edits
-from physics_crosscheck.harness.compare.prepared import prepare
-from physics_crosscheck.harness.compare.properties import properties
-from physics_crosscheck.harness.compare.property import Difference
-from physics_crosscheck.harness.compare.side import ModelSide, model_side, pairs_of
+from physics_crosscheck.harness.commands.compare.candidate import Candidate, candidate
+from physics_crosscheck.harness.commands.compare.diff import applied, edits
+from physics_crosscheck.harness.commands.compare.prepared import prepare
+from physics_crosscheck.harness.commands.compare.properties import properties
+from physics_crosscheck.harness.commands.compare.property import Difference
+from physics_crosscheck.harness.commands.compare.side import ModelSide, model_side, pairs_of
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar

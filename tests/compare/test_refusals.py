@@ -5,9 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.compare.candidate import CompareError, NotInstalledError, candidate
-from physics_crosscheck.harness.compare.execute import FailureError
-from physics_crosscheck.harness.compare.match import declared, match
+from physics_crosscheck.harness.commands.compare.candidate import (
+    CompareError,
+    NotInstalledError,
+    candidate,
+)
+from physics_crosscheck.harness.commands.compare.execute import FailureError
+from physics_crosscheck.harness.commands.compare.match import declared, match
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written

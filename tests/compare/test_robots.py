@@ -8,13 +8,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.compare.actuators import _state
-from physics_crosscheck.harness.compare.candidate import candidate
-from physics_crosscheck.harness.compare.judge import judge, recorded_runs
-from physics_crosscheck.harness.compare.match import match
-from physics_crosscheck.harness.compare.prepared import prepare
-from physics_crosscheck.harness.compare.segments import Ends
-from physics_crosscheck.harness.compare.states import SampledStates
+from physics_crosscheck.harness.commands.compare.actuators import _state
+from physics_crosscheck.harness.commands.compare.candidate import candidate
+from physics_crosscheck.harness.commands.compare.judge import judge, recorded_runs
+from physics_crosscheck.harness.commands.compare.match import match
+from physics_crosscheck.harness.commands.compare.prepared import prepare
+from physics_crosscheck.harness.commands.compare.segments import Ends
+from physics_crosscheck.harness.commands.compare.states import SampledStates
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.numerics.ladder import Limit

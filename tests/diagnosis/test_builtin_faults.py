@@ -11,14 +11,14 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.commands.mutation.faults import SIZES
+from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated
+from physics_crosscheck.harness.commands.mutation.survey import survey
+from physics_crosscheck.harness.commands.mutation.text import mutation_lines
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.mutation.faults import SIZES
-from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
-from physics_crosscheck.harness.mutation.survey import survey
-from physics_crosscheck.harness.mutation.text import mutation_lines
 from physics_crosscheck.harness.records.mutation import FaultVerdict
 from physics_crosscheck.harness.records.read import read_results
 from tests.commands import crosscheck

@@ -10,13 +10,13 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
+from physics_crosscheck.harness.commands.mutation.faults import FAULTS
+from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated
+from physics_crosscheck.harness.commands.mutation.survey import survey
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.mutation.faults import FAULTS
-from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
-from physics_crosscheck.harness.mutation.survey import survey
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck import check
+from physics_crosscheck.harness.commands.gate.survey import GateOptions, survey
 from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
 from physics_crosscheck.harness.engines.registry import (
     absent_extras,
@@ -15,7 +16,6 @@ from physics_crosscheck.harness.engines.registry import (
     engines_reading,
     engines_to_run,
 )
-from physics_crosscheck.harness.gate.survey import GateOptions, survey
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.gate.accept import Acceptance, accept
-from physics_crosscheck.harness.gate.gate import gate
-from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.gate.survey import GateOptions
+from physics_crosscheck.harness.commands.gate.accept import Acceptance, accept
+from physics_crosscheck.harness.commands.gate.gate import gate
+from physics_crosscheck.harness.commands.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.standing import brief, standing_only
 

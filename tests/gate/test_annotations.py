@@ -10,9 +10,9 @@ import pytest
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.gate.notes import notes
-from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.gate.text import summary
+from physics_crosscheck.harness.commands.gate.notes import notes
+from physics_crosscheck.harness.commands.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.text import summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import pytest
 
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.gate.accept import AcceptError
-from physics_crosscheck.harness.gate.notes import notes
-from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.accept import AcceptError
+from physics_crosscheck.harness.commands.gate.notes import notes
+from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.interfaces.cli.exit_codes import DIFFER
 from physics_crosscheck.harness.interfaces.cli.gate import code
 from physics_crosscheck.harness.planning.model_checks import AUDIT, ModelCheck

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 import pytest
 
-import physics_crosscheck.harness.gate.gate as gating
+import physics_crosscheck.harness.commands.gate.gate as gating
 from physics_crosscheck.harness.baseline.store import BaselineError, read_baseline
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli

@@ -11,8 +11,8 @@ import msgspec
 import pytest
 
 from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
+from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
-from physics_crosscheck.harness.gate.result import GateResult
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.diff import Status
 from tests.gate.conftest import SYSTEM, Repository

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from physics_crosscheck.harness.gate.accept import accept_each
-from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.gate.review import Decisions, Review
+from physics_crosscheck.harness.commands.gate.accept import accept_each
+from physics_crosscheck.harness.commands.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.review import Decisions, Review
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, USAGE
 from physics_crosscheck.harness.records.diff import Status
 from tests.faults.known_folder import environment

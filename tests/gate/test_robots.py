@@ -13,17 +13,17 @@ from typing import Any
 import msgspec
 import pytest
 
-import physics_crosscheck.harness.gate.gate as gating
+import physics_crosscheck.harness.commands.gate.gate as gating
 from physics_crosscheck.harness.baseline.fingerprint import robot_file
 from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
 from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.commands.gate.accept import Acceptance, accept
+from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
+from physics_crosscheck.harness.commands.gate.notes import notes
+from physics_crosscheck.harness.commands.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.survey import GateOptions
+from physics_crosscheck.harness.commands.gate.text import gate_lines, summary
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
-from physics_crosscheck.harness.gate.accept import Acceptance, accept
-from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
-from physics_crosscheck.harness.gate.notes import notes
-from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.gate.survey import GateOptions
-from physics_crosscheck.harness.gate.text import gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.records.diff import Status

@@ -8,13 +8,13 @@ from dataclasses import replace
 import pytest
 
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
+from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated
+from physics_crosscheck.harness.commands.mutation.mistakes import Mistake, Subject
+from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey, survey
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
-from physics_crosscheck.harness.mutation.mistakes import Mistake, Subject
-from physics_crosscheck.harness.mutation.survey import FaultSurvey, survey
 from physics_crosscheck.harness.records.mutation import Mutation
 from tests.physics import physics
 

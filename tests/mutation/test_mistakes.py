@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.bindings import with_literals
-from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.mutation.faults import FAULTS
-from physics_crosscheck.harness.mutation.mistakes import Edit, Mistake, Subject, known_mistakes
-from physics_crosscheck.harness.mutation.mistakes.registry import (
+from physics_crosscheck.harness.commands.mutation.faults import FAULTS
+from physics_crosscheck.harness.commands.mutation.mistakes import (
+    Edit,
+    Mistake,
+    Subject,
+    known_mistakes,
+)
+from physics_crosscheck.harness.commands.mutation.mistakes.registry import (
     axes,
     degrees,
     exchanges,
@@ -25,9 +26,13 @@ from physics_crosscheck.harness.mutation.mistakes.registry import (
     left_out,
     steps,
 )
-from physics_crosscheck.harness.mutation.mistakes.rests import rests
-from physics_crosscheck.harness.mutation.mutate import mutate
-from physics_crosscheck.harness.mutation.survey import MutationError, survey
+from physics_crosscheck.harness.commands.mutation.mistakes.rests import rests
+from physics_crosscheck.harness.commands.mutation.mutate import mutate
+from physics_crosscheck.harness.commands.mutation.survey import MutationError, survey
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.bindings import with_literals
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from tests.mutation.conftest import rows, sound, subject, tried

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.commands.mutation.faults import FAULTS
+from physics_crosscheck.harness.commands.mutation.survey import MutationError
+from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.mutation.faults import FAULTS
-from physics_crosscheck.harness.mutation.survey import MutationError
-from physics_crosscheck.harness.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation, Mutations
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.write import encoded

@@ -9,13 +9,18 @@ import pytest
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.commands.mutation import trees
+from physics_crosscheck.harness.commands.mutation.mutate import mutate
+from physics_crosscheck.harness.commands.mutation.survey import MutationError
+from physics_crosscheck.harness.commands.mutation.text import mutation_lines
+from physics_crosscheck.harness.commands.mutation.trees import (
+    TreeFault,
+    died,
+    faults_of,
+    mutated_tree,
+)
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.mutation import trees
-from physics_crosscheck.harness.mutation.mutate import mutate
-from physics_crosscheck.harness.mutation.survey import MutationError
-from physics_crosscheck.harness.mutation.text import mutation_lines
-from physics_crosscheck.harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from tests.records.made import case
 from tests.robots.files import ARM, TIPPED

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 from physics_crosscheck import compare
-from physics_crosscheck.harness.compare.candidate import CompareError
+from physics_crosscheck.harness.commands.compare.candidate import CompareError
 from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import comparison

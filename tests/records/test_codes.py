@@ -28,7 +28,7 @@ HARNESS = Path(__file__).parents[2] / "harness"
 KINDS = [kind for one in codes().values() for kind in one.kinds]
 CHANGES = ("model", "engine", "tool", "equations", "scenario", "numbers", "outcome", "audit",
            "unexplained")  # fmt: skip
-"""What the gate calls a change (`harness.baseline.diff`, `harness.gate.gate`)."""
+"""What the gate calls a change (`harness.baseline.diff`, `harness.commands.gate.gate`)."""
 
 
 def of(group: str) -> set[str]:

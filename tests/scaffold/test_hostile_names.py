@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.commands.scaffold import scenarios
+from physics_crosscheck.harness.commands.scaffold.folder import NewError
+from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.scaffold import scenarios
-from physics_crosscheck.harness.scaffold.folder import NewError
-from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.reference.load import load_declaration, load_system
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
@@ -64,12 +64,16 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The working folder, in which a file would appear were anything run."""
     monkeypatch.chdir(tmp_path)
     # What engines make of the file, and for how long it is to move, take their time.
-    monkeypatch.setattr("physics_crosscheck.harness.scaffold.from_energies._checked", lambda *_: [])
     monkeypatch.setattr(
-        "physics_crosscheck.harness.scaffold.from_energies.plan",
+        "physics_crosscheck.harness.commands.scaffold.from_energies._checked", lambda *_: []
+    )
+    monkeypatch.setattr(
+        "physics_crosscheck.harness.commands.scaffold.from_energies.plan",
         lambda _, joints: scenarios.provisional(joints),
     )
-    monkeypatch.setattr("physics_crosscheck.harness.scaffold.from_tree._run", lambda *_: ({}, []))
+    monkeypatch.setattr(
+        "physics_crosscheck.harness.commands.scaffold.from_tree._run", lambda *_: ({}, [])
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -15,6 +15,14 @@ import pytest
 
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.task import load
+from physics_crosscheck.harness.commands.scaffold.folder import (
+    NewError,
+    check_name,
+    example,
+    write_folder,
+)
+from physics_crosscheck.harness.commands.scaffold.from_energies import format_settings as _settings
+from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.bindings import bindings, mismatches
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
@@ -22,9 +30,6 @@ from physics_crosscheck.harness.modelfiles.folders import template
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.run import Options, Selection, run
-from physics_crosscheck.harness.scaffold.folder import NewError, check_name, example, write_folder
-from physics_crosscheck.harness.scaffold.from_energies import format_settings as _settings
-from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_declaration, load_system
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
@@ -275,7 +280,8 @@ def test_a_reading_that_no_engine_shares_is_not_written(
     # A fault of the reading: gravity that the sidecar doesn't have.
     settings = [line.replace("9.81", "9.8") for line in _settings(".urdf")]
     monkeypatch.setattr(
-        "physics_crosscheck.harness.scaffold.from_energies.format_settings", lambda _: settings
+        "physics_crosscheck.harness.commands.scaffold.from_energies.format_settings",
+        lambda _: settings,
     )
     with pytest.raises(NewError, match="no engine agrees with the equations read"):
         from_model(model, tmp_path / "read")

@@ -13,13 +13,13 @@ import numpy as np
 import pybullet_data
 import pytest
 
+from physics_crosscheck.harness.commands.scaffold.folder import NewError
+from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.run import Options, Selection, run
-from physics_crosscheck.harness.scaffold.folder import NewError
-from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.reference.load import load_declaration, load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
@@ -95,7 +95,9 @@ def test_what_is_declared_is_the_tree_of_the_file_to_the_last_digit(
     tmp_path: Path, file: Path | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What engines make of it is tested below.
-    monkeypatch.setattr("physics_crosscheck.harness.scaffold.from_tree._run", lambda *_: ({}, []))
+    monkeypatch.setattr(
+        "physics_crosscheck.harness.commands.scaffold.from_tree._run", lambda *_: ({}, [])
+    )
     file = written(tmp_path / "given") if file is None else file
     from_model(file, tmp_path / "made")
     declared, robot = bodies(tmp_path / "made"), read_robot(file)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.run import Options, Selection, run
-from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.system import System

@@ -11,7 +11,7 @@ from typing import TextIO, cast
 import pytest
 from rich.console import Console
 
-from physics_crosscheck.harness.gate.text import _cell, _code
+from physics_crosscheck.harness.commands.gate.text import _cell, _code
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause

@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from physics_crosscheck.harness.gate.accept import AcceptError, accept
-from physics_crosscheck.harness.gate.gate import gate
-from physics_crosscheck.harness.gate.text import accepted_lines
+from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept
+from physics_crosscheck.harness.commands.gate.gate import gate
+from physics_crosscheck.harness.commands.gate.text import accepted_lines
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, USAGE
 from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, targets_and_options
 from physics_crosscheck.harness.modelfiles.folders import check_engines

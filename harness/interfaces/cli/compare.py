@@ -6,19 +6,19 @@ import argparse
 import datetime
 import sys
 
-from physics_crosscheck.harness.compare.candidate import (
+from physics_crosscheck.harness.commands.compare.candidate import (
     CompareError,
     NotInstalledError,
     UnreadableModelError,
     candidate,
 )
-from physics_crosscheck.harness.compare.compare import (
+from physics_crosscheck.harness.commands.compare.compare import (
     CompareOptions,
     compare,
     failed_comparison,
 )
-from physics_crosscheck.harness.compare.execute import FailureError
-from physics_crosscheck.harness.compare.match import declared
+from physics_crosscheck.harness.commands.compare.execute import FailureError
+from physics_crosscheck.harness.commands.compare.match import declared
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.jobs.workers import Workers

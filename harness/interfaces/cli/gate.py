@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from physics_crosscheck.harness.gate.gate import accepted_targets, gate, robots_in
-from physics_crosscheck.harness.gate.notes import notes
-from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.gate.survey import GateOptions
-from physics_crosscheck.harness.gate.text import code_hint, gate_lines, summary
+from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
+from physics_crosscheck.harness.commands.gate.notes import notes
+from physics_crosscheck.harness.commands.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.survey import GateOptions
+from physics_crosscheck.harness.commands.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets

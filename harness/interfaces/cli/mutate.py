@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 
+from physics_crosscheck.harness.commands.mutation.mutate import mutate
+from physics_crosscheck.harness.commands.mutation.survey import MutationError
+from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.mutation.mutate import mutate
-from physics_crosscheck.harness.mutation.survey import MutationError
-from physics_crosscheck.harness.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutations
 from physics_crosscheck.harness.records.results import nothing_tested
 from physics_crosscheck.harness.records.write import encoded, write_whole

@@ -6,9 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
+from physics_crosscheck.harness.commands.scaffold.folder import (
+    NewError,
+    check_name,
+    example,
+    write_folder,
+)
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, USAGE
 from physics_crosscheck.harness.results.visible import visible
-from physics_crosscheck.harness.scaffold.folder import NewError, check_name, example, write_folder
 
 
 def main(options: argparse.Namespace) -> int:
@@ -24,7 +29,7 @@ def main(options: argparse.Namespace) -> int:
             write_folder(target, example(target.name))
         else:
             # Reading a model needs sympy and engines; the example needs neither.
-            from physics_crosscheck.harness.scaffold.from_model import from_model
+            from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 
             written = from_model(
                 options.model, target, floating=options.floating, chosen=options.chosen_model

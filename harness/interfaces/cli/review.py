@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
-from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
-from physics_crosscheck.harness.gate.gate import gate
-from physics_crosscheck.harness.gate.result import GateResult
-from physics_crosscheck.harness.gate.review import Decisions, Review
-from physics_crosscheck.harness.gate.text import accepted_lines, change_lines
+from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept_each
+from physics_crosscheck.harness.commands.gate.gate import gate
+from physics_crosscheck.harness.commands.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.review import Decisions, Review
+from physics_crosscheck.harness.commands.gate.text import accepted_lines, change_lines
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, targets_and_options
 from physics_crosscheck.harness.modelfiles.folders import check_engines

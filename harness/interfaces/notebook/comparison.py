@@ -14,13 +14,13 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.compare.candidate import CompareError, candidate
-from physics_crosscheck.harness.compare.compare import (
+from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidate
+from physics_crosscheck.harness.commands.compare.compare import (
     CompareOptions,
     failed_comparison,
 )
-from physics_crosscheck.harness.compare.compare import compare as compared
-from physics_crosscheck.harness.compare.execute import FailureError
+from physics_crosscheck.harness.commands.compare.compare import compare as compared
+from physics_crosscheck.harness.commands.compare.execute import FailureError
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.interfaces.notebook.markup import (
     badge,

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from physics_crosscheck.harness.baseline.store import BaselineError
-from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
-from physics_crosscheck.harness.gate.gate import gate
-from physics_crosscheck.harness.gate.survey import GateOptions
-from physics_crosscheck.harness.gate.text import accepted_lines
+from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept_each
+from physics_crosscheck.harness.commands.gate.gate import gate
+from physics_crosscheck.harness.commands.gate.survey import GateOptions
+from physics_crosscheck.harness.commands.gate.text import accepted_lines
 from physics_crosscheck.harness.interfaces.pytest_plugin.collect import (
     RUNNER,
     RobotFile,

@@ -1,0 +1,372 @@
+"""Effect of each difference of the files on the motions, and of all differences together."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from physics_crosscheck.harness.commands.compare.candidate import Candidate, CompareError
+from physics_crosscheck.harness.commands.compare.diff import SourceEdit, applied, edits
+from physics_crosscheck.harness.commands.compare.execute import FailureError, ask, ask_each
+from physics_crosscheck.harness.commands.compare.judge import Recorded
+from physics_crosscheck.harness.commands.compare.match import Match
+from physics_crosscheck.harness.commands.compare.prepared import PreparedComparison
+from physics_crosscheck.harness.commands.compare.segments import Ends, quick, unwrapped
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, Spring
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
+from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
+from physics_crosscheck.reference.solving.segments import Segments, even_indices
+
+MAX_SINGLE_TRIALS = 24
+"""Maximum number of differences tried one by one, largest first; the rest is only counted."""
+
+TRIAL_RUNS = 32
+"""Runs on which differences are tried."""
+
+SMOOTH_UNCERTAINTY = 1e-9
+"""Relative uncertainty of end states below which runs are preferred."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attribution:
+    """Effects of the differences of the files.
+
+    Attributes:
+        trials: of each difference, and of all together; the largest effect first.
+        untried: number of differences not tried alone.
+        silent: a sentence for each difference without effect on any run, except visual ones and
+            time steps.
+    """
+
+    trials: tuple[FileDifference, ...]
+    untried: int = 0
+    silent: tuple[str, ...] = ()
+
+
+def attributed(
+    executor: Executor,
+    prepared: PreparedComparison,
+    recorded: Recorded,
+    followed: Ends,
+    is_known: bool,
+) -> Attribution:
+    """Apply the differences of the files to copies of A, one by one and together.
+
+    Args:
+        executor: runs the engines.
+        prepared: both models.
+        recorded: runs of the source.
+        followed: the target's end states.
+        is_known: whether bodies or joints are known to differ; then many differences are not tried
+            one by one.
+
+    Raises:
+        FailureError: if a file cannot be read, or an engine fails with the unchanged files.
+    """
+    try:
+        differences = edits(*prepared.models)
+    except LocationError as error:
+        raise FailureError(Failure(str(error), "")) from None
+    can = [edit for edit in differences if edit.changes or edit.settings]
+    rest = [
+        _difference((edit,), not_tried="it can't be tried alone")
+        for edit in differences
+        if not edit.changes and not edit.settings
+    ]
+    engine, root = engines()[prepared.models[0].engine], _root(prepared.models[0].sidecar.model)
+    visual = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
+    quiet = [edit.record for edit in differences if not _is_physical(edit, root, visual)]
+    if not can:
+        return Attribution(trials=tuple(rest), silent=_silent(rest, quiet))
+    bench = _Bench.prepare(executor, prepared, recorded, followed, len(can))
+    looks = [re.compile(pattern) for pattern in engine.non_physical]
+    ineffective = [edit for edit in can if _is_ineffective(edit, root, looks)]
+    others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
+    idle_limit = (
+        0 if is_known and len(others) + len(ineffective) > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
+    )
+    trials = bench.try_ineffective(ineffective, idle_limit)
+    single_limit = 0 if is_known and len(others) > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
+    sets: list[tuple[SourceEdit, ...]] = [(edit,) for edit in others[:single_limit]]
+    untried = len(can) - len(trials) - len(sets)
+    if len(can) > 1:
+        sets.append(tuple(can))
+    trials += [*bench.tried(sets), *rest]
+    # Round to six digits, so that last digits do not change the order of like trials.
+    trials.sort(key=_largest_first)
+    return Attribution(trials=tuple(trials), untried=untried, silent=_silent(trials, quiet))
+
+
+def _largest_first(trial: FileDifference) -> tuple[float, float, int]:
+    explained, moved = (
+        float("inf") if size is None else size for size in (trial.explained, trial.moved)
+    )
+    return (
+        -round(explained, 6) if np.isfinite(explained) else 0.0,
+        -float(f"{moved:.5e}"),
+        len(trial.edits),
+    )
+
+
+def _silent(trials: Sequence[FileDifference], quiet: Sequence[FileEdit]) -> tuple[str, ...]:
+    """Return a sentence for each difference without effect on any run, except quiet ones."""
+    silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or one.moved == 0))
+    edits = (one.edits[0] for one in silent)
+    return tuple(f"{e.what}: {e.a} in A, {e.b} in B" for e in edits if e not in quiet)
+
+
+def _is_physical(edit: SourceEdit, root: str, visual: Iterable[re.Pattern[str]]) -> bool:
+    """Return whether a difference may affect motions at all, unlike colours and time steps."""
+    return not (_is_ineffective(edit, root, visual) or edit.record.what.startswith(SETTINGS))
+
+
+NO_PHYSICS = ("looks", "step and solver")
+"""Categories of numbers without physical effect."""
+
+SETTINGS = ("sidecar:settings.step", "sidecar:settings.integrator", "option@integrator")
+
+
+def _root(file: Path) -> str:
+    """Return the tag of an XML file's root element, or "" for other files."""
+    return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
+
+
+def _is_ineffective(edit: SourceEdit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
+    """Return whether a difference probably affects no motion, such as a shape; it is tried anyway.
+
+    A whole element counts like its numbers.
+    """
+    tags = re.sub(r"\[[^\]]*\]", "", edit.record.what)
+    paths = (f"{root}/{tags}", f"{root}/{tags.replace('@', '/')}/")
+    return bool(edit.changes) and any(one.fullmatch(path) for one in looks for path in paths)
+
+
+def _actuation(a: Candidate, b: Candidate) -> dict[str, list[float]]:
+    """Return the settings that hold B's actuators; A's if as many, since they keep their order."""
+    mine, its = (one.settings for one in (a, b))
+    held: dict[str, list[float]] = {}
+    for key in sorted(b.given & {"controls", "activations"}):
+        values, values_of_a = its[key], mine.get(key)
+        assert isinstance(values, list)
+        is_alike = isinstance(values_of_a, list) and len(values_of_a) == len(values)
+        held[key] = list(values_of_a if is_alike else values)  # type: ignore[call-overload]
+    return held
+
+
+def _size(edit: SourceEdit) -> float:
+    """Return the relative change of a number, or 1 for anything else."""
+    try:
+        old, new = float(edit.record.a), float(edit.record.b)
+    except ValueError:
+        return 1.0
+    large = max(abs(old), abs(new))
+    return abs(old - new) / large if large and np.isfinite(large) else 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Bench:
+    """Setup for trials: end states of A and B, unmodified.
+
+    Attributes:
+        task: the part common to all trials.
+        a, b: end states, (K, 2m).
+        scale: how far each component moves, (2m,).
+        floor: relative size below which nothing is certain.
+        count: number of differences that can be applied.
+    """
+
+    executor: Executor
+    task: TrialTask
+    a: Array
+    b: Array
+    scale: Array
+    floor: float
+    count: int
+
+    @staticmethod
+    def prepare(
+        executor: Executor,
+        prepared: PreparedComparison,
+        recorded: Recorded,
+        followed: Ends,
+        count: int,
+    ) -> _Bench:
+        """Run both models, unmodified, on some of the runs."""
+        doubt = (recorded.bound + followed.uncertainty) / recorded.compared.unit
+        # Elsewhere than in smooth runs nothing is certain.
+        smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
+        smooth = smooth if len(smooth) else np.arange(len(doubt))
+        some = smooth[even_indices(len(smooth), TRIAL_RUNS)]
+        match, actuation = prepared.match, _actuation(*prepared.models)
+
+        def task(candidate: Candidate) -> TrialTask:
+            source = candidate.label == match.source
+            runs = recorded.runs if source else recorded.compared
+            return TrialTask(
+                candidate=candidate,
+                edits=(),
+                runs=runs.pick(some),
+                match=match if source else None,
+                near=recorded.compared.end[some],
+                periodic=match.periodic,
+                other=actuation,
+            )
+
+        of_a, of_b = map(task, prepared.models)
+        relevant = doubt[some]
+        return _Bench(
+            executor=executor,
+            task=of_a,
+            a=ask(executor, prepared.models[0], tried, of_a),
+            b=ask(executor, prepared.models[1], tried, of_b),
+            scale=recorded.compared.unit,
+            count=count,
+            floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
+        )
+
+    def tried(self, sets: Sequence[tuple[SourceEdit, ...]]) -> list[FileDifference]:
+        """Apply each set of differences at once."""
+        tasks = [replace(self.task, edits=made, whole=len(made) == self.count) for made in sets]
+        values = ask_each(self.executor, self.task.candidate, tried, tasks)
+        return [
+            _difference(made, not_tried=value.reason)
+            if isinstance(value, Failure)
+            else _attributed(made, value, self.a, self.b, self.scale, self.floor)
+            for made, value in zip(sets, values, strict=True)
+        ]
+
+    def try_ineffective(self, group: Sequence[SourceEdit], limit: int) -> list[FileDifference]:
+        """Try probably ineffective differences at once; try some singly if there is an effect.
+
+        Args:
+            group: the differences.
+            limit: maximum number tried singly.
+        """
+        if len(group) > 1:
+            (together,) = self.tried([tuple(group)])
+            if not together.not_tried and together.moved == 0.0:
+                return [_difference((edit,)) for edit in group]
+        return self.tried([(edit,) for edit in group[:limit]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialTask:
+    """Input of a worker that tries some differences at once in one model.
+
+    Attributes:
+        candidate: the model to edit.
+        edits: applied together; () for the unchanged model.
+        runs: in its own coordinates.
+        match: conversion to the coordinates of the comparison; None: they are equal.
+        near: end states near which angles are taken, (K, 2m).
+        periodic: of the coordinates of the comparison.
+        other: settings that hold B's actuators.
+        whole: whether all differences are applied, so that actuators are those of B.
+    """
+
+    candidate: Candidate
+    edits: tuple[SourceEdit, ...]
+    runs: Segments
+    match: Match | None
+    near: Array
+    periodic: tuple[bool, ...]
+    other: Mapping[str, list[float]]
+    whole: bool = False
+
+
+def tried(task: TrialTask) -> Array:
+    """Return end states (K, 2m) of the runs with some edits applied to a copy.
+
+    Raises:
+        EngineError: if the edited model cannot run.
+    """
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        try:
+            model = _loaded(task, _edited(task.candidate, task.edits, Path(folder)))
+            if 2 * len(model.coordinates) != task.runs.start.shape[1]:
+                raise EngineError("it changes which joints there are")
+            ends = quick(model, task.runs, task.match)
+        except CompareError:
+            raise
+        except (RuntimeError, ValueError) as error:
+            # Drop the path of the temporary copy: the file's own name is enough.
+            raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error
+    if task.match is not None:
+        ends = task.match.convert(ends)
+    return unwrapped(ends, task.near, task.periodic)
+
+
+def _loaded(task: TrialTask, edited: Candidate) -> LoadedModel:
+    """Return the edited model, with its actuators held as A's, or as B's where they are B's.
+
+    Raises:
+        EngineError: if it cannot be loaded, or its number of actuators is neither A's nor B's.
+    """
+    held = [{}, task.other] if task.other else [{}]
+    for settings in reversed(held) if task.whole else held:
+        try:
+            return edited.with_settings(**settings).load()
+        except EngineError as error:
+            if not UNLIKE_ACTUATORS.search(str(error)):
+                raise
+    raise EngineError("it changes which actuators there are")
+
+
+UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")
+"""Error for a wrong number of actuators."""
+
+
+def _edited(candidate: Candidate, edits: Sequence[SourceEdit], folder: Path) -> Candidate:
+    """Return a copy of the model with edits; link to the other files of its folder."""
+    model = candidate.sidecar.model
+    copy = copy_with_texts(model, {model: applied(model.read_bytes(), tuple(edits))}, folder)
+    sidecar = replace(candidate.sidecar, model=copy)
+    springs = list(sidecar.springs)
+    settings = {**sidecar.settings, **sidecar.engine_settings.get(candidate.engine, {})}
+    for key, value in (setting for edit in edits for setting in edit.settings):
+        kind, _, name = key.partition(".")
+        if kind != "settings":
+            index = int(key.removeprefix("spring[").removesuffix("]"))
+            springs[index : index + 1] = [value] if isinstance(value, Spring) else []
+        elif value is None:
+            settings.pop(name, None)
+        else:
+            settings[name] = value
+    sidecar = replace(sidecar, springs=tuple(springs), settings=settings, engine_settings={})
+    return replace(candidate, sidecar=sidecar)
+
+
+def _difference(edits: Sequence[SourceEdit], **result: object) -> FileDifference:
+    """Return the record of edits, applied together; without a result they move nothing."""
+    values = {"moved": 0.0, "explained": 0.0, "not_tried": "", **result}
+    return FileDifference(edits=tuple(edit.record for edit in edits), **values)  # type: ignore[arg-type]
+
+
+def _attributed(
+    edits: tuple[SourceEdit, ...], edited: Array, a: Array, b: Array, scale: Array, floor: float
+) -> FileDifference:
+    """Return the effect of edits: end states of A edited, of A and of B, (K, 2m) each.
+
+    Below `floor`, relative to `scale`, nothing is certain.
+    """
+    moved = float(np.max(np.abs(edited - a) / scale))
+    before, after = (np.abs(one - b) / scale for one in (a, edited))
+    size, remaining = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
+    if moved <= floor:
+        return _difference(edits)
+    if float(np.max(after)) <= floor:
+        return _difference(edits, moved=moved, explained=1.0)
+    explained = number(1.0 - remaining / size if size > 0 else 0.0)
+    return _difference(edits, moved=number(moved), explained=explained)

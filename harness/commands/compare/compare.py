@@ -1,0 +1,474 @@
+"""`crosscheck compare`: from two files to one outcome and their differences.
+
+    prepare ─> states (source) ─> run both ─> judge ─> differences of the files ─> explained
+                                                    ├> each engine and its own file: `own_file`
+                                                    ├> terms of both, if nothing else explains it
+                                                    └> edits ─> trials (literals)
+
+Each engine runs in a worker process, so that a crash only ends the comparison.
+"""
+
+from __future__ import annotations
+
+import datetime
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec import structs
+
+from physics_crosscheck.harness.commands.compare.attribution import Attribution, attributed
+from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.commands.compare.execute import FailureError, ask
+from physics_crosscheck.harness.commands.compare.explained import Explained, explained
+from physics_crosscheck.harness.commands.compare.file_comparison import (
+    FileComparison,
+    compare_files,
+)
+from physics_crosscheck.harness.commands.compare.judge import (
+    Judgement,
+    Recorded,
+    judge,
+    recorded_runs,
+)
+from physics_crosscheck.harness.commands.compare.match import Match, halves
+from physics_crosscheck.harness.commands.compare.own_file import OwnFile, check_own_files
+from physics_crosscheck.harness.commands.compare.prepared import PreparedComparison, prepare
+from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
+from physics_crosscheck.harness.commands.compare.segments import (
+    Ends,
+    RunTask,
+    own_forces,
+    reversed_segments,
+    run_source,
+    run_target,
+)
+from physics_crosscheck.harness.commands.compare.states import StatesTask, sampled_states
+from physics_crosscheck.harness.commands.compare.terms import (
+    MechanicsTask,
+    TermFrame,
+    differing_terms,
+    mechanics,
+)
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
+from physics_crosscheck.harness.records.base import number, numbers
+from physics_crosscheck.harness.records.comparison import (
+    Compared,
+    ComparedModel,
+    ComparedRuns,
+    ComparedTerm,
+    ComparisonResult,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.reference.mechanism.tree import WORLD
+from physics_crosscheck.reference.solving.segments import Segments, even_indices
+
+MIN_REVERSED_DISCREPANCY = 1e-4
+"""Minimum discrepancy at which joints of opposite direction are sought."""
+
+MIN_EXPLAINED_SHARE = 0.99
+"""Share of a discrepancy above which both files' equations explain it; then no term is measured."""
+
+LIMIT_MARGIN = 0.1
+"""Share of a joint's range near its limits where no run starts if the limits act."""
+
+MORE_STATES = 6
+"""States at which terms are measured, beyond the number of independent coordinates."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareOptions:
+    """Models to compare, and how: see `harness.commands.compare.match` and `states`.
+
+    Attributes:
+        include_constraints: whether contacts, joint limits, dry friction and couplings act.
+        strict: whether real or possible differences that no run shows count as differences.
+    """
+
+    a: Candidate
+    b: Candidate
+    joints: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
+    starts: tuple[Mapping[str, float], ...] = ()
+    resolution: float = 1e-9
+    include_constraints: bool = False
+    strict: bool = False
+
+
+def compare(
+    options: CompareOptions, executor: Executor, created: datetime.datetime | None = None
+) -> ComparisonResult:
+    """Compare two models.
+
+    Raises:
+        CompareError: for joints without a match, with the remedy.
+        FailureError: if an engine fails, with its output.
+    """
+    began = time.perf_counter()
+    prepared = prepare(executor, options.a, options.b, options.joints, options.include_constraints)
+    motions = _motions(executor, options, prepared)
+    own_files = (OwnFile(), OwnFile())
+    if not options.include_constraints:
+        own_files = check_own_files(executor, prepared.facts, options.resolution)
+    share, measured = _causes(executor, prepared, motions, own_files, options.resolution)
+    attribution = attributed(
+        executor, prepared, motions.recorded, motions.followed, motions.files.moving
+    )
+    judged = motions.judgement
+    compared = _compared(prepared, motions, share, measured, attribution)
+    return ComparisonResult(
+        created=_spelled(created),
+        resolution=options.resolution,
+        models=tuple(map(_model, prepared.models, prepared.facts, own_files)),
+        outcome=judged.outcome,
+        strict=options.strict,
+        reason=judged.verdict.reason,
+        kind=judged.verdict.kind,
+        compared=structs.replace(compared, seconds=time.perf_counter() - began),
+    )
+
+
+def failed_comparison(
+    options: CompareOptions, failure: Failure, created: datetime.datetime | None = None
+) -> ComparisonResult:
+    """Return the record of a comparison that could not run."""
+    return ComparisonResult(
+        created=_spelled(created),
+        resolution=options.resolution,
+        models=tuple(_model(one, None, OwnFile()) for one in (options.a, options.b)),
+        outcome=Outcome.FAILED,
+        strict=options.strict,
+        reason=failure.reason,
+        kind=failure.kind,
+        stdout=failure.stdout,
+    )
+
+
+def _spelled(created: datetime.datetime | None) -> str:
+    return (created or datetime.datetime.now(datetime.UTC)).isoformat(timespec="seconds")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Turned:
+    """Joints of opposite direction in B, and the target's motion without that effect.
+
+    Attributes:
+        names: of these joints.
+        signs: -1 for each, (m,).
+        remaining: the largest discrepancy then.
+        followed: the target's end states then.
+    """
+
+    names: tuple[str, ...]
+    signs: Array
+    remaining: float
+    followed: Ends
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Motions:
+    """Motions of both models from the same states, and what their files state."""
+
+    start: StartRange
+    recorded: Recorded
+    followed: Ends
+    judgement: Judgement
+    files: FileComparison
+    turned: _Turned
+
+
+def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComparison) -> _Motions:
+    """Run both models, and compare their motions and their files."""
+    match = prepared.match
+    start = start_range(*prepared.source_first(prepared.facts), match)
+    recorded = _recorded(executor, options, prepared, start)
+    trial = _Trial(executor, prepared, recorded, options.resolution)
+    followed, judgement = trial.judged(np.ones(len(match.names)))
+    files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
+    return _Motions(
+        start=start,
+        recorded=recorded,
+        followed=followed,
+        judgement=judgement,
+        files=files,
+        turned=_reversed_joints(trial, judgement, followed, files),
+    )
+
+
+def states_task(
+    options: CompareOptions, prepared: PreparedComparison, start: StartRange
+) -> StatesTask:
+    """Return the input that samples the source's states."""
+    facts, _ = prepared.source_first(prepared.facts)
+    limits = start.limits
+    if options.include_constraints:
+        width = np.where(np.isinf(limits).any(axis=1), 0.0, np.ptp(limits, axis=1))
+        limits = limits + LIMIT_MARGIN * np.outer(width, [1.0, -1.0])
+    return StatesTask(
+        candidate=prepared.source_first(prepared.models)[0],
+        names=facts.coordinates,
+        tree=facts.sampled_tree,
+        match=prepared.match,
+        given=options.starts,
+        home=start.home,
+        limits=limits,
+        taut=start.taut,
+    )
+
+
+def _recorded(
+    executor: Executor, options: CompareOptions, prepared: PreparedComparison, start: StartRange
+) -> Recorded:
+    """Run the source from states of its own.
+
+    Raises:
+        FailureError: if no run is resolved.
+    """
+    task = states_task(options, prepared, start)
+    source, match = task.candidate, task.match
+    states = ask(executor, source, sampled_states, task)
+    ones = np.ones(len(match.names))
+    ran = ask(
+        executor, source, run_source, RunTask(source, states.runs, match, options.resolution, ones)
+    )
+    recorded = recorded_runs(states, ran, match, options.resolution)
+    if not len(recorded.bound):
+        lost = counted(recorded.lost, "run")
+        reason = f"its motion is resolved in none of {lost} (contact, limit, friction)"
+        raise FailureError(Failure(f"{source.name}: {reason}", ""))
+    return recorded
+
+
+def _runs_of_a(recorded: Recorded, match: Match) -> Segments | None:
+    """Return A's runs with forces on its own coordinates; None if these vary."""
+    if match.source == "B":
+        return recorded.compared
+    return own_forces(recorded.runs, match) if match.constant else None
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Runs of the target from the source's states, optionally with reversed joints."""
+
+    executor: Executor
+    prepared: PreparedComparison
+    recorded: Recorded
+    resolution: float
+
+    def judged(self, signs: Array) -> tuple[Ends, Judgement]:
+        target = self.prepared.source_first(self.prepared.models)[1]
+        task = RunTask(target, self.recorded.compared, None, self.resolution, signs)
+        followed = ask(self.executor, target, run_target, task)
+        return followed, judge(self.recorded, followed, self.prepared.match, self.resolution)
+
+
+def _reversed_joints(
+    trial: _Trial, judgement: Judgement, followed: Ends, files: FileComparison
+) -> _Turned:
+    """Return the joints of opposite direction.
+
+    Use the axes where both files have them. Otherwise reverse joints one after the other while that
+    removes most of the discrepancy.
+    """
+    names = trial.prepared.match.names
+    plain = _Turned(
+        names=(), signs=np.ones(len(names)), remaining=judgement.largest, followed=followed
+    )
+    differs = judgement.outcome is Outcome.DIFFERS
+    if not differs or plain.remaining < MIN_REVERSED_DISCREPANCY:
+        return plain
+    if files.sides is None:
+        return _sought(trial, plain)
+    turned = tuple(name for name in names if name in files.turned)
+    if not turned:
+        return plain
+    signs = np.where([name in turned for name in names], -1.0, 1.0)
+    followed, judgement = trial.judged(signs)
+    return _Turned(names=turned, signs=signs, remaining=judgement.largest, followed=followed)
+
+
+def _sought(trial: _Trial, best: _Turned) -> _Turned:
+    """Reverse one joint after the other while that removes most of the discrepancy."""
+    names = trial.prepared.match.names
+    while tried := list(_with_one_more(trial, best)):
+        nearest = min(tried, key=lambda one: one[1].remaining)[1]
+        if nearest.remaining > 0.1 * best.remaining:
+            break
+        # In a mechanism that is its own mirror image, several joints explain the difference alike.
+        largest = max(1.5 * nearest.remaining, trial.resolution)
+        alike = " or ".join(names[i] for i, one in tried if one.remaining <= largest)
+        best = replace(nearest, names=(*best.names, alike))
+    return best
+
+
+def _with_one_more(trial: _Trial, base: _Turned) -> Iterator[tuple[int, _Turned]]:
+    """Yield each joint that is not reversed yet, and the result of reversing it too."""
+    for i in np.flatnonzero(base.signs > 0):
+        signs = base.signs.copy()
+        signs[i] = -1.0
+        try:
+            followed, judgement = trial.judged(signs)
+        except FailureError:
+            continue
+        yield int(i), replace(base, signs=signs, remaining=judgement.largest, followed=followed)
+
+
+def _causes(
+    executor: Executor,
+    prepared: PreparedComparison,
+    motions: _Motions,
+    own_files: tuple[OwnFile, OwnFile],
+    resolution: float,
+) -> tuple[Explained | None, tuple[ComparedTerm, ...]]:
+    """Return what the files explain of a difference, and measured terms if nothing explains it."""
+    turned, files = motions.turned, motions.files
+    is_mapped = bool(turned.names) and turned.remaining <= resolution
+    if motions.judgement.outcome is Outcome.AGREES or is_mapped:
+        return None, ()
+    share: Explained | None = None
+    if files.sides is not None:
+        sides = prepared.source_first(files.sides)
+        share = explained(sides, prepared.match, motions.recorded, turned.followed, turned.signs)
+    by_files = files.moving and share is not None and share.share >= MIN_EXPLAINED_SHARE
+    if by_files or any(own.explains for own in own_files):
+        return share, ()
+    return share, _measured_terms(executor, prepared, motions.recorded, turned.signs)
+
+
+def _measured_terms(
+    executor: Executor, prepared: PreparedComparison, recorded: Recorded, signs: Array
+) -> tuple[ComparedTerm, ...]:
+    """Return the differing terms of A and B, measured at some states."""
+    states, match = recorded.states, prepared.match
+    z, w = halves(recorded.compared.start)
+    (going,) = np.nonzero(w.any(axis=1))
+    if not len(going):
+        return ()
+    chosen = list(states.independent)
+    picked = going[even_indices(len(going), len(chosen) + MORE_STATES)]
+    source = recorded.runs.pick(picked)
+    target = reversed_segments(recorded.compared.pick(picked), signs)
+    measured = [
+        ask(
+            executor,
+            candidate,
+            mechanics,
+            MechanicsTask(
+                candidate=candidate, match=map_, signs=turns, start=runs.start, states=states
+            ),
+        )
+        for candidate, map_, turns, runs in zip(
+            prepared.source_first(prepared.models), (match, None), (np.ones(len(signs)), signs),
+            (source, target), strict=True,
+        )
+    ]  # fmt: skip
+    a, b = prepared.source_first((measured[0], measured[1]))
+    frame = TermFrame(
+        [match.names[i] for i in chosen],
+        z[picked][:, chosen],
+        states.unit[chosen],
+        states.typical,
+    )
+    return differing_terms(a, b, frame)
+
+
+def _compared(
+    prepared: PreparedComparison,
+    motions: _Motions,
+    share: Explained | None,
+    measured: tuple[ComparedTerm, ...],
+    attribution: Attribution,
+) -> Compared:
+    """Return the record of the motions and their differences."""
+    judged, recorded, match = motions.judgement, motions.recorded, prepared.match
+    turned, files = motions.turned, motions.files
+    shown = judged.certain | (judged.outcome is not Outcome.DIFFERS)
+    return Compared(
+        discrepancy=number(judged.verdict.discrepancy),
+        uncertainty=number(judged.verdict.uncertainty),
+        component=judged.verdict.component,
+        joints=match.names,
+        by_component=tuple(numbers(np.where(shown, judged.by_component, 0.0).tolist())),
+        map=match.pairing,
+        left_out=match.left_out,
+        states_of=match.source,
+        runs=ComparedRuns(
+            count=len(recorded.bound),
+            length=recorded.runs.length,
+            driven=int(recorded.runs.start_inputs.any(axis=1).sum()),
+            lost=recorded.lost,
+        ),
+        turned=turned.names,
+        left_when_turned=number(turned.remaining) if turned.names else None,
+        properties=files.properties,
+        explained=None if share is None else number(share.share),
+        off=None if share is None else tuple(numbers(prepared.source_first(share.off))),
+        terms=measured,
+        differences=attribution.trials,
+        untried=attribution.untried,
+        untested=_untested(prepared, judged, files, attribution),
+        impossible=_impossible(prepared),
+        notes=_notes(prepared, recorded, motions.start),
+        seconds=0.0,
+    )
+
+
+def _impossible(prepared: PreparedComparison) -> tuple[str, ...]:
+    """Return messages about impossible inertias of moving links."""
+    robots = [own.robot for own in prepared.facts if own.robot is not None]
+    messages = [
+        str(one)
+        for robot in robots
+        for one in impossible_inertias(robot)
+        if one.link not in {part.name for part in robot.parts if part.body == WORLD}
+    ]
+    return tuple(dict.fromkeys(messages))
+
+
+def _untested(
+    prepared: PreparedComparison,
+    judgement: Judgement,
+    files: FileComparison,
+    attribution: Attribution,
+) -> tuple[str, ...]:
+    """Return real or possible differences that do not change the outcome."""
+    agrees = judgement.outcome is Outcome.AGREES
+    messages = [one.message for one in files.properties if agrees or not one.moves]
+    messages += attribution.silent
+    if attribution.untried:
+        messages.append(f"{attribution.untried} differences of the files that were not tried alone")
+    return (*dict.fromkeys(messages), *prepared.uncompared)
+
+
+def _notes(prepared: PreparedComparison, recorded: Recorded, start: StartRange) -> tuple[str, ...]:
+    """Return assumptions and actions, without duplicates."""
+    source, lost = prepared.match.source, recorded.lost
+    notes = [*(note for one in prepared.models for note in one.notes), *prepared.notes]
+    notes += range_notes(start.strangers, source)
+    if lost:
+        every = counted(lost + len(recorded.bound), "run")
+        notes.append(
+            f"{lost} of {every} left out: there the motion of {source} is not resolved (a contact,"
+            " a limit, friction, or too quick)"
+        )
+    return tuple(dict.fromkeys(notes))
+
+
+def _model(candidate: Candidate, facts: Facts | None, own_file: OwnFile) -> ComparedModel:
+    return ComparedModel(
+        model=str(candidate.sidecar.model),
+        engine=candidate.engine,
+        version=engines()[candidate.engine].version(),
+        notes=candidate.notes,
+        coordinates=None if facts is None else facts.coordinates,
+        integrator=None if facts is None else facts.integrator,
+        step=None if facts is None else number(facts.step),
+        gravity=None if facts is None else numbers(facts.gravity),
+        case=own_file.case,
+        diagnosis=own_file.diagnosis,
+    )

@@ -1,0 +1,368 @@
+"""Edits that turn A's file into B's: numbers, words, whole elements."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import accumulate, pairwise
+from pathlib import Path
+
+from physics_crosscheck.harness.commands.compare.candidate import Candidate
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import Location, apply_edits
+from physics_crosscheck.harness.modelfiles.locations import find
+from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, Element, Value, outline
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.comparison import FileEdit
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceEdit:
+    """One difference between the files of A and B.
+
+    Attributes:
+        record: the difference, by an address of `harness.modelfiles.locations` if it has one.
+        changes: replacements of bytes in A's model file, (first, after the last, new bytes).
+        settings: new values of settings in A's sidecar, by key; None removes one.
+    """
+
+    record: FileEdit
+    changes: tuple[tuple[int, int, bytes], ...] = ()
+    settings: tuple[tuple[str, object], ...] = ()
+
+
+def _edit(
+    what: str,
+    where_a: SourceLine,
+    where_b: SourceLine,
+    a: str,
+    b: str,
+    changes: tuple[tuple[int, int, bytes], ...] = (),
+    settings: tuple[tuple[str, object], ...] = (),
+) -> SourceEdit:
+    record = FileEdit(what=what, a=a, b=b, where_a=where_a, where_b=where_b)
+    return SourceEdit(record=record, changes=changes, settings=settings)
+
+
+def edits(a: Candidate, b: Candidate) -> tuple[SourceEdit, ...]:
+    """Return all differences that an engine may read; () for unlike formats without bindings.
+
+    Comments and white space are ignored.
+
+    Raises:
+        LocationError: for an unreadable file, with its line.
+    """
+    file_a, file_b = a.sidecar.model, b.sidecar.model
+    if file_a.suffix != file_b.suffix:
+        return tuple(_bound(a, b))
+    differences: list[SourceEdit] = []
+    if file_a.suffix in MARKUP:
+        differences += _Xml(file_a, file_b).edits()
+    elif file_a.suffix == ".py":
+        differences += _python(file_a, file_b)
+    return (*differences, *_settings(a, b))
+
+
+class _Xml:
+    """Two XML files, element by element."""
+
+    def __init__(self, a: Path, b: Path) -> None:
+        self.a, self.b = a, b
+        self.data_a, self.data_b = a.read_bytes(), b.read_bytes()
+
+    def edits(self) -> Iterator[SourceEdit]:
+        yield from self._elements(outline(self.a, self.data_a), outline(self.b, self.data_b))
+
+    def _elements(self, a: Element, b: Element) -> Iterator[SourceEdit]:
+        for name in dict.fromkeys([*a.attributes, *b.attributes]):
+            yield from self._attribute(name, a, b)
+        if a.text.text.split() != b.text.text.split():
+            yield from self._value(a.label, a.text, b.text, a, b)
+        pairs, gone, new = _aligned(a.children, b.children)
+        for element, partner in pairs:
+            yield from self._elements(element, partner)
+        for element in gone:
+            text = self.data_a[element.start : element.end].decode()
+            yield _edit(
+                what=element.label,
+                where_a=self._at_a(element.line),
+                where_b=self._at_b(b.line),
+                a=_short(text),
+                b="nothing",
+                changes=((element.start, element.end, b""),),
+            )
+        for element in new:
+            data = self.data_b[element.start : element.end]
+            changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
+            yield _edit(
+                what=element.label,
+                where_a=self._at_a(a.line),
+                where_b=self._at_b(element.line),
+                a="nothing",
+                b=_short(data.decode()),
+                changes=changes,
+            )
+
+    def _attribute(self, name: str, a: Element, b: Element) -> Iterator[SourceEdit]:
+        value_a, value_b = a.attributes.get(name), b.attributes.get(name)
+        label = f"{a.label}@{name}"
+        if value_a is not None and value_b is not None:
+            if value_a.text.split() != value_b.text.split():
+                yield from self._value(label, value_a, value_b, a, b)
+        elif value_b is not None:
+            data = b" " + self.data_b[value_b.outer[0] : value_b.outer[1]].strip()
+            yield _edit(
+                what=label,
+                where_a=self._at_a(a.line),
+                where_b=self._at_b(value_b.line),
+                a="nothing",
+                b=value_b.text,
+                changes=((a.tag_end, a.tag_end, data),),
+            )
+        elif value_a is not None:
+            yield _edit(
+                what=label,
+                where_a=self._at_a(value_a.line),
+                where_b=self._at_b(b.line),
+                a=value_a.text,
+                b="nothing",
+                changes=((*value_a.outer, b""),),
+            )
+
+    def _value(
+        self, label: str, value_a: Value, value_b: Value, a: Element, b: Element
+    ) -> Iterator[SourceEdit]:
+        """Compare word by word if both hold equally many numbers, else as a whole."""
+        old, new = value_a.text.split(), value_b.text.split()
+        edit = partial(
+            _edit,
+            where_a=self._at_a(value_a.line or a.line),
+            where_b=self._at_b(value_b.line or b.line),
+        )
+        numbers = all(map(_is_number, [*old, *new]))
+        if not numbers or len(old) != len(new) or len(value_a.words) != len(old):
+            change = (*value_a.span, self.data_b[value_b.span[0] : value_b.span[1]])
+            yield edit(
+                what=label, a=_short(value_a.text), b=_short(value_b.text), changes=(change,)
+            )
+            return
+        for i, (x, y) in enumerate(zip(old, new, strict=True)):
+            if float(x) != float(y):
+                index = f"[{i}]" if len(old) > 1 else ""
+                change = (*value_a.words[i], y.encode())
+                yield edit(what=label + index, a=x, b=y, changes=(change,))
+
+    def _at_a(self, line: int) -> SourceLine:
+        return SourceLine(file=str(self.a), line=line)
+
+    def _at_b(self, line: int) -> SourceLine:
+        return SourceLine(file=str(self.b), line=line)
+
+
+def _aligned(
+    a: tuple[Element, ...], b: tuple[Element, ...]
+) -> tuple[list[tuple[Element, Element]], list[Element], list[Element]]:
+    """Pair children that correspond, also if only a name differs; return the unpaired ones too."""
+    remaining = {child.key: child for child in b}
+    pairs = [(child, remaining.pop(child.key)) for child in a if child.key in remaining]
+    paired = {id(child) for child, _ in pairs}
+    gone = [child for child in a if id(child) not in paired]
+    new = list(remaining.values())
+    for tag in dict.fromkeys(child.tag for child in gone):
+        ours = [child for child in gone if child.tag == tag]
+        theirs = [child for child in new if child.tag == tag]
+        if len(ours) == len(theirs):
+            pairs += zip(ours, theirs, strict=True)
+            gone = [child for child in gone if child.tag != tag]
+            new = [child for child in new if child.tag != tag]
+    return pairs, gone, new
+
+
+def _python(a: Path, b: Path) -> Iterator[SourceEdit]:
+    """Yield differing numbers of two files whose code is otherwise the same."""
+    tree_a, tree_b = _parsed(a), _parsed(b)
+    names = {
+        id(s.value): s.targets[0].id
+        for s in tree_a.body
+        if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)
+    }
+    numbers_a, numbers_b = _Numbers(), _Numbers()
+    code_a, code_b = (
+        [(ast.dump(numbers.visit(s)), s.lineno) for s in tree.body]
+        for numbers, tree in ((numbers_a, tree_a), (numbers_b, tree_b))
+    )
+    data = a.read_bytes()
+    if [text for text, _ in code_a] != [text for text, _ in code_b]:
+        same = zip(code_a, code_b, strict=False)
+        least = min(len(code_a), len(code_b))
+        first = next((i for i, (x, y) in enumerate(same) if x[0] != y[0]), least)
+        yield _edit(
+            what="code",
+            where_a=_code_line(a, code_a, first),
+            where_b=_code_line(b, code_b, first),
+            a="this",
+            b="other code than numbers",
+            changes=((0, len(data), b.read_bytes()),),
+        )
+        return
+    starts = [0, *accumulate(map(len, data.splitlines(keepends=True)))]
+    for number_a, number_b in zip(numbers_a.nodes, numbers_b.nodes, strict=True):
+        if ast.literal_eval(number_a) != ast.literal_eval(number_b):
+            first = starts[number_a.lineno - 1] + number_a.col_offset
+            last = starts[(number_a.end_lineno or 1) - 1] + (number_a.end_col_offset or 0)
+            old, new = ast.unparse(number_a), ast.unparse(number_b)
+            yield _edit(
+                what=names.get(id(number_a), "number"),
+                where_a=SourceLine(file=str(a), line=number_a.lineno),
+                where_b=SourceLine(file=str(b), line=number_b.lineno),
+                a=old,
+                b=new,
+                changes=((first, last, new.encode()),),
+            )
+
+
+def _parsed(path: Path) -> ast.Module:
+    try:
+        return _without_docstrings(ast.parse(path.read_bytes(), filename=str(path)))
+    except SyntaxError as error:
+        sentence = f"no Python: {error.msg}"
+        raise LocationError(sentence, file=path, line=error.lineno or 1) from None
+
+
+def _code_line(file: Path, code: Sequence[tuple[str, int]], index: int) -> SourceLine:
+    """Return the line of a statement, or of the last one of shorter code."""
+    return SourceLine(file=str(file), line=code[min(index, len(code) - 1)][1] if code else 1)
+
+
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
+            value = body[0].value
+            if isinstance(value, ast.Constant) and isinstance(value.value, str):
+                value.value = ""
+    return tree
+
+
+class _Numbers(ast.NodeTransformer):
+    """Replaces numbers by zeros, and keeps the originals with their signs."""
+
+    def __init__(self) -> None:
+        self.nodes: list[ast.expr] = []
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        signed = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd)
+        inner = node.operand if isinstance(node, ast.UnaryOp) and signed else node
+        if isinstance(inner, ast.Constant) and type(inner.value) in (int, float):
+            assert isinstance(node, ast.expr)
+            self.nodes.append(node)
+            return ast.Constant(0)
+        return self.generic_visit(node)
+
+
+def _settings(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
+    """Yield differences of settings and springs, stated in the sidecars or assumed."""
+    stated_a, stated_b = _stated(a), _stated(b)
+    for key in dict.fromkeys([*stated_a, *stated_b]):
+        old, new = stated_a.get(key), stated_b.get(key)
+        if old != new:
+            yield _edit(
+                what=f"sidecar:{key}",
+                where_a=_toml_line(a, key),
+                where_b=_toml_line(b, key),
+                a="nothing" if old is None else str(old),
+                b="nothing" if new is None else str(new),
+                settings=((key, new),),
+            )
+
+
+def _stated(candidate: Candidate) -> dict[str, object]:
+    spec = candidate.sidecar.spec(candidate.engine)
+    stated = ((key, value) for key, value in spec.settings.items() if key not in candidate.given)
+    values = {f"settings.{key}": value for key, value in stated}
+    for i, spring in enumerate(spec.springs):
+        values[f"spring[{i}]"] = spring
+    return values
+
+
+def _toml_line(candidate: Candidate, key: str) -> SourceLine:
+    file = Path(f"{candidate.sidecar.model}.toml")
+    specific = key.replace("settings.", f"settings.{candidate.engine}.", 1)
+    for name in (specific, f"{specific}[0]", key, f"{key}[0]", f"{key}.stiffness"):
+        try:
+            return _line(find(file, [name])[name])
+        except LocationError:
+            continue
+    return SourceLine(file=str(file))
+
+
+def _line(location: Location) -> SourceLine:
+    return SourceLine(file=str(location.file), line=location.line)
+
+
+def _bound(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
+    """Yield unlike literals, across formats, that both sidecars bind to one expression."""
+    bound_a, bound_b = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
+    for expression in (one for one in bound_a if one in bound_b):
+        try:
+            ours = _find_bound(a, bound_a[expression])
+            theirs = _find_bound(b, bound_b[expression])
+        except LocationError:
+            continue
+        for address, place in ours.items():
+            for named, there in theirs.items():
+                if abs(place.value - there.value) > 1e-12 * abs(there.value):
+                    change = (place.start, place.end, there.text.encode())
+                    yield _edit(
+                        what=f"{address} and {named}, both {expression}",
+                        where_a=_line(place),
+                        where_b=_line(there),
+                        a=place.text,
+                        b=there.text,
+                        changes=(change,),
+                    )
+
+
+def _find_bound(candidate: Candidate, addresses: list[str]) -> dict[str, Location]:
+    """Return locations in the model file; literals of the sidecar are compared as settings."""
+    in_model = [address for address in addresses if not address.startswith("sidecar:")]
+    return dict(find(candidate.sidecar.model, in_model))
+
+
+def _by_expression(bindings: Mapping[str, str]) -> dict[str, list[str]]:
+    addresses: dict[str, list[str]] = {}
+    for address, expression in bindings.items():
+        try:
+            spelled = ast.unparse(ast.parse(expression.strip(), mode="eval"))
+        except SyntaxError:
+            continue
+        addresses.setdefault(spelled, []).append(address)
+    return addresses
+
+
+def applied(data: bytes, differences: tuple[SourceEdit, ...]) -> bytes:
+    """Return the bytes of A's model file with some edits.
+
+    Raises:
+        ValueError: for overlapping edits.
+    """
+    changes = sorted(change for edit in differences for change in edit.changes)
+    for (_, end, _), (start, _, _) in pairwise(changes):
+        if start < end:
+            raise ValueError("these edits overlap")
+    return apply_edits(data, changes)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return "_" not in word
+
+
+def _short(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."

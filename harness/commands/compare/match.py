@@ -1,0 +1,291 @@
+"""Map from the coordinates, states and forces of one model to those of the other."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.harness.commands.compare.candidate import CompareError
+from physics_crosscheck.harness.commands.compare.partners import JointPairs, pair_joints
+from physics_crosscheck.harness.documents.reading import (
+    MAX_SIDECAR_BYTES,
+    TomlError,
+    read_regular,
+    toml_document,
+)
+from physics_crosscheck.harness.modelfiles.expressions import parse
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
+
+
+@dataclass(frozen=True, kw_only=True)
+class Match:
+    """Map from the coordinates z of the source, (nz,), to the m coordinates c of the target.
+
+    The source provides the states. It may have coordinates that the target lacks.
+
+    Attributes:
+        source: "A" or "B"; the target is the other.
+        names: the target's coordinates, as the comparison calls them.
+        pairing: a phrase for each pair that differs in name or by a formula.
+        left_out: coordinates of the source that no coordinate of the target depends on.
+        constant: whether dc/dz is constant.
+        value: c(z).
+        slope: dc/dz, flattened, (..., m * nz).
+        push: dc/dz^T times forces on c, as a function of (z, forces), (..., nz).
+        rates: derivatives of (c, dc/dt) with respect to (z, w), flattened, (..., 2m * 2nz).
+        periodic: which c are angles known modulo 2 pi.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    pairing: tuple[str, ...]
+    left_out: tuple[str, ...]
+    constant: bool
+    value: NumericFunction
+    slope: NumericFunction
+    push: NumericFunction
+    rates: NumericFunction
+    periodic: tuple[bool, ...]
+
+    def slopes(self, z: Array) -> Array:
+        """Return dc/dz, (B, m, nz)."""
+        return self.slope(z).reshape(len(z), len(self.names), -1)
+
+    def convert(self, states: Array) -> Array:
+        """Convert states (B, 2nz) of the source to the target's, (B, 2m)."""
+        z, w = halves(states)
+        return np.hstack([self.value(z), np.einsum("bmz,bz->bm", self.slopes(z), w)])
+
+    def errors(self, states: Array, uncertainty: Array) -> Array:
+        """Convert uncertainties (B, 2nz) of states to those of the target's, (B, 2m)."""
+        z, w = halves(states)
+        slopes = np.abs(self.rates(z, w)).reshape(len(z), 2 * len(self.names), -1)
+        with np.errstate(invalid="ignore"):
+            errors = np.einsum("bij,bj->bi", slopes, uncertainty)
+        return np.where(np.isnan(errors), np.inf, errors)
+
+
+def halves(states: Array) -> tuple[Array, Array]:
+    """Return positions and velocities of states."""
+    n = states.shape[1] // 2
+    return states[:, :n], states[:, n:]
+
+
+def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the user's joint map: (a -> expression of b's, b -> expression of a's).
+
+    `joints` is the text of --joints, `a1=b1,a2=-b2`; the file's table [joints] gives coordinates
+    of B as expressions of those of A.
+
+    Raises:
+        CompareError: for unreadable text, with the place.
+    """
+    forward: dict[str, str] = {}
+    for part in filter(None, (p.strip() for p in joints.split(","))):
+        name, equals, expression = (p.strip() for p in part.partition("="))
+        if not equals or not name or not expression:
+            raise CompareError(f"--joints: {part!r} is not a pair such as hip=joint1 or hip=-j1")
+        forward[name] = expression
+    if file is None:
+        return forward, {}
+    try:
+        data = toml_document(read_regular(file, MAX_SIDECAR_BYTES).decode("utf-8"))
+    except OSError as error:
+        raise CompareError(f"{file}: can't be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise CompareError(f"{file}: can't be read: {error}") from None
+    except TomlError as error:
+        raise CompareError(f"{file}: can't be read{error}") from None
+    table = data.get("joints")
+    if set(data) != {"joints"} or not isinstance(table, dict):
+        raise CompareError(f"{file}: it needs one table, [joints], such as phi = 'x / 0.18'")
+    return forward, {name: str(value) for name, value in table.items()}
+
+
+def match(
+    a: Sequence[str],
+    b: Sequence[str],
+    given: tuple[Mapping[str, str], Mapping[str, str]],
+    readback: tuple[Mapping[str, str], Mapping[str, str]],
+    joint_pairs: JointPairs | None = None,
+) -> Match:
+    """Match coordinates by the user's map, the readback of a sidecar, or partners.
+
+    A is the source, unless only B has all coordinates that A's follow from.
+
+    Args:
+        given: what `declared` returns.
+        readback: [readback] of both sidecars.
+        joint_pairs: of the remaining coordinates; None: by name.
+
+    Raises:
+        CompareError: for coordinates without a match, with the remedy.
+    """
+    if joint_pairs is None:
+        joint_pairs = pair_joints(a, b, spoken_for(a, b, given, readback), None)
+    ways = []
+    of_a = {its: name for name, its in joint_pairs.pairs.items()}
+    for source, names, others, own_readback, partner in (
+        ("A", a, b, readback[0], of_a),
+        ("B", b, a, readback[1], joint_pairs.pairs),
+    ):
+        z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
+        expressions = _given(source, names, others, given, z) if any(given) else {}
+        for name in others:
+            if name in expressions:
+                continue
+            if name in own_readback and name not in z:
+                try:
+                    expressions[name] = parse(own_readback[name], z, f"[readback] {name}")
+                except SidecarError:
+                    continue  # it needs the constants of a system
+            elif name in partner:
+                expressions[name] = z[partner[name]]
+        missing = [name for name in others if name not in expressions]
+        if not missing:
+            plain = {name for name in partner if expressions[name] == z[partner[name]]}
+            return _compiled(source, names, others, expressions, z, joint_pairs.notes, plain)
+        ways.append(missing)
+    raise CompareError(_unmatched(a, b, ways[0], ways[1]))
+
+
+def _given(
+    source: str,
+    names: Sequence[str],
+    others: Sequence[str],
+    given: tuple[Mapping[str, str], Mapping[str, str]],
+    z: Mapping[str, sp.Symbol],
+) -> dict[str, sp.Expr]:
+    """Return the user's map as expressions of the source's coordinates."""
+    expressions: dict[str, sp.Expr] = {}
+    forward, backward = given
+    label = ("A", "B") if source == "A" else ("B", "A")
+    # Use expressions of the source's coordinates directly; invert the others.
+    direct, turned = (backward, forward) if source == "A" else (forward, backward)
+    for name, text in direct.items():
+        _check_name(name, others, label[1])
+        expressions[name] = _read(text, z, label[0])
+    c = {name: sp.Symbol(f"c{i}_", real=True) for i, name in enumerate(others)}
+    for name, text in turned.items():
+        _check_name(name, names, label[0])
+        expression = _read(text, c, label[1])
+        free = list(expression.free_symbols)
+        slope = expression.diff(free[0]) if len(free) == 1 else sp.Integer(0)
+        if len(free) != 1 or slope.free_symbols or slope == 0:
+            continue  # not invertible; the other model may be the source
+        other = next(n for n, symbol in c.items() if symbol == free[0])
+        expressions[other] = (z[name] - expression.subs(free[0], 0)) / slope
+    return expressions
+
+
+def spoken_for(
+    a: Sequence[str],
+    b: Sequence[str],
+    given: tuple[Mapping[str, str], Mapping[str, str]],
+    readback: tuple[Mapping[str, str], Mapping[str, str]],
+) -> tuple[set[str], set[str]]:
+    """Return coordinates of A and of B that the user maps or a sidecar reads back.
+
+    Raises:
+        CompareError: for unreadable text, with the place.
+    """
+    forward, backward = given
+    of_a = set(forward) | _used(backward, a, "A") | (set(readback[1]) & set(a)) - set(b)
+    of_b = set(backward) | _used(forward, b, "B") | (set(readback[0]) & set(b)) - set(a)
+    return of_a, of_b
+
+
+def _used(texts: Mapping[str, str], names: Sequence[str], label: str) -> set[str]:
+    """Return the coordinates that occur in expressions."""
+    z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
+    used = set[sp.Basic]().union(*(_read(text, z, label).free_symbols for text in texts.values()))
+    return {name for name, symbol in z.items() if symbol in used}
+
+
+def _check_name(name: str, names: Sequence[str], label: str) -> None:
+    if name not in names:
+        raise CompareError(f"the map names {name!r}; the joints of {label} are {', '.join(names)}")
+
+
+def _read(text: str, symbols: Mapping[str, sp.Symbol], label: str) -> sp.Expr:
+    try:
+        return parse(text, symbols, "the map")
+    except SidecarError as error:
+        names = ", ".join(symbols)
+        raise CompareError(f"{error}; the joints of {label} are {names}") from None
+
+
+def _unmatched(a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Sequence[str]) -> str:
+    parts = []
+    for label, missing in (("A", of_a), ("B", of_b)):
+        if missing:
+            what = "joint" if len(missing) == 1 else "joints"
+            parts.append(f"{what} {', '.join(missing)} of {label}")
+    pairs = []
+    remaining = list(of_b)
+    for name in of_a:
+        near = difflib.get_close_matches(name, remaining, n=1, cutoff=0.0)
+        if near:
+            remaining.remove(near[0])
+            pairs.append(f"{name}={near[0]}")
+    remedy = (
+        f"name the pairs, for instance --joints {','.join(pairs)}"
+        if pairs
+        else ("a joint that is locked in one model can't be compared: lock it in both")
+    )
+    return (
+        f"no match for {' and '.join(parts)}; the joints of A are {', '.join(a)}; those of B are"
+        f" {', '.join(b)}; {remedy}"
+    )
+
+
+def _compiled(
+    source: str,
+    names: Sequence[str],
+    others: Sequence[str],
+    expressions: Mapping[str, sp.Expr],
+    z: Mapping[str, sp.Symbol],
+    phrases: tuple[str, ...],
+    plain: set[str],
+) -> Match:
+    symbols = list(z.values())
+    w = [sp.Symbol(f"w{i}_", real=True) for i in range(len(symbols))]
+    value = [sp.sympify(expressions[name]) for name in others]
+    forces = [sp.Symbol(f"f{i}_", real=True) for i in range(len(value))]
+    slope = sp.zeros(len(value), len(symbols))
+    rates = sp.zeros(2 * len(value), 2 * len(symbols))
+    for i, expression in enumerate(value):
+        for j, symbol in enumerate(symbols):
+            if expression.has(symbol):
+                slope[i, j] = expression.diff(symbol)
+        rate = sum((slope[i, j] * w[j] for j in range(len(symbols))), sp.Integer(0))
+        turn = [rate.diff(symbol) if rate.has(symbol) else sp.Integer(0) for symbol in symbols]
+        for j in range(len(symbols)):
+            rates[i, j] = rates[len(value) + i, len(symbols) + j] = slope[i, j]
+            rates[len(value) + i, j] = turn[j]
+    used = set[sp.Basic]().union(*(e.free_symbols for e in value))
+    spelled = {symbol: sp.Symbol(name) for name, symbol in z.items()}
+    label, other = ("A", "B") if source == "A" else ("B", "A")
+    pairing = [
+        f"{name} of {other} is {sp.sstr(expression.xreplace(spelled))} of {label}"
+        for name, expression in zip(others, value, strict=True)
+        if expression != z.get(name) and name not in plain
+    ]
+    return Match(
+        source=source,
+        names=tuple(others),
+        pairing=(*phrases, *pairing),
+        left_out=tuple(name for name, symbol in z.items() if symbol not in used),
+        constant=not slope.free_symbols,
+        value=compile_function(value, symbols),
+        slope=compile_function(list(slope), symbols),
+        push=compile_function(list(slope.T * sp.Matrix(forces)), symbols, forces),
+        rates=compile_function(list(rates), symbols, w),
+        periodic=tuple(bool(e.has(sp.atan2)) for e in value),
+    )

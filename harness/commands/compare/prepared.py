@@ -1,0 +1,284 @@
+"""Preparation of both models: load them, pair their joints, and lock joints without a partner."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from physics_crosscheck.harness.commands.compare.actuators import held_alike, pair_actuators
+from physics_crosscheck.harness.commands.compare.candidate import (
+    COUPLED,
+    Candidate,
+    CompareError,
+    Facts,
+    facts,
+    smooth,
+)
+from physics_crosscheck.harness.commands.compare.execute import ask
+from physics_crosscheck.harness.commands.compare.match import Match, match, spoken_for
+from physics_crosscheck.harness.commands.compare.partners import JointPairs, pair_joints
+from physics_crosscheck.harness.commands.compare.placed import PlacedTree, placed, positions
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.reference.mechanism.tree import WORLD
+
+T = TypeVar("T")
+
+Pair = tuple[Facts, Facts]
+"""Both models, A first."""
+
+Maps = tuple[Mapping[str, str], Mapping[str, str]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedComparison:
+    """Input of a comparison.
+
+    Attributes:
+        facts: of both, as they run.
+        match: of their coordinates.
+        notes: actions, a sentence each.
+        uncompared: omissions that may differ, since no literals of one format show them.
+    """
+
+    facts: Pair
+    match: Match
+    notes: tuple[str, ...]
+    uncompared: tuple[str, ...]
+
+    @property
+    def models(self) -> tuple[Candidate, Candidate]:
+        """A and B."""
+        return self.facts[0].candidate, self.facts[1].candidate
+
+    def source_first(self, both: tuple[T, T]) -> tuple[T, T]:
+        """Return values of A and B as those of source and target, and the other way round."""
+        return both if self.match.source == "A" else both[::-1]
+
+
+def prepare(
+    executor: Executor, a: Candidate, b: Candidate, joints: Maps, include_constraints: bool
+) -> PreparedComparison:
+    """Load two models and pair their joints.
+
+    Raises:
+        CompareError: for unpaired joints that cannot be locked, with the remedy.
+        FailureError: if an engine fails.
+    """
+    if not include_constraints:
+        a, b = smooth(a, b)
+    models, floated = _loaded(executor, (a, b))
+    readback = a.sidecar.readback, b.sidecar.readback
+    names = models[0].coordinates, models[1].coordinates
+    given = spoken_for(*names, joints, readback)
+    joint_pairs = pair_joints(*names, given, _drawn(models))
+    notes = [*_left_out(models, include_constraints), *floated]
+    unlike = [] if include_constraints else list(_uncompared(models))
+    still: list[Mapping[str, float]] = [{}, {}]
+    if joint_pairs.pairs:
+        still = [_held(*one) for one in zip(models, joint_pairs.unpaired, strict=True)]
+    for label, other, held in zip("AB", "BA", still, strict=True):
+        notes += [
+            f"joint {name} of {label} has no partner in {other}: held at {at:g}"
+            for name, at in held.items()
+        ]
+    models = _with(executor, models, [{"held": list(held)} if held else {} for held in still])
+    if not include_constraints:
+        pairs = _joints(joint_pairs, joints)
+        models, more = _actuated(executor, models, pairs, held=any(still))
+        notes += more
+        unlike += [note for note in more if note.startswith(NOT_COMPARED)]
+    return PreparedComparison(
+        facts=models,
+        match=_matched(models, joints, readback, joint_pairs, still),
+        notes=tuple(notes),
+        uncompared=tuple(unlike),
+    )
+
+
+def _with(executor: Executor, models: Pair, settings: Sequence[Mapping[str, object]]) -> Pair:
+    """Return both models with more settings, loaded again where there are any."""
+    a, b = (
+        _load(executor, model.candidate.with_settings(**more)) if more else model
+        for model, more in zip(models, settings, strict=True)
+    )
+    return a, b
+
+
+def _load(executor: Executor, candidate: Candidate) -> Facts:
+    return ask(executor, candidate, facts, candidate)
+
+
+def _loaded(executor: Executor, models: tuple[Candidate, Candidate]) -> tuple[Pair, list[str]]:
+    """Load both models; let the root of an unspecified URDF float if the other model's does."""
+    loaded: dict[str, Facts] = {}
+    notes = []
+    for candidate in sorted(models, key=_may_float):
+        if _may_float(candidate) and any(map(_floats, loaded.values())):
+            (other,) = loaded
+            candidate = candidate.with_settings(floating=True)
+            notes.append(f"the root link of {candidate.label} moves freely, as that of {other}")
+        loaded[candidate.label] = _load(executor, candidate)
+    return (loaded["A"], loaded["B"]), notes
+
+
+def _may_float(candidate: Candidate) -> bool:
+    """Return whether a URDF's root may float, since neither sidecar nor settings state it."""
+    stated = "floating" in candidate.settings
+    return candidate.sidecar.model.suffix == ".urdf" and candidate.bare and not stated
+
+
+def _floats(model_facts: Facts) -> bool:
+    """Return whether each body that the world carries moves freely."""
+    robot = model_facts.robot
+    links = () if robot is None or robot.tree is None else robot.tree.links
+    kinds = [link.kind for link in links if link.parent == WORLD]
+    return bool(kinds) and set(kinds) == {"free"}
+
+
+def _actuated(
+    executor: Executor, models: Pair, joints: Mapping[str, str], *, held: bool
+) -> tuple[Pair, list[str]]:
+    """Hold actuators at equal controls in both models, or switch them off.
+
+    They are switched off if joints are locked, which removes the actuators on them, or if the
+    other format has none. Settings of a sidecar are kept.
+    """
+    a, b = models
+    if any(map(_is_stated, models)) or not (a.actuators or b.actuators):
+        return models, []
+    if held or a.compiled is None or b.compiled is None:
+        why = "since joints are held" if held else "since the other file's format has none"
+        notes = [
+            f"{NOT_COMPARED}: actuators ({len(one.actuators)}) of {one.candidate.label}, {why}"
+            for one in models
+            if one.actuators
+        ]
+        off = [{"actuators": False} if one.actuators else {} for one in models]
+        return _with(executor, models, off), notes
+    pairs = pair_actuators(a.actuators, b.actuators, joints)
+    # States that move in one engine only would differ without a difference of the files.
+    move = all("activations" in engines()[one.candidate.engine].switches for one in models)
+    settings: list[dict[str, object]] = []
+    for values in held_alike(a.compiled, b.compiled, pairs):
+        states = {"activations": list(values.states)} if values.states and move else {}
+        settings.append({"controls": list(values.controls), **states})
+    notes = list(pairs.how)
+    if pairs.pairs:
+        notes.append(f"actuators ({len(pairs.pairs)}), each held at a control within its range")
+    for model, unpaired in zip(models, pairs.unpaired, strict=True):
+        if count := sum(model.actuators[i].covered for i in unpaired):
+            who = f"actuators of {model.candidate.label} without a partner ({count})"
+            notes.append(f"{who}, each held likewise")
+    return _with(executor, models, settings), notes
+
+
+def _is_stated(model: Facts) -> bool:
+    """Return whether a sidecar states a file's actuators."""
+    stated = model.candidate.settings
+    switched = {"controls", "actuators"} & set(stated) or not stated.get("smooth", False)
+    return bool(model.actuators) and bool(switched)
+
+
+def _joints(joint_pairs: JointPairs, joints: Maps) -> dict[str, str]:
+    """Return joints of A with their partners in B, by pairing and by the user's map.
+
+    A free joint represents its coordinates.
+    """
+    pairs = {**joint_pairs.pairs, **{name: text.lstrip("-") for name, text in joints[0].items()}}
+    whole = {name.partition(":")[0]: its.partition(":")[0] for name, its in pairs.items()}
+    return {**whole, **pairs}
+
+
+def _matched(
+    models: Pair,
+    joints: Maps,
+    readback: Maps,
+    joint_pairs: JointPairs,
+    still: Sequence[Mapping[str, float]],
+) -> Match:
+    a, b = models
+    try:
+        return match(a.coordinates, b.coordinates, joints, readback, joint_pairs)
+    except CompareError as error:
+        if any(joint_pairs.unpaired) and not any(still):
+            message = f"{error}; none was found by name, order or geometry, and none can be held"
+            raise CompareError(message) from None
+        raise
+
+
+def _drawn(models: Pair) -> tuple[PlacedTree, PlacedTree] | None:
+    """Return both files' joints as drawn; None if one is not a tree of hinges and slides."""
+    sides = []
+    for model in models:
+        tree = model.whole_tree
+        if tree is None:
+            return None
+        sides.append(placed(tree, positions(tree, model.coordinates, model.home)))
+    return sides[0], sides[1]
+
+
+def _held(model: Facts, unpaired: Sequence[str]) -> dict[str, float]:
+    """Return positions of unpaired joints to lock; {} for models whose sidecar declares couplings.
+
+    There a joint may follow others.
+    """
+    candidate = model.candidate
+    if not candidate.bare or "held" not in engines()[candidate.engine].switches:
+        return {}
+    single = {} if model.tree is None else {link.name: link.kind for link in model.tree.links}
+    return {
+        name: float(model.home[model.coordinates.index(name)])
+        for name in unpaired
+        if single.get(name) in ("hinge", "slide")
+    }
+
+
+def _uncompared(models: Pair) -> Iterator[str]:
+    """Yield omissions of files of two formats; position limits are read from both."""
+    if len({one.candidate.sidecar.model.suffix for one in models}) == 1:
+        return
+    for model in models:
+        parts = [_counted(part) for part in _parts(model) if part.what != LIMITS]
+        if parts:
+            yield f"{NOT_COMPARED}: {', '.join(parts)}, in {model.candidate.label}"
+
+
+LIMITS = "limits of position"
+
+NOT_COMPARED = "not compared"
+"""Start of a note about omissions."""
+
+ALWAYS = ("how ", "limits of effort", "limits of velocity")
+"""Start of omissions that are made with all options."""
+
+
+def _left_out(models: Pair, include_constraints: bool) -> tuple[str, ...]:
+    """Return notes about contacts and other omissions."""
+    if include_constraints:
+        return ("contacts, joint limits, dry friction and couplings of the files are included",)
+    # Such as: contact geometry (12), dry friction (7).
+    texts = [", ".join(map(_counted, _parts(one))) for one in models]
+    files = {one.candidate.sidecar.model.resolve() for one in models}
+    if len(files) == 1 or texts[0] == texts[1]:
+        return (f"{NOT_COMPARED}: {texts[0]}",) if texts[0] else ()
+    return tuple(
+        f"{NOT_COMPARED}: {text}, in {one.candidate.label}"
+        for one, text in zip(models, texts, strict=True)
+        if text
+    )
+
+
+def _parts(model: Facts) -> list[Omission]:
+    """Return what a model's motions leave out."""
+    settings = model.candidate.settings
+    if model.robot is None or not settings.get("smooth", False):
+        return []
+    kept = COUPLED if settings.get("couplings", True) else ()
+    return [one for one in model.robot.left_out if not one.what.startswith((*ALWAYS, *kept))]
+
+
+def _counted(omission: Omission) -> str:
+    return omission.what if omission.count == 1 else f"{omission.what} ({omission.count})"

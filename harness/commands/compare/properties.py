@@ -1,0 +1,444 @@
+"""Differences between the contents of two files: bodies, joints, actuators, gravity, omissions.
+
+They are read from the files, without a motion. Masses and axes affect the equations; limits,
+some actuators and shapes do not affect the compared motions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from msgspec import structs
+
+from physics_crosscheck.harness.commands.compare.actuators import actuator_properties
+from physics_crosscheck.harness.commands.compare.alignment import (
+    SAME,
+    Aligned,
+    aligned,
+    paired_links,
+    turned_about,
+)
+from physics_crosscheck.harness.commands.compare.partners import joints_of
+from physics_crosscheck.harness.commands.compare.placed import PlacedTree, with_joint, with_link
+from physics_crosscheck.harness.commands.compare.property import (
+    Difference,
+    apart,
+    make_property,
+    shown,
+)
+from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSide
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS
+from physics_crosscheck.harness.modelfiles.robot import LinkPart, Omission
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.tree import Tree
+
+ROUNDING = 1e-13
+"""Rounding error of a tensor transformed between frames, in units of m r^2."""
+
+
+def properties(
+    a: ModelSide, b: ModelSide, pairs: Sequence[JointPair]
+) -> tuple[list[Difference], tuple[str, ...]]:
+    """Compare two files; also return joints whose axis direction in B contradicts the pairing."""
+    by_name = _joint_pairs(a.placed, b.placed, pairs)
+    names = [(pair.a, pair.b) for pair in by_name.values()]
+    links, odd = paired_links(a.placed, b.placed, names)
+    rows = aligned(a.placed, b.placed, links)
+    size = max(a.placed.size, b.placed.size)
+    differences = [
+        make_property("kind", name, f"joint {name}: {here} in A, {there} in B")
+        for name, here, there in odd
+    ]
+    turned = []
+    for row in rows:
+        pair = by_name[a.tree.links[row.a].name]
+        single = a.tree.links[row.a].kind in ("hinge", "slide")
+        if single and row.opposite != (pair.slope < 0):
+            turned.append(pair.a)
+        differences += _joint(a, b, row, pair, size)
+        differences += _body_properties(a, b, row, size)
+    differences += _gravity(a, b)
+    differences += [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
+    return [*differences, *_left_out(a, b)], tuple(turned)
+
+
+def _joint_pairs(
+    placed_a: PlacedTree, placed_b: PlacedTree, pairs: Sequence[JointPair]
+) -> dict[str, JointPair]:
+    """Return pairs of joints, from pairs of coordinates, by the names of A's.
+
+    Coordinates of a ball and a free joint are paired in order, unchanged.
+    """
+    straight = {pair.a: pair.b for pair in pairs if (pair.slope, pair.offset) == (1.0, 0.0)}
+    by_name = {
+        name: JointPair(a=name, b=its, slope=1.0, offset=0.0)
+        for name, its in joints_of(straight, placed_a, placed_b).items()
+    }
+    single = (pair for pair in pairs if pair.a in placed_a.index and pair.b in placed_b.index)
+    return by_name | {pair.a: pair for pair in single}
+
+
+def _joint(
+    a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
+) -> Iterator[Difference]:
+    """Yield differences of a joint's geometry and forces."""
+    link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
+    differences: list[Difference] = []
+    if link_a.kind in ("hinge", "slide"):
+        differences += _geometry(a, b, row, pair, size)
+    if abs(abs(pair.slope) - 1) <= SAME:
+        differences += _forces(a, b, row, pair)
+    where_a, where_b = a.joint_line(link_a.name), b.joint_line(link_b.name)
+    for difference, changed in differences:
+        yield structs.replace(difference, where_a=where_a, where_b=where_b), changed
+
+
+def _geometry(
+    a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
+) -> Iterator[Difference]:
+    """Yield differences of axis, position and zero."""
+    link = a.tree.links[row.a]
+    name, u, point = link.name, a.placed.axes[row.a], a.placed.anchors[row.a]
+    if row.angle > SAME:
+        vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
+        message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
+        message += f", {row.angle:.3g} rad apart"
+        across = np.cross(u, row.axis)
+        motion = turned_about(point, across / np.linalg.norm(across), row.angle)
+        changed = with_joint(a.placed, row.a, motion)
+        yield make_property("axis", name, message, relative=row.angle, changed=changed)
+    if row.apart > SAME * size:
+        message = f"place of joint {name}: {row.apart:.3g} m apart"
+        changed = with_joint(a.placed, row.a, Place(np.eye(3), row.shift))
+        yield make_property("anchor", name, message, relative=row.apart / size, changed=changed)
+    if abs(row.zero) > SAME * (1.0 if link.kind == "hinge" else size):
+        unit = "rad" if link.kind == "hinge" else "m"
+        sign = -1.0 if row.opposite else 1.0
+        shift = f"{row.zero - sign * pair.offset:+.15g}"
+        remedy = f"--joints={pair.a}={'-' if row.opposite else ''}{pair.b}{shift}"
+        message = f"zero of joint {name}: {abs(row.zero):.9g} {unit} from that of A ({remedy})"
+        slid = Place(np.eye(3), row.zero * u)
+        motion = turned_about(point, u, row.zero) if link.kind == "hinge" else slid
+        changed = with_joint(a.placed, row.a, motion)
+        yield make_property("zero", name, message, changed=changed)
+
+
+def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterator[Difference]:
+    """Yield differences of armature, damper and spring."""
+    link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
+    name = link_a.name
+    plain = [("armature", link_a.armature, link_b.armature)]
+    if not (a.springs or b.springs):
+        plain += [
+            ("damping", link_a.damping, link_b.damping),
+            ("stiffness", link_a.stiffness, link_b.stiffness),
+        ]
+    for what, here, there in plain:
+        largest = max(abs(here), abs(there))
+        if abs(here - there) > SAME * largest:
+            message = f"{what} of joint {name}: {shown(here, there)}"
+            share = abs(here - there) / largest
+            changed = with_link(a.tree, row.a, **{what: there})
+            yield make_property(
+                what, name, message, a=here, b=there, relative=share, changed=changed
+            )
+    if link_a.stiffness and link_b.stiffness and not (a.springs or b.springs):
+        rest = (link_b.rest[0] - pair.offset) / pair.slope
+        if abs(link_a.rest[0] - rest) > SAME:
+            message = f"rest of the spring of joint {name}: {shown(link_a.rest[0], rest)}"
+            changed = with_link(a.tree, row.a, rest=(rest,))
+            yield make_property("rest", name, message, a=link_a.rest[0], b=rest, changed=changed)
+
+
+def _axis(b: ModelSide, row: Aligned) -> Array:
+    """Return B's axis, with the direction of A's."""
+    axis: Array = b.placed.axes[row.b] * (-1.0 if row.opposite else 1.0)
+    return axis
+
+
+def _vector(values: Array) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in values + 0.0)})"
+
+
+def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Difference]:
+    """Yield the differences, in the world, of the bodies that a pair of joints carries."""
+    body_a, body_b = a.placed.body_inertia(row.a), b.placed.body_inertia(row.b).in_frame(row.moved)
+    parts, frame = (a.parts[row.a], b.parts[row.b]), a.placed.frames[row.a]
+    heavy = max(body_a.mass, body_b.mass)
+    if abs(body_a.mass - body_b.mass) > SAME * heavy:
+        yield from _masses(a, b, row, parts, (body_a.mass, body_b.mass))
+    apart = float(np.linalg.norm(body_a.center - body_b.center))
+    weighed = min(body_a.mass, body_b.mass) > 0
+    if weighed and apart > SAME * size:
+        here, there = (f"({_digits(c, apart)})" for c in (body_a.center, body_b.center))
+        message = f"centre of mass {apart:.3g} m apart: {here} in A, {there} in B, in the world"
+        changed = with_link(a.tree, row.a, center=frame.rotation.T @ (body_b.center - frame.origin))
+        yield _named(a, b, parts, "centre", message, apart / size, changed)
+    large = max(np.abs(body_a.inertia).max(), np.abs(body_b.inertia).max())
+    miss = float(np.abs(body_a.inertia - body_b.inertia).max())
+    if miss > SAME * large + ROUNDING * heavy * size**2:
+        message = _tensors(body_a.inertia, body_b.inertia)
+        inertia = frame.rotation.T @ body_b.inertia @ frame.rotation
+        changed = with_link(a.tree, row.a, inertia=inertia)
+        yield _named(a, b, parts, "inertia", message, miss / large, changed)
+
+
+def _masses(
+    a: ModelSide,
+    b: ModelSide,
+    row: Aligned,
+    parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
+    masses: tuple[float, float],
+) -> Iterator[Difference]:
+    """Yield mass differences by link where these explain the total; else that of the body."""
+    pairs = [(x.link.mass, y.link.mass, x, y) for x, y in _namesakes(*parts)]
+    unequal = [pair for pair in pairs if abs(pair[0] - pair[1]) > SAME * max(pair[:2])]
+    remainder = masses[0] - masses[1] - sum(m - n for m, n, *_ in unequal)
+    if unequal and abs(remainder) <= SAME * max(masses):
+        for m, n, x, y in unequal:
+            yield make_property(
+                "mass",
+                x.name,
+                f"link {_both(x.name, y.name)}: mass {shown(m, n)}",
+                a=m,
+                b=n,
+                lines=_lines(a, b, x, y),
+                relative=abs(m - n) / max(m, n),
+                changed=with_link(a.tree, row.a, mass=masses[0] + n - m),
+            )
+        return
+    message = f"mass {shown(*masses)}"
+    share = abs(masses[0] - masses[1]) / max(masses)
+    changed = with_link(a.tree, row.a, mass=masses[1])
+    yield _named(a, b, parts, "mass", message, share, changed, masses)
+
+
+def _namesakes(
+    parts_a: tuple[LinkPart, ...], parts_b: tuple[LinkPart, ...]
+) -> list[tuple[LinkPart, LinkPart]]:
+    if len(parts_a) == len(parts_b) == 1:
+        return [(parts_a[0], parts_b[0])]
+    by_name = {part.name: part for part in parts_b}
+    return [(part, by_name[part.name]) for part in parts_a if part.name in by_name]
+
+
+def _named(
+    a: ModelSide,
+    b: ModelSide,
+    parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
+    kind: str,
+    message: str,
+    share: float,
+    changed: Tree,
+    values: tuple[float | None, float | None] = (None, None),
+) -> Difference:
+    """Return a difference of the one link that differs, or of all welded links.
+
+    `share` is the relative difference.
+    """
+    unequal = [
+        pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)
+    ]
+    x, y = unequal[0] if len(unequal) == 1 else (_heaviest(parts[0]), _heaviest(parts[1]))
+    name = _both(x.name, y.name) if x and y else (x or y or _NOBODY).name
+    more = max(map(len, parts)) > 1 and len(unequal) != 1
+    subject = f"link {name}{' with what is welded to it' if more else ''}"
+    return make_property(
+        kind,
+        x.name if x else name,
+        f"{subject}: {message}",
+        a=values[0],
+        b=values[1],
+        lines=_lines(a, b, x, y),
+        relative=share,
+        changed=changed,
+    )
+
+
+_NOBODY = LinkPart(link=RigidBody(name="", parent=None), line=0)
+
+
+def _unlike(x: LinkPart, y: LinkPart) -> bool:
+    """Return whether the mass properties of two links differ in their own frames."""
+    p, q = x.inertia, y.inertia
+    return not (
+        p.mass == q.mass
+        and np.array_equal(p.center, q.center)
+        and np.array_equal(p.inertia, q.inertia)
+    )
+
+
+def _heaviest(parts: tuple[LinkPart, ...]) -> LinkPart | None:
+    return max(parts, key=lambda part: part.link.mass, default=None)
+
+
+def _both(x: str, y: str) -> str:
+    return x if x == y else f"{x} / {y}"
+
+
+def _lines(
+    a: ModelSide, b: ModelSide, x: LinkPart | None, y: LinkPart | None
+) -> tuple[SourceLine | None, SourceLine | None]:
+    """Return the source lines of links of A and B."""
+    here, there = (
+        SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None
+        for side, part in ((a, x), (b, y))
+    )
+    return here, there
+
+
+def _tensors(tensor_a: Array, tensor_b: Array) -> str:
+    """Describe the difference of principal moments of inertia, or the angle of the axes."""
+    here, there = (np.asarray(np.linalg.eigvalsh(m), dtype=float) for m in (tensor_a, tensor_b))
+    large = float(max(np.abs(here).max(), np.abs(there).max()))
+    miss = float(np.abs(here - there).max())
+    entries = float(np.abs(tensor_a - tensor_b).max())
+    if miss > max(SAME * large, 1e-3 * entries):
+        text_a, text_b = (f"({_digits(m, miss)})" for m in (here, there))
+        return (
+            f"principal moments of inertia {text_a} in A, {text_b} in B ({miss / large:.2g}"
+            f" of the largest)"
+        )
+    turn = _turn(tensor_a, tensor_b)
+    return f"the same principal moments of inertia about axes turned by {turn:.3g} rad"
+
+
+def _turn(tensor_a: Array, tensor_b: Array) -> float:
+    """Return the largest angle between corresponding principal axes, rad.
+
+    Equal moments have no axes of their own: any in their plane are principal.
+    """
+    (moments, axes_a), (_, axes_b) = (np.linalg.eigh(one) for one in (tensor_a, tensor_b))
+    apart = np.abs(moments[:, None] - moments) + np.diag(np.full(3, np.inf))
+    is_single = apart.min(axis=0) > SAME * np.abs(moments).max()
+    cosines = np.abs(np.sum(axes_a * axes_b, axis=0))
+    sines = np.linalg.norm(np.cross(axes_a.T, axes_b.T), axis=1)
+    return float(np.max(np.arctan2(sines, cosines)[is_single], initial=0.0))
+
+
+def _digits(values: Array, apart: float) -> str:
+    """Format numbers with enough digits to show a difference."""
+    large = float(np.abs(values).max()) or 1.0
+    digits = int(np.clip(np.ceil(np.log10(large / apart)) + 2 if apart else 4, 4, 15))
+    return ", ".join(f"{value:.{digits}g}" for value in values)
+
+
+def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
+    gravity_a, gravity_b = np.array(a.facts.gravity), np.array(b.facts.gravity)
+    if gravity_a.shape != gravity_b.shape or not gravity_a.size:
+        return
+    apart = float(np.linalg.norm(gravity_a - gravity_b))
+    large = max(float(np.linalg.norm(gravity_a)), float(np.linalg.norm(gravity_b)))
+    if apart > SAME * large:
+        here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (gravity_a, gravity_b))
+        changed = replace(a.tree, gravity=gravity_b)
+        message = f"gravity: {here} in A, {there} in B"
+        yield make_property("gravity", "", message, changed=changed)
+
+
+def _ranges(
+    a: ModelSide, b: ModelSide, rows: Sequence[Aligned], by_name: dict[str, JointPair]
+) -> Iterator[Difference]:
+    """Yield differences of position limits, those of B in A's coordinates."""
+    for row in rows:
+        pair = by_name[a.tree.links[row.a].name]
+        if pair.a not in a.facts.coordinates:
+            continue
+        here = np.array(a.limits(pair.a))
+        there = np.sort((np.array(b.limits(pair.b)) - pair.offset) / pair.slope)
+        with np.errstate(invalid="ignore"):
+            miss = np.where(here == there, 0.0, np.abs(here - there))
+        if (miss > SAME * np.maximum(1.0, np.minimum(np.abs(here), np.abs(there)))).any():
+            text_a, text_b = _range(here, there)
+            message = f"range of joint {pair.a}: {text_a} in A, {text_b} in B"
+            share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
+            yield make_property("range", pair.a, message, moves=False, relative=share)
+
+
+def _share(miss: Array, sizes: Array) -> float:
+    """Return the largest relative difference; 1 for values that are not finite."""
+    finite = np.isfinite(miss) & np.isfinite(sizes) & (sizes > 0)
+    shares = np.divide(miss, sizes, out=np.where(miss > 0, 1.0, 0.0), where=finite)
+    return float(np.max(shares))
+
+
+def _range(here: Array, there: Array) -> tuple[str, str]:
+    """Format both ranges with enough digits to show their difference."""
+    if np.isinf(here).any() or np.isinf(there).any():
+        text_a, text_b = (
+            "endless" if np.isinf(both).all() else f"{both[0]:.7g} to {both[1]:.7g}"
+            for both in (here + 0.0, there + 0.0)
+        )
+        return text_a, text_b
+    (low, its_low), (high, its_high) = (
+        apart(float(x) + 0.0, float(y) + 0.0, 0.0) if x != y else (f"{x + 0.0:.7g}",) * 2
+        for x, y in zip(here, there, strict=True)
+    )
+    return f"{low} to {high}", f"{its_low} to {its_high}"
+
+
+def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
+    """Yield differences of springs, dampers and armatures along tendons, paired by name."""
+    if a.facts.compiled is None or b.facts.compiled is None:
+        return
+    tendons_a, tendons_b = (
+        {pull.name: pull for pull in own.facts.compiled.pulls if pull.control < 0}
+        for own in (a, b)
+        if own.facts.compiled is not None
+    )
+    for name in dict.fromkeys([*tendons_a, *tendons_b]):
+        if name not in tendons_a or name not in tendons_b:
+            label = "A" if name in tendons_a else "B"
+            yield make_property("tendon", name, f"tendon {name} pulls in {label} alone")
+            continue
+        here, there = tendons_a[name], tendons_b[name]
+        for what, x, y in (
+            ("stiffness", here.stiffness, there.stiffness),
+            ("damping", here.damping, there.damping),
+            ("rest", here.rest, there.rest),
+            ("armature", (here.armature,), (there.armature,)),
+        ):
+            if x != y:
+                message = f"{what} of tendon {name}: {_row(x)} in A, {_row(y)} in B"
+                yield make_property("tendon", name, message)
+
+
+def _row(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.9g}" for value in values) or "none"
+
+
+def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Difference]:
+    """Yield differences of actuators, if both formats have some."""
+    if a.facts.compiled is None or b.facts.compiled is None:
+        return
+    robots = (own.facts.robot for own in (a, b))
+    acting = any(robot is not None and bool(robot.controls) for robot in robots)
+    yield from actuator_properties(a.facts.actuators, b.facts.actuators, names, acting)
+
+
+COUNTED = (
+    FOLLOWERS, "dry friction", "mimic", "equality", "contact", "collision", "a medium",
+)  # fmt: skip
+"""Start of omissions whose counts are compared."""
+
+
+def _left_out(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
+    """Yield differences of the numbers of omissions; only files of one format count alike."""
+    if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
+        return
+    counts_a, counts_b = (
+        _counts(s.facts.robot.left_out) for s in (a, b) if s.facts.robot is not None
+    )
+    for what in dict.fromkeys([*counts_a, *counts_b]):
+        if counts_a.get(what, 0) != counts_b.get(what, 0):
+            message = f"{what}: {counts_a.get(what, 0)} in A, {counts_b.get(what, 0)} in B"
+            yield make_property("left out", "", message, moves=False)
+
+
+def _counts(left_out: Sequence[Omission]) -> dict[str, int]:
+    return {one.what: one.count for one in left_out if one.what.startswith(COUNTED)}

@@ -1,0 +1,317 @@
+"""Initial states of the source: sampled with the equations of its file, as `run` samples them.
+
+A model whose file is not a tree of bodies is pushed from the position in which the file draws it.
+Its coordinates may be coupled (a rolling wheel, the bodies of a Space), so that only motions lead
+to other states. The scales of its motions are measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from physics_crosscheck.harness.commands.compare.candidate import Candidate, CompareError
+from physics_crosscheck.harness.commands.compare.equations import FileEquations
+from physics_crosscheck.harness.commands.compare.match import Match
+from physics_crosscheck.harness.commands.compare.segments import quick
+from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
+from physics_crosscheck.harness.numerics.accelerations import Accelerations
+from physics_crosscheck.harness.numerics.coordinates import identity
+from physics_crosscheck.harness.numerics.segments import BlownUpError
+from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.collocation import ReferenceError
+from physics_crosscheck.reference.solving.samples import rate_of, samples
+from physics_crosscheck.reference.solving.segments import Segments
+
+SEED = 20260101
+SAMPLED = 40
+"""Sampled states, each under forces of its own."""
+
+PUSHES, LINKS = 12, 12
+"""Chains of runs of a pushed mechanism, and runs in each; the second half of a chain is free."""
+
+PERIODS = 1 / 30
+"""Length of a run, in periods of the fastest rate."""
+
+MIN_RESPONSE = 1e-6
+"""Share of the largest response to a force below which a direction counts as locked."""
+
+MIN_TYPICAL_RATE = 0.02
+"""Minimum typical rate, relative to the fastest.
+
+Positions then move by 4e-3 of their size over a run, known to 5e-11 of that.
+"""
+
+MAX_ACCELERATION = 4e9
+"""Limit in rad/s^2 or m/s^2: an engine takes 1e10 for a run that has blown up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatesTask:
+    """Input of a worker that samples states.
+
+    Attributes:
+        tree: of the source's file; None if it has none, or if its engine couples more joints.
+        given: initial states by coordinate (`x`, `x_dot`).
+        home: positions of a further run from rest, (nz,).
+        limits: of the positions, (nz, 2), infinite without a limit.
+        taut: further positions, (P, nz).
+    """
+
+    candidate: Candidate
+    names: tuple[str, ...]
+    tree: Tree | None
+    match: Match
+    given: tuple[Mapping[str, float], ...]
+    home: Array
+    limits: Array
+    taut: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampledStates:
+    """Initial states of runs, and the scales of their motions.
+
+    Attributes:
+        runs: in the source's coordinates.
+        fastest: fastest rate of the motions, rad/s.
+        unit: size of the motions in the coordinates of the comparison, (m,).
+        typical: rate of motions of that size, rad/s.
+        independent: indices of the compared coordinates that determine the others.
+    """
+
+    runs: Segments
+    fastest: float
+    unit: Array
+    typical: float
+    independent: tuple[int, ...]
+
+
+def sampled_states(task: StatesTask) -> SampledStates:
+    """Sample states of the source.
+
+    Raises:
+        EngineError, BlownUpError: for a failing run.
+        CompareError: for unmatched joints of the source that move independently.
+    """
+    given = [_initial_state(task, state) for state in task.given]
+    if task.tree is not None:
+        try:
+            return _of_equations(task, task.tree, given)
+        except ReferenceError:
+            pass  # the equations have no accelerations; the engine may have some
+    return _pushed(task, given)
+
+
+def _of_equations(task: StatesTask, tree: Tree, given: list[Array]) -> SampledStates:
+    """Sample states and forces with the equations of a tree.
+
+    Raises:
+        ReferenceError: if the equations have no accelerations.
+    """
+    file, match = FileEquations(tree, task.names), task.match
+    kept, n = file.kept, len(task.names)
+    drawn = samples(file.equations, task.limits[kept], task.home[kept], SAMPLED, SEED)
+    (z, w), forces = file.expanded(drawn.start), np.zeros((len(drawn.start), n))
+    gain, typical = _gain(z[:, kept], w[:, kept], drawn.fastest)
+    forces[:, kept] = gain * drawn.start_inputs
+    slopes = match.slopes(z)
+    push = np.einsum("kz,kzm->km", forces, np.linalg.pinv(slopes))
+    still = [np.concatenate([one, 0 * one]) for one in (task.home, *task.taut)]
+    runs = Segments.unsolved(np.hstack([z, gain * w]), drawn.length, push)
+    runs = _with_starts(runs, np.array([*still, *given]))
+    start = file.reduced(runs.start)[::-1]
+    fastest = max(drawn.fastest, rate_of(file.equations, start, 0 * start[:, : len(kept)]))
+    mass = file.equations.inertia(drawn.start[:1, : len(kept)])[0]
+    compared = slopes[0] @ file.matrix
+    independent = _independent(compared @ np.linalg.inv(mass) @ compared.T)
+    if len(independent) < len(kept):
+        _refuse_left_out(task, [one for one in match.left_out if task.names.index(one) in kept])
+    return SampledStates(
+        runs=replace(runs, lengths=np.minimum(runs.lengths, 2 * np.pi / fastest * PERIODS)),
+        fastest=fastest,
+        unit=np.abs(slopes[0]) @ np.ptp(z, axis=0) / 2,
+        typical=typical,
+        independent=independent,
+    )
+
+
+def _gain(z: Array, w: Array, fastest: float) -> tuple[float, float]:
+    """Return a factor of velocities w at positions z, and the typical rate then, rad/s.
+
+    It is above 1 under quick servos.
+    """
+    extent = np.ptp(z, axis=0) / 2
+    typical = float(np.median(np.max(np.abs(w), axis=0) / np.where(extent > 0, extent, 1.0)))
+    wanted = min(MIN_TYPICAL_RATE * fastest, MAX_ACCELERATION / (fastest * float(extent.max())))
+    gain = max(1.0, wanted / typical) if typical > 0 else 1.0
+    return gain, gain * typical
+
+
+def _with_starts(runs: Segments, starts: Array) -> Segments:
+    """Return runs with more starts (P, 2nz), each once free and once under forces of a run."""
+    more = np.repeat(starts, 2, axis=0)
+    forces = runs.start_inputs[np.arange(len(more)) // 2] * (np.arange(len(more)) % 2)[:, None]
+    return Segments.unsolved(
+        np.vstack([runs.start, more]), runs.length, np.vstack([runs.start_inputs, forces])
+    )
+
+
+def _initial_state(task: StatesTask, state: Mapping[str, float]) -> Array:
+    """Return the state that a user gives, (2nz,)."""
+    z, w, names = task.home.copy(), np.zeros(len(task.home)), task.names
+    for name, value in state.items():
+        if name in names:
+            z[names.index(name)] = value
+        elif name.endswith("_dot") and name[:-4] in names:
+            w[names.index(name[:-4])] = value
+        else:
+            raise CompareError(
+                f"--start: {name!r} is not a joint, or a joint's velocity, of the model; its"
+                f" joints are {', '.join(names)}"
+            )
+    return np.concatenate([z, w])
+
+
+def _independent(inverse: Array) -> tuple[int, ...]:
+    """Return coordinates that determine the others: pivoted Cholesky of the scaled matrix."""
+    size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    rest = inverse / np.outer(safe, safe)
+    chosen: list[int] = []
+    for _ in range(len(rest)):
+        # Take the first of about equally free coordinates.
+        free = np.diagonal(rest)
+        pivot = int(np.argmax(free > 0.5 * np.max(free)))
+        if not free[pivot] > 10 * MIN_RESPONSE:
+            break
+        chosen.append(pivot)
+        column = rest[:, pivot].copy()
+        rest = rest - np.outer(column, column) / column[pivot]
+    return tuple(sorted(chosen))
+
+
+def _refuse_left_out(task: StatesTask, free: list[str]) -> None:
+    """Raise an error about joints of the source that move on their own and have no match."""
+    source = task.match.source
+    other = "B" if source == "A" else "A"
+    if free:
+        raise CompareError(
+            f"joint {', '.join(free)} of {source} moves on its own and has no match in {other},"
+            f" whose joints are {', '.join(task.match.names)}; lock it, or add it to {other}"
+        )
+
+
+def _pushed(task: StatesTask, given: list[Array]) -> SampledStates:
+    """Push a model from the position in which its file draws it, and release it.
+
+    Raises:
+        CompareError: if no force moves a joint.
+    """
+    model, rng = task.candidate.load(), np.random.default_rng(SEED)
+    extent, drawn, match = model.sampling_range, model.home, task.match
+    unit = (extent[:, 1] - extent[:, 0]) / 2
+    inverse, rank, fastest, typical = _scales(task, model, rng)
+    slopes = match.slopes(drawn[None])[0]
+    compared = slopes @ inverse @ slopes.T
+    independent, size = _independent(compared), np.abs(slopes) @ unit
+    chosen = list(independent)
+    wanted = rng.uniform(-1, 1, (PUSHES, len(chosen))) * size[chosen]
+    push = np.zeros((PUSHES + 1 + len(given), len(size)))
+    push[:PUSHES, chosen] = wanted * typical**2 @ np.linalg.inv(compared[np.ix_(chosen, chosen)])
+    starts = np.array([*[np.concatenate([drawn, 0 * drawn])] * (PUSHES + 1), *given])
+    first = Segments.unsolved(starts, 2 * np.pi / fastest * PERIODS, push)
+    runs = _chained(model, first, match)
+    if rank > len(independent):
+        away = np.abs(runs.start[:, : len(drawn)] - drawn).max(axis=0) > 1e-9 * unit
+        _refuse_left_out(task, [one for one in match.left_out if away[task.names.index(one)]])
+    return SampledStates(
+        runs=runs, fastest=fastest, unit=size, typical=typical, independent=independent
+    )
+
+
+def _chained(model: LoadedModel, first: Segments, match: Match) -> Segments:
+    """Return runs, each from the end of the previous one, as long as all are finite."""
+    links = [first]
+    while len(links) < LINKS:
+        last = links[-1]
+        push = last.start_inputs * (len(links) < LINKS // 2)
+        try:
+            end = quick(model, last, match)
+        except BlownUpError:
+            break
+        links.append(Segments.unsolved(end, last.length, push))
+    start, push = (
+        np.concatenate([getattr(one, name) for one in links]) for name in ("start", "start_inputs")
+    )
+    return Segments.unsolved(start, first.length, push)
+
+
+def _scales(
+    task: StatesTask, model: LoadedModel, rng: np.random.Generator
+) -> tuple[Array, int, float, float]:
+    """Measure a model in the position in which its file draws it.
+
+    Returns:
+        The inverse of its mass matrix, (nz, nz); the number of directions in which it moves; the
+        fastest and the typical rate of its motions, rad/s.
+
+    Raises:
+        CompareError: if no force moves a joint.
+    """
+    start, n, plain = model.home, len(model.coordinates), 2 * np.pi / (1000 * model.step)
+    unit = (model.sampling_range[:, 1] - model.sampling_range[:, 0]) / 2
+    # In motion: static friction would lock it at rest.
+    here = np.concatenate([start, 0.1 * unit * plain * rng.uniform(0.5, 1.0, n)])[None]
+    measured = Accelerations(
+        model=model, coordinates=identity(n), speed=unit * plain, fastest=plain
+    )
+    ease = np.diagonal(measured.inverse_mass(here, np.ones(n))[0])
+    if not np.isfinite(ease).all() or not (ease > 0).any():
+        name = task.candidate.name
+        raise CompareError(f"{name}: forces on the joints move nothing, or nothing finite")
+    sizes = unit * plain**2 / np.where(ease > 0, ease, np.max(ease))
+    inverse = measured.inverse_mass(here, sizes)[0]
+    tangent = free_directions(inverse)
+    tangent /= np.max(np.abs(tangent) / unit[:, None], axis=0)
+    rates = _rates(measured, start, tangent, plain)
+    fastest = max(float(np.max(rates)), plain)
+    moving = rates[rates > 1e-3 * fastest]
+    # Slower components would reverse within a run, where drag has a kink.
+    rest = measured.measure(np.hstack([start, 0 * start])[None], np.zeros((1, 0)), 0 * start[None])
+    falling = float(np.sqrt(np.max(np.nan_to_num(np.abs(rest.value[0])) / unit)))
+    typical = max(float(np.median(moving)) if len(moving) else plain, plain / 3, falling)
+    return inverse, tangent.shape[1], fastest, max(typical, MIN_TYPICAL_RATE * fastest)
+
+
+def free_directions(inverse: Array) -> Array:
+    """Return columns (nz, r): velocities possible with this inverse mass matrix."""
+    size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2 / np.outer(safe, safe))
+    kept: Array = vectors[:, values > MIN_RESPONSE * max(float(values[-1]), 1e-300)]
+    return kept * safe[:, None]
+
+
+def _rates(measured: Accelerations, start: Array, tangent: Array, plain: float) -> Array:
+    """Return magnitudes of the eigenvalues of the linearization along the free directions."""
+    r, step = tangent.shape[1], 1e-3
+    moves = np.concatenate([tangent.T, -tangent.T]) * step
+    going = np.tile(0.1 * plain * tangent.sum(axis=1), (len(moves), 1))
+    states = np.concatenate(
+        [
+            np.hstack([start + moves, going]),
+            np.hstack([start + 0 * moves, going + moves * plain]),
+        ]
+    )
+    zero = np.zeros((len(states), len(start)))
+    values = measured.measure(states, zero[:, :0], zero).value.reshape(2, 2, r, len(start))
+    if not np.isfinite(values).all():
+        return np.array([plain])
+    slopes = (values[:, 0] - values[:, 1]) / (2 * step)
+    back = np.linalg.pinv(tangent)
+    stiffness, damping = (back @ slopes[0].T), (back @ slopes[1].T) / plain
+    matrix = np.block([[np.zeros((r, r)), np.eye(r)], [stiffness, damping]])
+    return np.abs(np.linalg.eigvals(matrix))

@@ -1,0 +1,248 @@
+"""The gate: run the cases whose inputs changed, and report what changed and why.
+
+folders --hash--> changed cases --run--> records --compare--> changes --> lines, annotations, exit
+
+Heavy modules are imported only if something must run, so that an unchanged repository passes at
+once.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+
+from physics_crosscheck.harness.baseline.classify import Change, classify, gone, unaccepted_findings
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, hashed_again
+from physics_crosscheck.harness.baseline.store import named_targets
+from physics_crosscheck.harness.commands.gate.file_diffs import file_diffs
+from physics_crosscheck.harness.commands.gate.result import GateResult
+from physics_crosscheck.harness.commands.gate.survey import (
+    GateOptions,
+    Survey,
+    by_name,
+    is_expected,
+    survey,
+    was_left_alone,
+)
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.formats import is_robot
+from physics_crosscheck.harness.modelfiles.parts import included
+from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
+from physics_crosscheck.harness.records.baseline import AcceptedCase
+from physics_crosscheck.harness.records.case import Case, ModelId
+from physics_crosscheck.harness.records.diff import Status, bare_diff
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.run import Options, Run, Selection, run
+
+Progress = Callable[[int, int, Case | None], None]
+"""Called with (cases done, known cases, the case just done or None)."""
+
+
+def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> GateResult:
+    """Compare every case of folders and robot files with the baseline, running those that changed.
+
+    Raises:
+        BaselineError: for an invalid baseline.
+        FolderError: if two folders declare one system.
+        OSError: for an unreadable file.
+    """
+    began = time.perf_counter()
+    state = survey(targets, options)
+    ran = _run(state, options, progress) if state.running else None
+    names = by_name(state, ran.results if ran else None)
+    changes: list[Change] = []
+    if ran is not None:
+        moved = list(_of_run(ran, names, state, options))
+        changes = with_audits(moved, ran.results, state.systems)
+    changes += _of_the_rest(changes, names, state, options)
+    order = list(Status)
+    changes.sort(key=lambda c: (order.index(c.status), -c.diff.size, c.id.system))
+    return GateResult(
+        changes=tuple(changes),
+        file_diffs=file_diffs(changes, names, options.baseline),
+        results=ran.results if ran else None,
+        folders=names,
+        baseline=state.systems,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def accepted_targets(baseline: Path) -> list[Path]:
+    """Return the folders and robot files that a baseline names, and those in the same folders.
+
+    Raises:
+        BaselineError: for an unreadable baseline.
+    """
+    parents, folders = set[Path](), set[Path]()
+    for name, is_file in named_targets(baseline):
+        place = (
+            builtin() / name.removeprefix("builtin:")
+            if name.startswith("builtin:")
+            else baseline / name
+        )
+        parent = Path(os.path.relpath(place.resolve().parent))
+        (folders if is_file else parents).add(parent)
+    systems = sorted(p.parent for parent in parents for p in parent.glob("*/system.py"))
+    files = [file for folder in folders if folder.is_dir() for file in folder.iterdir()]
+    return [*systems, *_whole(files, _accepted(baseline))]
+
+
+def robots_in(folder: Path, baseline: Path) -> list[Path]:
+    """Return the robot files below a folder, including the accepted ones.
+
+    If none was accepted and there is a system folder below, return none.
+
+    Raises:
+        BaselineError: for an unreadable baseline.
+    """
+    here, accepted = folder.resolve(), _accepted(baseline)
+    inside = [folder / file.relative_to(here) for file in accepted if here in file.parents]
+    return _whole({*robots_below(folder), *filter(Path.is_file, inside)}, accepted)
+
+
+def _whole(files: Iterable[Path], accepted: Set[Path]) -> list[Path]:
+    """Return the robot files among some files, except included parts that were not accepted."""
+    robots = sorted(file for file in files if is_robot(file) or file.resolve() in accepted)
+    parts = {part.resolve() for file in robots for part in included(file)} - accepted
+    return [file for file in robots if file.resolve() not in parts]
+
+
+def _accepted(baseline: Path) -> set[Path]:
+    """Return the accepted robot files, resolved; some may no longer exist."""
+    return {(baseline / name).resolve() for name, is_file in named_targets(baseline) if is_file}
+
+
+def _run(state: Survey, options: GateOptions, progress: Progress) -> Run:
+    robots = {scan.folder: scan.robot for scan in state.running if scan.robot is not None}
+    selection = Selection(models=state.chosen, snapshot=state.snapshot, diagnose=options.diagnose)
+    return run(
+        [scan.folder for scan in state.running if scan.folder not in robots],
+        Options(
+            engines=options.engines,
+            resolution=options.resolution,
+            jobs=options.jobs,
+            limits=options.limits,
+            selection=selection,
+            robots=robots,
+            thorough=options.thorough,
+        ),
+        progress,
+        robots=list(robots),
+    )
+
+
+def _of_run(
+    ran: Run, names: Mapping[str, FolderFiles], state: Survey, options: GateOptions
+) -> Iterator[Change]:
+    """Yield the changes of the cases that were run."""
+    again = {scan.folder: hashed_again(scan, options.baseline) for scan in state.running}
+    # After a failed declaration only the folder is known; the baseline gives the system's name.
+    systems = {str(scan.folder): name for name, scan in names.items()}
+    for case in ran.results.cases:
+        system = systems[case.folder]
+        scan = names[system]
+        yield classify(
+            system,
+            case,
+            ran.measured.get((case.folder, case.id)),
+            scan,
+            state.systems.get(system),
+            state.versions,
+            options.resolution,
+            stale=again[scan.folder] != scan,
+        )
+
+
+def _of_the_rest(
+    ran: Sequence[Change], names: Mapping[str, FolderFiles], state: Survey, options: GateOptions
+) -> Iterator[Change]:
+    """Yield the changes of accepted cases that were not run: unchanged, or gone."""
+    seen = {change.id for change in ran}
+    # A declaration or a sidecar that cannot be read makes its cases fail; they are not gone.
+    failed = {(c.id.system, c.id.model) for c in ran if c.status is Status.NOT_RUN}
+    for system, system_baseline in sorted(state.systems.items()):
+        scan = names.get(system)
+        if scan is None and not is_expected(system_baseline, options):
+            continue
+        for case, entry in system_baseline.cases.items():
+            if case in seen or not state.includes(case.engine):
+                continue
+            if scan is not None and was_left_alone(scan, system_baseline, case, state):
+                yield _as_accepted(entry)
+            elif not failed & {(system, "system.py"), (system, case.model)}:
+                yield Change(diff=gone(entry), entry=entry)
+
+
+def _as_accepted(entry: AcceptedCase) -> Change:
+    status = Status.SAME if entry.outcome is Outcome.AGREES else Status.EXPECTED
+    diff = bare_diff(entry.id, status, before=entry.numbers, after=entry.numbers)
+    return Change(diff=msgspec.structs.replace(diff, run=False), entry=entry)
+
+
+MAX_FINDINGS = 5
+"""Maximum number of findings reported for a case."""
+
+
+def with_audits(
+    changes: Sequence[Change], results: Results, systems: Mapping[str, SystemBaseline]
+) -> list[Change]:
+    """Add new audit findings to the cases that were run.
+
+    A wrong number counts even if no motion depends on it. A model whose audit failed counts as not
+    run.
+
+    Args:
+        changes: the changes of the cases.
+        results: results of the run, with the audits.
+        systems: the accepted results, by name of the system.
+    """
+    moved = {change.id.of_model for change in changes if not change.status.passes}
+    return [_with_audit(change, results, systems, moved) for change in changes]
+
+
+def _with_audit(
+    change: Change, results: Results, systems: Mapping[str, SystemBaseline], moved: Set[ModelId]
+) -> Change:
+    of_model, system_baseline = change.id.of_model, systems.get(change.id.system)
+    model = None if change.case is None else results.model_of(change.case)
+    if model is None or change.status is Status.NOT_RUN:
+        return change
+    if model.audit is None:
+        failed = f"its audit failed: {model.audit_failure or 'it did not run'}"
+        diff = msgspec.structs.replace(
+            change.diff, status=Status.NOT_RUN, messages=(failed, *change.messages)
+        )
+        return replace(change, diff=diff)
+    new = unaccepted_findings(
+        model, None if system_baseline is None else system_baseline.audits.get(of_model)
+    )
+    if not new or (change.status.passes and of_model in moved):
+        return change
+    diff = msgspec.structs.replace(
+        change.diff,
+        messages=(*change.messages, *_finding_messages(new)),
+        changed=(*change.diff.changed, "audit"),
+    )
+    if of_model not in moved:  # no motion shows it, in this case or another
+        kinds = (*(kind for kind in change.kinds if kind != "text"), "audit")
+        diff = msgspec.structs.replace(diff, status=Status.CHANGED, kinds=kinds)
+    return replace(change, diff=diff, findings=new)
+
+
+def _finding_messages(findings: tuple[AuditFinding, ...]) -> list[str]:
+    messages = [
+        (f"the audit finds {finding.location}: " if finding.location else "the audit: ")
+        + finding.message
+        for finding in findings[:MAX_FINDINGS]
+    ]
+    more = len(findings) - MAX_FINDINGS
+    return messages + ([f"and {counted(more, 'finding')} more"] if more > 0 else [])

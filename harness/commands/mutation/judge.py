@@ -1,0 +1,232 @@
+"""Check of one model with one planted fault."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from physics_crosscheck.harness.checks.poses import check_poses
+from physics_crosscheck.harness.checks.task import SystemTask
+from physics_crosscheck.harness.commands.mutation.faults import FAULTS, SIZES
+from physics_crosscheck.harness.commands.mutation.mistakes import Mistake
+from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.task import trial_model
+from physics_crosscheck.harness.diagnosis.trial import scratch
+from physics_crosscheck.harness.documents.errors import original_paths
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.modelfiles.bindings import bindings
+from physics_crosscheck.harness.numerics.full_run import follow
+from physics_crosscheck.harness.numerics.segments import BlownUpError
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
+from physics_crosscheck.harness.results.status import percent
+from physics_crosscheck.reference.mechanism.numeric import Array
+
+RESOLUTION = 1e-9
+"""Uncertainty of motions up to which a model can agree."""
+
+UNCERTAINTY_FACTOR = 10.0
+"""Factor of the sound model's uncertainty up to which a model can agree too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MutationTask:
+    """One model in one engine, with one planted fault.
+
+    Attributes:
+        model: the sound model, as the diagnosis uses it.
+        survey: survey of the sound model.
+        fault: the fault to plant.
+    """
+
+    model: SystemTask
+    survey: FaultSurvey
+    fault: Mistake
+
+    @property
+    def kind(self) -> FaultKind:
+        """Kind of the fault: a literal's, a known mistake, or none."""
+        if self.fault.location in self.survey.addresses and self.fault.name in FAULTS:
+            return FaultKind.LITERAL
+        return FaultKind.NONE if self.fault.sound else FaultKind.MISTAKE
+
+
+def mutated(task: MutationTask) -> Mutation:
+    """Plant a fault in one model, and judge it."""
+    began = time.process_time()
+    with scratch() as copies:
+        sidecar = task.fault.edit.apply(task.model.declared, task.model.engine, copies)
+        try:
+            row = _judged(task, task.model.with_sidecar(sidecar))
+        except (EngineError, BlownUpError) as error:
+            folder = task.model.declared.model.parent
+            row = refused(task, original_paths(str(error), copies, folder))
+    return msgspec.structs.replace(row, seconds=time.process_time() - began)
+
+
+def refused(task: MutationTask, reason: str) -> Mutation:
+    """Build the row of a fault that the engine does not run."""
+    return _row(task, FaultVerdict.REFUSED, float("inf"), reason)
+
+
+def _judged(task: MutationTask, wrong: SystemTask) -> Mutation:
+    """Build the row of a fault, from the motions of the wrong model."""
+    sound, fault = task.survey, task.fault
+    with trial_model(wrong, _near(task)) as (whole, uncertainty):
+        defect = np.abs(whole.defect({}))
+        size = float(np.max(defect))
+        moved = np.abs(whole.ends - sound.ends) - sound.uncertainty > uncertainty
+        resolved = _resolved(uncertainty, sound)
+        if fault.sound and resolved and not moved.any():
+            return _row(task, FaultVerdict.AGREES, size, _global_errors(task.model, wrong))
+        seen = defect > uncertainty
+        if seen.any():
+            share = float(np.min(uncertainty[seen] / defect[seen]))
+            row = _row(task, FaultVerdict.CAUGHT, size, share=share)
+            ranking = diagnose(whole, uncertainty)
+            return with_ranking(row, ranking, fault.causes, _values(task))
+        if not resolved:
+            coarse = f"unresolved, to {np.max(uncertainty):.0e}"
+            return _row(task, FaultVerdict.CAUGHT, size, coarse)
+        row = _in_frames(task, wrong, _row(task, FaultVerdict.UNTESTED, size))
+        return _unnoticed(row, bool(moved.any())) if row.verdict is FaultVerdict.UNTESTED else row
+
+
+def _in_frames(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation:
+    """Build the row of a fault that no motion shows: caught if a body is displaced."""
+    model, coordinates = wrong.load()
+    n = len(wrong.target.system.q)
+    reached = np.concatenate([motion.start[:, :n] for motion in wrong.target.motions.values()])
+    findings = check_poses(
+        wrong.target.system, wrong.declared, model, coordinates, reached
+    ).findings
+    if not findings:
+        return row
+    message = "; ".join(one.message for one in findings)
+    right = bool(task.fault.audit_words) and task.fault.audit_words in message
+    return msgspec.structs.replace(
+        row,
+        verdict=FaultVerdict.NAMED if right else FaultVerdict.CAUGHT,
+        message=message,
+        first_caught=number(min(one.share for one in findings)),
+    )
+
+
+def _near(task: MutationTask) -> dict[CauseId, Array] | None:
+    """Return the sound model's slopes if the fault is so small that they still hold."""
+    if task.fault.name not in SIZES:
+        return None
+    slopes = zip(task.survey.addresses, task.survey.slopes, strict=True)
+    return {CauseId(kind="literal", subject=(address,)): slope for address, slope in slopes}
+
+
+def _resolved(uncertainty: Array, sound: FaultSurvey) -> bool:
+    """Return whether the uncertainty of motions is small enough for agreement."""
+    allowed = max(RESOLUTION, UNCERTAINTY_FACTOR * float(np.max(sound.uncertainty)))
+    return float(np.max(uncertainty)) <= allowed
+
+
+def _row(
+    task: MutationTask,
+    verdict: FaultVerdict,
+    size: float,
+    message: str = "",
+    *,
+    share: float | None = None,
+) -> Mutation:
+    """Build the row of a fault.
+
+    `share` is the detectable share of a known mistake. The survey has those of literals.
+    """
+    model, fault, survey = task.model, task.fault, task.survey
+    if task.kind is FaultKind.LITERAL:
+        share = float(survey.first_caught[survey.addresses.index(fault.location)])
+    return Mutation(
+        system=model.target.system.name,
+        model=model.declared.model.name,
+        engine=model.engine,
+        kind=task.kind,
+        name=fault.name,
+        location=fault.location,
+        verdict=verdict,
+        discrepancy=number(size),
+        message=message,
+        estimate_error=None,
+        first_caught=number(share),
+    )
+
+
+def _unnoticed(row: Mutation, moved: bool) -> Mutation:
+    """Judge an undetected fault: missed if the motions depend on it, otherwise untested."""
+    depends = row.first_caught is not None if row.kind is FaultKind.LITERAL else moved
+    verdict = FaultVerdict.MISSED if depends else FaultVerdict.UNTESTED
+    return msgspec.structs.replace(row, verdict=verdict)
+
+
+def with_ranking(
+    row: Mutation,
+    ranking: Ranking,
+    right_causes: frozenset[CauseId],
+    values: tuple[float, float] | None,
+) -> Mutation:
+    """Add the causes of a ranking, whether they are right, and the error of the fitted value.
+
+    Two causes together name a fault if both are among the right ones.
+
+    Args:
+        row: of the fault.
+        ranking: of the diagnosis.
+        right_causes: causes of which a diagnosis may name any.
+        values: right and wrong value of the literal at the row's location; None for other faults.
+    """
+    if not ranking.fits:
+        return row
+    first = ranking.fits[0]
+    is_single = len(first.causes) == 1
+    is_tied = is_single and not right_causes.isdisjoint(first.tied_with)
+    is_right = ranking.explained and (right_causes.issuperset(first.causes) or is_tied)
+    return msgspec.structs.replace(
+        row,
+        verdict=FaultVerdict.NAMED if is_right else FaultVerdict.CAUGHT,
+        message=" and ".join(map(str, first.causes)),
+        estimate_error=None if values is None else _estimate_error(row, ranking, *values),
+    )
+
+
+def _estimate_error(row: Mutation, ranking: Ranking, right: float, wrong: float) -> float | None:
+    """Return the error of a literal's fitted value, relative to the fault; None without a fit."""
+    cause = CauseId(kind="literal", subject=(row.location,))
+    fit = next((fit for fit in ranking.fits if fit.causes == (cause,)), None)
+    return None if fit is None else number(abs(fit.estimates[0] - right) / abs(wrong - right))
+
+
+def _values(task: MutationTask) -> tuple[float, float] | None:
+    """Return the right and the wrong value of a literal; None for other faults."""
+    if task.kind is not FaultKind.LITERAL:
+        return None
+    address = task.fault.location
+    literals = bindings(task.model.target.system, task.model.declared)
+    right = next(b.value for b in literals if b.address == address)
+    return right, task.fault.edit.literals[address]
+
+
+def _global_errors(before: SystemTask, after: SystemTask) -> str:
+    """Format the errors of full runs at the file's own time step, before and after the fault.
+
+    The scenario with the least motion is used. With large motions, two time steps may end anywhere.
+    """
+    motion = min(before.target.motions.values(), key=lambda m: float(np.max(m.amplitude)))
+    n = len(before.target.system.q)
+    errors = []
+    for task in (before, after):
+        model, coordinates = task.load()
+        t, states = follow(model, coordinates, motion, model.step)
+        off = np.abs(states - motion.states_at(t))[:, :n]
+        error = float(np.max(off / np.maximum(motion.amplitude[:n], 1e-300)))
+        errors.append(percent(error))
+    return f"error at dt {errors[0]} -> {errors[1]}"

@@ -1,0 +1,207 @@
+"""Mutation test of the check: faults planted in copies of models.
+
+Every bound literal gets three small faults and four factors, and every known mistake (`mistakes`)
+is planted wherever a model has a place for it. The result measures the value of a validation:
+whether the motions of the folder's scenarios reveal a fault, whether the motions alone identify its
+cause, and its smallest detectable size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any, NoReturn
+
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
+from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated, refused
+from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey, MutationError, survey
+from physics_crosscheck.harness.commands.mutation.trees import (
+    TreeFault,
+    died,
+    faults_of,
+    mutated_tree,
+)
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
+from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS, Limits
+from physics_crosscheck.harness.modelfiles.choice import CaseSelection
+from physics_crosscheck.harness.modelfiles.model_files import (
+    UnreadModel,
+    chosen_engines,
+    model_files,
+    model_path,
+)
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.records.mutation import Mutation
+
+Progress = Callable[[int, int, Mutation | None], None]
+"""Called with (faults done, all faults or 0 if unknown, the fault just done)."""
+
+
+def mutate(
+    targets: Sequence[Path],
+    progress: Progress,
+    *,
+    only: Sequence[str] = (),
+    workers: int = 2,
+    limits: Limits | None = None,
+    choice: CaseSelection = CaseSelection(),  # noqa: B008  # frozen
+    floating: bool = False,
+    model: str = "",
+    thorough: bool = False,
+    warn: Callable[[str], object] = lambda _: None,
+) -> list[Mutation]:
+    """Plant every known fault in models; skip engines that are not installed.
+
+    Args:
+        targets: system folders and robot files.
+        progress: called after every fault.
+        only: engines; empty: all.
+        workers: processes.
+        limits: limits of one fault.
+        choice: the models of folders to use.
+        floating, model: options for reading robot files, as in `read_robot`.
+        thorough: whether every check of a robot file runs.
+        warn: called with a sentence for each engine that does not agree with a sound robot file.
+
+    Raises:
+        MutationError: for a model that is not sound; the message names file and remedy. A robot
+            file is sound if it agrees with its equations in one engine.
+    """
+    plan = _Plan(only, progress, choice, thorough)
+    preparing = partial(prepare, described=False, floating=floating, model=model)
+    with executor(jobs=workers, limits=limits or Limits(seconds=FAULT_SECONDS)) as pool:
+        run_jobs((plan.target(one, preparing) for one in targets), pool)
+    for sentence in plan.unsound_engines():
+        warn(sentence)
+    return plan.sorted()
+
+
+@dataclass
+class _Plan:
+    """The jobs and their rows: targets, then surveys of models, then faults.
+
+    Attributes:
+        unsound: why engines do not agree with robot files, by file.
+        sound: robot files that agree with their equations in an engine.
+        placed_rows: rows with the positions of their faults in the order of the surveys.
+        pending: number of jobs that have not yet reported their number of faults.
+        planned: number of faults so far.
+    """
+
+    only: Sequence[str]
+    progress: Progress
+    choice: CaseSelection
+    thorough: bool
+    unsound: dict[Path, list[str]] = field(default_factory=dict)
+    sound: set[Path] = field(default_factory=set)
+    placed_rows: list[tuple[int, Mutation]] = field(default_factory=list)
+    pending: int = 0
+    planned: int = 0
+
+    def sorted(self) -> list[Mutation]:
+        """Return the rows by model and engine, with faults in the order of the surveys."""
+        ordered = sorted(
+            self.placed_rows, key=lambda f: (f[1].system, f[1].model, f[1].engine, f[0])
+        )
+        return [row for _, row in ordered]
+
+    def unsound_engines(self) -> list[str]:
+        """Return why engines do not agree with robot files that are sound.
+
+        Raises:
+            MutationError: for a robot file that no engine agrees with.
+        """
+        for file, reasons in self.unsound.items():
+            if file not in self.sound:
+                raise MutationError(reasons[0])
+        return [*chain.from_iterable(self.unsound.values())]
+
+    def target(
+        self, place: Path, prepare: Callable[[Path], PreparedSystem | PreparedTree]
+    ) -> Job[PreparedSystem | PreparedTree]:
+        """Prepare a folder or a robot file, then survey its models."""
+        self.pending += 1
+        file = place if place.is_file() else place / "system.py"
+        return Job(task=Task(prepare, place), done=self._surveys, failed=partial(_unsound, file))
+
+    def _surveys(self, prepared: PreparedSystem | PreparedTree) -> Iterator[Job[Any]]:
+        self.pending -= 1
+        standalone = prepared.place.is_file()
+        for file, engine in self._pairs(prepared.place):
+            self.pending += 1
+            path, sidecar = model_path(file), file if isinstance(file, Sidecar) else None
+            unsound = partial(self._robot_unsound if standalone else _unsound, path)
+            if isinstance(prepared, PreparedTree):
+                tree = model_task(prepared, engine, sidecar, thorough=self.thorough)
+                done = partial(self._tree_faults, path)
+                yield Job(task=Task(faults_of, tree), done=done, failed=unsound)
+            else:
+                task = model_task(prepared, engine, sidecar)
+                yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
+
+    def _robot_unsound(self, file: Path, failure: Failure) -> tuple[()]:
+        self.pending -= 1
+        self.unsound.setdefault(file, []).append(failure.about(file))
+        return ()
+
+    def _faults(self, model: SystemTask, survey: FaultSurvey) -> Iterator[Job[Mutation]]:
+        self.pending -= 1
+        for fault in survey.faults:
+            # Sent once for each fault, so drop the other faults.
+            task = MutationTask(model=model, survey=replace(survey, faults=()), fault=fault)
+            yield Job(
+                task=Task(mutated, task),
+                done=partial(self._row, self.planned),
+                failed=partial(self._died, self.planned, task),
+            )
+            self.planned += 1
+
+    def _tree_faults(self, file: Path, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
+        self.sound.add(file)
+        self.pending -= 1
+        for fault in faults:
+            yield Job(
+                task=Task(mutated_tree, fault),
+                done=partial(self._row, self.planned),
+                failed=partial(self._tree_died, self.planned, fault),
+            )
+            self.planned += 1
+
+    def _tree_died(self, place: int, fault: TreeFault, failure: Failure) -> tuple[()]:
+        return self._row(place, died(fault, failure.reason))
+
+    def _died(self, place: int, task: MutationTask, failure: Failure) -> tuple[()]:
+        """Treat an engine that crashes on a number as one that refuses it."""
+        return self._row(place, refused(task, failure.reason))
+
+    def _pairs(self, place: Path) -> Iterator[tuple[Sidecar | Path, str]]:
+        """Yield a robot file, or the chosen models of a folder, with every installed engine."""
+        for file in [place] if place.is_file() else model_files(place):
+            if isinstance(file, UnreadModel):
+                raise MutationError(file.reason)
+            for engine in _installed(chosen_engines(file, self.only)):
+                name = model_path(file).name
+                if place.is_file() or self.choice.includes_model(str(place), name, engine):
+                    yield file, engine
+
+    def _row(self, place: int, row: Mutation) -> tuple[()]:
+        self.placed_rows.append((place, row))
+        self.progress(len(self.placed_rows), 0 if self.pending else self.planned, row)
+        return ()
+
+
+def _unsound(file: Path, failure: Failure) -> NoReturn:
+    raise MutationError(failure.about(file))
+
+
+def _installed(names: Iterable[str]) -> list[str]:
+    """Return the engines that are installed."""
+    adapters = engines()
+    return [name for name in names if name in adapters and adapters[name].version() is not None]
