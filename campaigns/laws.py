@@ -19,6 +19,7 @@ import numpy as np
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import FileError
+from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.modelfiles.numbers import numerals, with_values
 from physics_crosscheck.harness.records.outcome import Outcome
 
@@ -37,7 +38,7 @@ def line(file: Path) -> tuple[str, str]:
     """Compare one file; return its outcome and a line of text."""
     began = time.process_time()
     try:
-        check = check_whole_step(file, "mujoco", file, RESOLUTION)
+        check = check_whole_step(file, ModelSpec(file), "mujoco", RESOLUTION)
     except FileError as error:
         return "not loaded", f"{file.name}: {error.sentence[:100]}"
     assert check is not None
@@ -132,7 +133,7 @@ def scenes(count: int, seed: int) -> Counter[str]:
         file = Path(folder) / "scene.xml"
         for k in range(count):
             file.write_text(scene(rng))
-            check = check_whole_step(file, "mujoco", file, RESOLUTION)
+            check = check_whole_step(file, ModelSpec(file), "mujoco", RESOLUTION)
             assert check is not None
             judged = check.judgement
             assert judged is not None
@@ -160,7 +161,7 @@ def planted(file: Path, each: int, rng: np.random.Generator) -> Iterator[tuple[s
                 copy = file.with_name(f".laws-{file.name}")
                 copy.write_bytes(with_values(document.data, rows, changed))
                 try:
-                    check = check_whole_step(file, "mujoco", copy, RESOLUTION)
+                    check = check_whole_step(file, ModelSpec(copy), "mujoco", RESOLUTION)
                     done = check is not None and check.judgement is not None
                     yield key, size, str(check.judgement.outcome) if done else "not compared"  # type: ignore[union-attr]
                 except FileError:

@@ -7,10 +7,12 @@ and by a bound of the solver's error: the cost is convex in M, so |a - a*|_M <= 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -30,7 +32,9 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import floored
@@ -39,10 +43,17 @@ from physics_crosscheck.harness.records.case import CaseKind, LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.laws.drives import unsaturated
-from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.soft import Kind
-from physics_crosscheck.reference.laws.step import STEPPED, LawModel, LawSolution, LawStep
+from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
+from physics_crosscheck.reference.laws.step import (
+    DIGITS,
+    STEPPED,
+    LawModel,
+    LawSolution,
+    LawStep,
+)
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 STATES, SEED = 24, 20261125
@@ -53,9 +64,6 @@ ATTEMPTS = 3
 
 MAX_CONTACTS, MAX_SPEED = 100, 1e3
 """Bounds of a drawn state: more contacts take long, and robots are slower."""
-
-DIGITS = 16
-"""Last digits by which each term of an acceleration may be rounded."""
 
 SHARE = 1e-3
 """Smallest scale of an acceleration, as a share of the largest sample."""
@@ -114,18 +122,17 @@ class WholeStepCheck:
         )
 
 
+S = TypeVar("S", LawSolution, ImpulseStep)
+"""Solution of the laws at one state."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Evaluated:
+class Evaluated(Generic[S]):
     """The laws and the engine at one state, in the order of the tree's velocities."""
 
     state: WholeState
-    solution: LawSolution
+    solution: S
     engine: EngineStep
-
-    @property
-    def law(self) -> LawStep:
-        """Rows and drives of the laws."""
-        return self.solution.law
 
     @property
     def acceleration(self) -> Array:
@@ -147,20 +154,20 @@ class LawDefect:
     scale: Array
 
 
-class LawComparison:
-    """A file's laws and an engine that loaded it.
+class WholeStepComparison(ABC, Generic[S]):
+    """Laws and an engine that loaded their file.
 
     Args:
-        laws: of the file.
+        tree: the bodies.
         model: the file in the engine.
 
     Raises:
         TreeError: if the engine's joints are not those of the file.
     """
 
-    def __init__(self, laws: LawModel, model: WholeModel) -> None:
-        self.laws, self.model = laws, model
-        links = laws.tree.tree.links
+    def __init__(self, tree: LawTree, model: WholeModel) -> None:
+        self.tree, self.model = tree, model
+        links = tree.tree.links
         self.names = tuple(
             name for link in links for name, _ in coordinate_names(link.kind, link.name)
         )
@@ -168,37 +175,54 @@ class LawComparison:
             raise TreeError("joints that the engine names otherwise")
         self._order = [model.coordinates.index(name) for name in self.names]
 
-    def under(self, laws: LawModel) -> LawComparison:
-        """Return the comparison of other laws with the same engine."""
-        return LawComparison(laws, self.model)
+    @property
+    @abstractmethod
+    def steps(self) -> bool:
+        """True if the next state has a rule."""
+
+    @property
+    @abstractmethod
+    def drives(self) -> int:
+        """Number of drives."""
+
+    @abstractmethod
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return controls and states at which drives exert shares of their limits."""
+
+    @abstractmethod
+    def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> S:
+        """Solve the laws at a state."""
+
+    @abstractmethod
+    def expected(self, sample: Evaluated[S]) -> Array:
+        """Return the components by the laws, (C,)."""
 
     def postures(self, states: Sequence[WholeState]) -> Iterator[Posture]:
         """Yield the tree at each state."""
         y, m = (np.array([state[k][self._order] for state in states]) for k in range(2))
-        return self.laws.tree.postures(y, m)
+        return self.tree.postures(y, m)
 
-    def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated]:
+    def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated[S]]:
         """Evaluate the engine and the laws at states."""
         result = []
         for state, posture in zip(states, self.postures(states), strict=True):
             engine = self.model.evaluate(state)
-            start = engine.acceleration[self._order]
-            solution = self.laws.solve(
-                posture, state.controls, state.activations, engine.contacts, start
-            )
+            solution = self.solve(posture, state, engine)
             result.append(Evaluated(state=state, solution=solution, engine=engine))
-        return result
+        return [sample for sample in result if sample.solution.converged]
 
-    def judge(self, evaluated: Sequence[Evaluated], resolution: float) -> LimitVerdict:
+    def judge(self, evaluated: Sequence[Evaluated[S]], resolution: float) -> LimitVerdict:
         """Judge accelerations, the next velocities and positions, and states of drives."""
         compared = self.compare(evaluated)
         uncertainty = np.maximum(compared.uncertainty, np.finfo(float).eps)
         return judge(np.abs(compared.defect), uncertainty, resolution, None)
 
-    def compare(self, evaluated: Sequence[Evaluated]) -> LawDefect:
+    def compare(self, evaluated: Sequence[Evaluated[S]]) -> LawDefect:
         """Compare accelerations, the next velocities and positions, and states of drives."""
         speeds = [
-            np.maximum(np.abs(sample.law.posture.m), np.abs(sample.engine.after.m[self._order]))
+            np.maximum(
+                np.abs(sample.solution.posture.m), np.abs(sample.engine.after.m[self._order])
+            )
             for sample in evaluated
         ]
         speed, h = floored(np.max(speeds, axis=0)), self.model.step
@@ -210,10 +234,7 @@ class LawComparison:
             drives = np.ones(self.model.activations)
             parts += [h * scale, h * speed, drives]
         whole = np.concatenate(parts)
-        defect = [
-            self._answer(sample) - self.predict(sample.law, sample.acceleration, sample.engine)
-            for sample in evaluated
-        ]
+        defect = [self._answer(sample) - self.expected(sample) for sample in evaluated]
         unsure = [self._uncertainty(sample) for sample in evaluated]
         return LawDefect(
             defect=np.array(defect) / whole, uncertainty=np.array(unsure) / whole, scale=whole
@@ -222,43 +243,28 @@ class LawComparison:
     @property
     def components(self) -> tuple[str, ...]:
         """Names of the judged components."""
-        drives = tuple(f"state {i + 1} of the drives" for i in range(self.model.activations))
-        after = (*(f"{name}_dot" for name in self.names), *self.names, *drives)
-        return (*(f"{name}_ddot" for name in self.names), *(after if self.steps else ()))
+        names: list[str] = [f"{name}_ddot" for name in self.names]
+        if self.steps:
+            names += [f"{name}_dot" for name in self.names] + list(self.names)
+            names += [f"state {i + 1} of the drives" for i in range(self.model.activations)]
+        return tuple(names)
 
-    @property
-    def steps(self) -> bool:
-        """True if the next state has a rule."""
-        return self.laws.laws.integrator in STEPPED
-
-    def predict(self, law: LawStep, acceleration: Array, engine: EngineStep) -> Array:
-        """Return the components by the laws, (C,), with states of drives relative to their size.
-
-        The positions follow from the engine's velocities, so that each component is judged alone.
-        """
-        velocity = self.laws.advance(law, acceleration)
-        if velocity is None:
-            return acceleration
-        y = law.posture.y[None]
-        position = self.laws.tree.advance(y, engine.after.m[self._order][None], self.model.step)[0]
-        states = law.driven.states / _sizes(engine)
-        return np.concatenate([acceleration, velocity, position, states])
-
-    def _answer(self, sample: Evaluated) -> Array:
+    def _answer(self, sample: Evaluated[S]) -> Array:
         """Return the components by the engine, (C,)."""
         engine, order = sample.engine, self._order
-        after = engine.after
-        parts = (after.m[order], after.z[order], after.activations / _sizes(engine))
-        return np.concatenate([engine.acceleration[order], *(parts if self.steps else ())])
+        parts: list[Array] = [engine.acceleration[order]]
+        if self.steps:
+            after = engine.after
+            parts += [after.m[order], after.z[order], after.activations / _sizes(engine)]
+        return np.concatenate(parts)
 
-    def _uncertainty(self, sample: Evaluated) -> Array:
+    def _uncertainty(self, sample: Evaluated[S]) -> Array:
         """Return the uncertainty of each component, (C,)."""
-        order, posture = self._order, sample.law.posture
+        order, posture = self._order, sample.solution.posture
         eps, h = np.finfo(float).eps, self.model.step
-        problem = sample.law.problem
-        unsure = DIGITS * eps * problem.rounding(sample.acceleration)
-        for residual in (sample.engine.unbalanced[order], problem.residual(sample.acceleration)):
-            unsure = unsure + _solver_bound(posture.inverse, residual)
+        unsure = sample.solution.law.uncertainty(
+            sample.acceleration, sample.engine.unbalanced[order]
+        )
         if not self.steps:
             return unsure
         after = sample.engine.after
@@ -274,17 +280,88 @@ class LawComparison:
         )
 
 
+class LawComparison(WholeStepComparison[LawSolution]):
+    """The convex laws of a file, and an engine that loaded it."""
+
+    def __init__(self, laws: LawModel, model: WholeModel) -> None:
+        super().__init__(laws.tree, model)
+        self.laws = laws
+
+    def under(self, laws: LawModel) -> LawComparison:
+        """Return the comparison of other laws with the same engine."""
+        return LawComparison(laws, self.model)
+
+    @property
+    def steps(self) -> bool:
+        """True if the next state has a rule."""
+        return self.laws.laws.integrator in STEPPED
+
+    @property
+    def drives(self) -> int:
+        """Number of drives."""
+        return len(self.laws.laws.drives)
+
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return controls and states at which drives exert shares of their limits."""
+        laws = self.laws
+        return unsaturated(laws.laws, posture, laws.weights.path_accelerations, shares)
+
+    def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> LawSolution:
+        """Solve the laws at a state, from the engine's accelerations."""
+        start = engine.acceleration[self._order]
+        contacts = engine.contacts
+        return self.laws.solve(posture, state.controls, state.activations, contacts, start)
+
+    def expected(self, sample: Evaluated[LawSolution]) -> Array:
+        """Return the components by the laws, (C,)."""
+        return self.predict(sample.solution.law, sample.acceleration, sample.engine)
+
+    def predict(self, law: LawStep, acceleration: Array, engine: EngineStep) -> Array:
+        """Return the components by the laws, (C,), with states of drives relative to their size.
+
+        The positions follow from the engine's velocities, so that each component is judged alone.
+        """
+        velocity = self.laws.advance(law, acceleration)
+        if velocity is None:
+            return acceleration
+        y, after = law.posture.y[None], engine.after.m[self._order][None]
+        position = self.laws.tree.advance(y, after, self.model.step)[0]
+        states = law.driven.states / _sizes(engine)
+        return np.concatenate([acceleration, velocity, position, states])
+
+
+class ImpulseComparison(WholeStepComparison[ImpulseStep]):
+    """The impulses of a file, and an engine that loaded it."""
+
+    steps = True
+
+    def __init__(self, laws: ImpulseModel, model: WholeModel) -> None:
+        super().__init__(laws.tree, model)
+        self.laws = laws
+
+    @property
+    def drives(self) -> int:
+        """Number of motors."""
+        return len(self.laws.laws.rules.controls)
+
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return targets at which motors exert shares of their efforts."""
+        return self.laws.unsaturated(posture, shares), np.zeros(0)
+
+    def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> ImpulseStep:
+        """Return the rows at a state, from the engine's contacts."""
+        return self.laws.solve(posture, state.controls, engine.contacts)
+
+    def expected(self, sample: Evaluated[ImpulseStep]) -> Array:
+        """Return the components by the law, (C,)."""
+        a, after = sample.acceleration, sample.engine.after.m[self._order]
+        return np.concatenate([a, *self.laws.next_state(sample.solution, a, after)])
+
+
 def _sizes(engine: EngineStep) -> Array:
     """Return the size of each state of the drives, (states,)."""
     sizes: Array = 1 + np.abs(engine.after.activations)
     return sizes
-
-
-def _solver_bound(inverse: Array, unbalanced: Array) -> Array:
-    """Return the bound of a solver's error, (nv,), from the force that it left."""
-    size = np.sqrt(max(0.0, float(unbalanced @ inverse @ unbalanced)))
-    result: Array = np.sqrt(np.diagonal(inverse)) * size
-    return result
 
 
 def load_comparison(laws: LawModel, engine: str, loaded: Path) -> LawComparison | None:
@@ -304,27 +381,31 @@ def case_whole_step(
     target = task.target
     if task.sidecar is not None or not isinstance(target, PreparedTree) or target.smooth:
         return None
-    if set(task.spec.settings) - set(engines()[task.engine].switches):
+    engine = engines()[task.engine]
+    usual = {*engine.switches, *engine.settings_for(target.place.suffix), "floating", "model"}
+    if set(task.spec.settings) - usual:
         return None  # the laws are those of the file as it is shipped
-    return check_whole_step(target.place, task.engine, task.file, task.resolution)
+    return check_whole_step(target.place, task.spec, task.engine, task.resolution)
 
 
 def check_whole_step(
-    file: Path, engine: str, loaded: Path, resolution: float
+    file: Path, spec: ModelSpec, engine: str, resolution: float
 ) -> WholeStepCheck | None:
     """Compare whole steps of a file; None if the engine has no documented law for it.
 
     Args:
         file: whose numbers the law takes.
+        spec: what the engine loads: the same file, or a changed copy, with its settings.
         engine: name of the engine.
-        loaded: the file that the engine loads: the same file, or a changed copy.
         resolution: relative discrepancy to resolve.
     """
     try:
         # With its shapes for contacts, whose files the smooth forces do not need.
-        model = engines()[engine].load_whole(ModelSpec(loaded))
+        model = engines()[engine].load_whole(spec)
         if model is None:
             return None
+        if model.rules is not None:
+            return _check_impulses(file, spec, model, model.rules, resolution)
         reader = compiler(file.suffix)
         assert reader is not None  # it read the file before
         compiled = reader.compiled(file)
@@ -332,34 +413,61 @@ def check_whole_step(
         if laws is None or laws.laws.uncovered:
             uncovered = () if laws is None else laws.laws.uncovered
             return WholeStepCheck(record=WholeStep(uncovered=uncovered))
-        comparison = LawComparison(laws, model)
-        states = tuple(drawn_states(comparison))
-        if not states:
-            raise EngineError("no drawn state is finite with few contacts")
+        covered = tuple(
+            format_omission(Omission(what=what, count=count, where=()))
+            for what, count in compiled.besides
+        )
+        return _check(LawComparison(laws, model), covered, resolution)
     except (TreeError, EngineError) as error:
         return WholeStepCheck(record=WholeStep(uncovered=(str(error),)))
+
+
+def _check_impulses(
+    file: Path, spec: ModelSpec, model: WholeModel, rules: ImpulseRules, resolution: float
+) -> WholeStepCheck:
+    """Compare steps by impulses."""
+    laws = impulse_model(read_as_it_runs(file, {**spec.settings, "couplings": False}), rules)
+    if laws is None:
+        return WholeStepCheck(record=WholeStep())
+    return _check(ImpulseComparison(laws, model), IMPULSES, resolution)
+
+
+def _check(
+    comparison: WholeStepComparison[S], covered: tuple[str, ...], resolution: float
+) -> WholeStepCheck:
+    """Compare steps at drawn states.
+
+    Raises:
+        EngineError: if no state is comparable.
+    """
+    states = tuple(drawn_states(comparison))
+    if not states:
+        raise EngineError("no drawn state is finite with few contacts")
     evaluated = comparison.evaluate(states)
-    judged = comparison.judge(evaluated, resolution)
+    if not evaluated:
+        raise EngineError("impulses that do not converge")
+    judged, model = comparison.judge(evaluated, resolution), comparison.model
     record = WholeStep(
         outcome=judged.outcome,
         discrepancy=number(judged.discrepancy),
         uncertainty=number(judged.uncertainty),
         component=comparison.components[judged.component],
-        states=len(states),
+        states=len(evaluated),
         step=number(model.step),
         next_state=comparison.steps,
-        acted=tuple(LawTerm(name=name, count=count) for name, count in _acted(laws, evaluated)),
+        acted=tuple(LawTerm(name=name, count=count) for name, count in _acted(evaluated)),
         edits=model.edits,
-        covered=tuple(
-            format_omission(Omission(what=what, count=count, where=()))
-            for what, count in compiled.besides
-        ),
+        covered=covered,
         uncovered=model.uncovered,
     )
     return WholeStepCheck(record=record, judgement=judged, resolution=resolution)
 
 
-def drawn_states(comparison: LawComparison, count: int = STATES) -> Iterator[WholeState]:
+IMPULSES = ("limits of position", "limits of effort", "collision geometry")
+"""Parts of a file that only steps by impulses compare."""
+
+
+def drawn_states(comparison: WholeStepComparison[S], count: int = STATES) -> Iterator[WholeState]:
     """Yield states in which limits, contacts and drives act.
 
     In turn: after a fall or a motion from a state of the file, with some joints beyond their
@@ -379,10 +487,12 @@ def drawn_states(comparison: LawComparison, count: int = STATES) -> Iterator[Who
                     moved = state._replace(z=_beyond(model, rng, state.z, k // 3))
                 case _:
                     moved = state._replace(z=_anywhere(model, rng, state.z))
-            speed = 0.1 * rng.normal(size=len(moved.m))
+            speed = model.speed * rng.normal(size=len(moved.m))
             drawn = moved._replace(m=moved.m + speed)
             if k % 2:
                 drawn = _unsaturated(comparison, rng, drawn)
+            if model.rules is not None:
+                drawn = _pressed(model, model.rules, drawn)
             if _usable(model, drawn):
                 yield drawn
                 break
@@ -395,7 +505,7 @@ def _usable(model: WholeModel, state: WholeState) -> bool:
         return False
     step = model.evaluate(state)
     finite = np.isfinite(step.acceleration).all() and np.isfinite(step.after.m).all()
-    return bool(finite) and len(step.contacts) <= MAX_CONTACTS
+    return bool(finite) and step.converged and len(step.contacts) <= MAX_CONTACTS
 
 
 def _driven(
@@ -405,7 +515,7 @@ def _driven(
 
     The controls are on one side of their ranges, so that limits of sums act; 0: on any.
     """
-    share = rng.uniform(-1, 1, model.controls)
+    share = rng.uniform(-1, 1, model.controls) + 0 * start.controls  # NaN: switched off
     lower, upper = model.ranges[1].T
     limited = np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(limited, lower, -1.0), np.where(limited, upper, 1.0)
@@ -419,17 +529,30 @@ def _driven(
 
 
 def _unsaturated(
-    comparison: LawComparison, rng: np.random.Generator, state: WholeState
+    comparison: WholeStepComparison[S], rng: np.random.Generator, state: WholeState
 ) -> WholeState:
     """Return a state with controls at which no drive is at a limit."""
-    laws = comparison.laws
     posture = next(comparison.postures([state]))
-    shares = rng.uniform(-0.8, 0.8, len(laws.laws.drives))
-    controls, activations = unsaturated(laws.laws, posture, laws.weights.path_accelerations, shares)
+    shares = rng.uniform(-0.8, 0.8, comparison.drives)
+    controls, activations = comparison.unsaturated(posture, shares)
+    chosen = np.isfinite(controls) & np.isfinite(state.controls)
     return state._replace(
-        controls=np.where(np.isfinite(controls), controls, state.controls),
+        controls=np.where(chosen, controls, state.controls),
         activations=np.where(np.isfinite(activations), activations, state.activations),
     )
+
+
+def _pressed(model: WholeModel, rules: ImpulseRules, state: WholeState) -> WholeState:
+    """Return a state whose joints beyond their limits move outward, and are not driven back."""
+    low, high = model.ranges[0].T
+    outward = np.sign(np.maximum(state.z - high, 0.0) - np.maximum(low - state.z, 0.0))
+    controls = state.controls.copy()
+    for i, name in enumerate(rules.controls):
+        place = model.coordinates.index(name) if name in model.coordinates else -1
+        if place >= 0 and outward[place] and np.isfinite(controls[i]):
+            controls[i] = state.z[place]
+    m = np.where(outward, outward * np.abs(state.m), state.m)
+    return state._replace(m=m, controls=controls)
 
 
 def _beyond(model: WholeModel, rng: np.random.Generator, z: Array, turn: int) -> Array:
@@ -454,17 +577,9 @@ def _anywhere(model: WholeModel, rng: np.random.Generator, z: Array) -> Array:
     return np.where(limited, place, z)
 
 
-def _acted(laws: LawModel, evaluated: Sequence[Evaluated]) -> Iterator[tuple[str, int]]:
+def _acted(evaluated: Sequence[Evaluated[S]]) -> Iterator[tuple[str, int]]:
     """Yield how often forces of each kind acted."""
     count: Counter[str] = Counter()
-    names = {Kind.EQUALITY: "equalities", Kind.FRICTION: "dry friction"}
     for sample in evaluated:
-        problem = sample.law.problem
-        active = problem.forces(sample.acceleration)[0] != 0
-        for kind, name in names.items():
-            count[name] += int(np.sum(active & (problem.kinds == kind.value)))
-        count["contacts"] += len(sample.engine.contacts)
-        count["limits"] += sample.law.limits
-        count["drives at a limit"] += len(sample.law.driven.clipped)
-        count["drives"] += int(np.count_nonzero(sample.law.driven.forces))
+        count.update(dict(sample.solution.law.acted(sample.acceleration)))
     yield from ((name, times) for name, times in count.items() if times)

@@ -31,7 +31,7 @@ from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule
-from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
@@ -49,7 +49,7 @@ class LawProblem:
 
     numbers: CompiledNumbers
     comparison: LawComparison
-    evaluated: Sequence[Evaluated]
+    evaluated: Sequence[Evaluated[LawSolution]]
     compared: LawDefect
     _rows: dict[int, Array | None] = field(default_factory=dict, init=False, repr=False)
 
@@ -134,7 +134,9 @@ class LawProblem:
         for sample in self.evaluated:
             acceleration, law = changed_step(model, laws, sample.solution)
             after = self.comparison.predict(law, acceleration, sample.engine)
-            before = self.comparison.predict(sample.law, sample.acceleration, sample.engine)
+            before = self.comparison.predict(
+                sample.solution.law, sample.acceleration, sample.engine
+            )
             rows.append(after - before)
         change: Array = np.array(rows) / self.compared.scale
         return change
@@ -150,7 +152,9 @@ class LawProblem:
                 posture, solved.controls, solved.states, solved.contacts, solved.acceleration
             )
             after = other.predict(again.law, again.acceleration, sample.engine)
-            before = self.comparison.predict(sample.law, sample.acceleration, sample.engine)
+            before = self.comparison.predict(
+                sample.solution.law, sample.acceleration, sample.engine
+            )
             rows.append(after - before)
         change: Array = np.array(rows) / self.compared.scale
         return change

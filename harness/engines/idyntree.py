@@ -73,6 +73,7 @@ class IdyntreeEngine(UrdfEngine):
         "accelerations: yes",
         "linearization: from steps",
         "steps: RK4 by the adapter, order 4",
+        "whole step: not judged",
     )
     default_settings_note = "no step, since it takes none, and no gravity"
     ignores = frozenset({"dynamics@friction"})

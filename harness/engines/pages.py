@@ -30,6 +30,7 @@ TOPICS = (
     "accelerations",
     "linearization",
     "steps",
+    "whole step",
 )
 """Columns of the matrix; each built-in engine states one phrase per topic."""
 

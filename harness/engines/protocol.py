@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.reference.mechanism.laws import Contact
+from physics_crosscheck.reference.mechanism.laws import Contact, ImpulseRules
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -343,15 +343,17 @@ class EngineStep:
 
     Attributes:
         acceleration: derivative of the stored velocities, (nz,).
-        unbalanced: force that its solver left, (nz,).
+        unbalanced: force that its solver left, (nz,); of impulses, an error of accelerations.
         contacts: as its collision detector finds them.
         after: the state after one step of the file.
+        converged: whether its solver left little.
     """
 
     acceleration: Array
     unbalanced: Array
     contacts: tuple[Contact, ...]
     after: WholeState
+    converged: bool = True
 
 
 class WholeModel(ABC):
@@ -363,6 +365,8 @@ class WholeModel(ABC):
         controls, activations: number of inputs and states of actuators.
         edits: options of the file that are changed, as `name=value`.
         uncovered: features of the engine that are switched off, since no law describes them.
+        speed: typical velocity to add at a drawn state, m/s and rad/s.
+        rules: of an engine whose constraints are impulses; None if the file has the whole law.
     """
 
     coordinates: tuple[str, ...]
@@ -371,6 +375,8 @@ class WholeModel(ABC):
     activations: int
     edits: tuple[str, ...]
     uncovered: tuple[str, ...] = ()
+    speed: float = 0.1
+    rules: ImpulseRules | None = None
 
     @property
     @abstractmethod

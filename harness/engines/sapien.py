@@ -92,6 +92,7 @@ class SapienEngine(UrdfEngine):
         "accelerations: no",
         "linearization: from steps, 32 bits",
         "steps: semi-implicit Euler, order 1, 32 bits",
+        "whole step: not judged",
     )
     default_settings_note = "10 ms and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction"})

@@ -71,7 +71,7 @@ def temporary_urdf(
 ) -> Iterator[Path]:
     """Yield a temporary copy of a URDF with changes, or the file itself without changes.
 
-    Relative file names become absolute.
+    Relative file names become absolute; those in a package count from the folders above the file.
     """
     if robot is None or not changes:
         yield path
@@ -79,10 +79,20 @@ def temporary_urdf(
     robot = with_changes(robot, changes)
     for element in robot.iter():
         name = element.get("filename", "")
-        if name and "://" not in name and (path.parent / name).is_file():
-            element.set("filename", str((path.parent / name).resolve()))
+        if name and (shape := _shape_file(name, path)) is not None:
+            element.set("filename", str(shape))
     with temporary_file(robot, path) as file:
         yield file
+
+
+def _shape_file(name: str, path: Path) -> Path | None:
+    """Return the file that a name refers to, or None."""
+    prefix, separator, rest = name.rpartition("://")
+    folders = (path.parent, *path.resolve().parent.parents) if separator else (path.parent,)
+    if prefix not in ("", "package", "model"):
+        return None
+    shapes = (folder / rest for folder in folders)
+    return next((shape.resolve() for shape in shapes if shape.is_file()), None)
 
 
 def with_changes(robot: XmlElement, changes: Sequence[Change]) -> XmlElement:

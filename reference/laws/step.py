@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.reference.laws.constraints import Constraints
 from physics_crosscheck.reference.laws.drives import Driven, drive
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
-from physics_crosscheck.reference.laws.soft import Problem
+from physics_crosscheck.reference.laws.soft import Kind, Problem
 from physics_crosscheck.reference.mechanism.laws import Contact
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
@@ -30,12 +31,52 @@ class LawStep:
         problem: the convex problem of the constraints.
         driven: the drives.
         limits: number of rows of limits.
+        contacts: their number.
     """
 
     posture: Posture
     problem: Problem
     driven: Driven
     limits: int
+    contacts: int
+
+    def uncertainty(self, a: Array, unbalanced: Array) -> Array:
+        """Return the uncertainty of accelerations, (nv,), by rounding and by both solvers.
+
+        Args:
+            a: accelerations.
+            unbalanced: force that an engine's solver left, (nv,).
+        """
+        unsure = DIGITS * np.finfo(float).eps * self.problem.rounding(a)
+        for residual in (unbalanced, self.problem.residual(a)):
+            unsure = unsure + _solver_bound(self.posture.inverse, residual)
+        return unsure
+
+    def acted(self, a: Array) -> Iterator[tuple[str, int]]:
+        """Yield how often forces of each kind acted."""
+        active = self.problem.forces(a)[0] != 0
+        for kind, name in _NAMES.items():
+            yield name, int(np.sum(active & (self.problem.kinds == kind.value)))
+        yield "contacts", self.contacts
+        yield "limits", self.limits
+        yield "drives at a limit", len(self.driven.clipped)
+        yield "drives", int(np.count_nonzero(self.driven.forces))
+
+
+DIGITS = 16
+"""Last digits by which each term of an acceleration may be rounded."""
+
+_NAMES = {Kind.EQUALITY: "equalities", Kind.FRICTION: "dry friction"}
+
+
+def _solver_bound(inverse: Array, unbalanced: Array) -> Array:
+    """Return the bound of a solver's error, (nv,), from the force that it left.
+
+    The cost is convex in M, so |a - a*|_M <= |grad|_(M^-1).
+    """
+    size = np.sqrt(max(0.0, float(unbalanced @ inverse @ unbalanced)))
+    result: Array = np.sqrt(np.diagonal(inverse)) * size
+    return result
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +95,9 @@ class LawSolution:
     contacts: tuple[Contact, ...]
     controls: Array
     states: Array
+
+    converged: ClassVar[bool] = True
+    """A convex problem has one solution."""
 
     @property
     def posture(self) -> Posture:
@@ -105,6 +149,7 @@ class LawModel(Constraints):
             problem=rows.problem(posture.mass, free),
             driven=driven,
             limits=rows.limits,
+            contacts=len(contacts),
         )
 
     def solve(

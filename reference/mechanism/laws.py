@@ -233,3 +233,104 @@ class Contact:
     distance: float
     position: NDArray[np.float64]
     frame: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardSurface:
+    """A surface whose contacts are impulses.
+
+    Attributes:
+        friction: sliding.
+        restitution: share of the approach speed that a contact returns.
+        spring: stiffness (N/m) and damping (N s/m) of a soft contact; None if it is rigid.
+        anchored: whether friction also removes the drift between the two points of a contact.
+    """
+
+    friction: float
+    restitution: float = 0.0
+    spring: Range | None = None
+    anchored: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardJoint:
+    """The range and the motor of a hinge or slide.
+
+    Attributes:
+        joint: its index.
+        control: index of the motor's target.
+        lower, upper: m or rad; without a limit, the lower bound is above the upper one.
+        targets: range of the motor's target, likewise.
+        effort: largest force of its motor, N or N m; 0 for no motor.
+    """
+
+    joint: int
+    control: int
+    lower: float
+    upper: float
+    targets: Range
+    effort: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImpulseRules:
+    """Settings of an engine whose constraints are impulses, and what its files leave open.
+
+    Attributes:
+        step: s.
+        limit_recovery, contact_recovery, friction_recovery: share of a violation that a step
+            removes, of limits, of contacts and of anchored friction.
+        deepest: depth beyond which a limit is not pushed back, m or rad.
+        largest: largest impulse of a limit, N s or N m s.
+        slop: added to the distance of a contact, m.
+        bounce: approach speed below which nothing bounces, m/s.
+        gain: share of its position error that a motor removes in a step.
+        default: a surface that the file does not describe.
+        floor: the surface of the ground.
+        controls: names of the joints whose motors have a control, by index.
+        bodies: names of the bodies that contacts refer to, by index; the ground first.
+    """
+
+    step: float
+    limit_recovery: float
+    contact_recovery: float
+    friction_recovery: float
+    deepest: float
+    largest: float
+    slop: float
+    bounce: float
+    gain: float
+    default: HardSurface
+    floor: HardSurface
+    controls: tuple[str, ...]
+    bodies: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImpulseLaws:
+    """Limits, motors and contacts that act by impulses.
+
+    Attributes:
+        rules: settings of the engine.
+        joints: ranges and motors.
+        surfaces: of the bodies, as in `ImpulseRules.bodies`.
+        root: center of mass of a floating root that is stepped about it, in its frame, m; or None.
+    """
+
+    rules: ImpulseRules
+    joints: tuple[HardJoint, ...]
+    surfaces: tuple[HardSurface, ...]
+    root: Numbers | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImpulseContact(Contact):
+    """A contact with the impulse that the engine reports; `position` is on the first surface.
+
+    Attributes:
+        other: the point on the other surface, m, (3,).
+        impulse: on the other surface, along the axes of `frame`, N s, (3,).
+    """
+
+    other: NDArray[np.float64]
+    impulse: NDArray[np.float64]

@@ -12,6 +12,7 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
+from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.laws.scenes import CONNECT, DRIVES, LIMITS, PAIR, TOUCH, WELD
 
@@ -33,7 +34,7 @@ def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck:
     file, copy = tmp_path / "scene.xml", tmp_path / "copy.xml"
     file.write_text(text)
     copy.write_text(loaded or text)
-    check = check_whole_step(file, "mujoco", copy, 1e-9)
+    check = check_whole_step(file, ModelSpec(copy), "mujoco", 1e-9)
     assert check is not None
     return check
 
@@ -137,7 +138,7 @@ def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> 
     file = tmp_path / "scene.xml"
     for _ in range(3):
         file.write_text(scene(rng))
-        check = check_whole_step(file, "mujoco", file, 1e-9)
+        check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
         assert check is not None
         assert check.record.outcome is Outcome.AGREES
         assert {"contacts", "limits"} <= {term.name for term in check.record.acted}

@@ -117,6 +117,7 @@ class DartEngine(UrdfEngine):
         "accelerations: yes, without mimic and friction",
         "linearization: from steps",
         "steps: semi-implicit Euler, order 1",
+        "whole step: not judged",
     )
     default_settings_note = "1 ms and -9.81 m/s^2"
     massless_link_default = "1 kg"

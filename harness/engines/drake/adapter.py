@@ -55,6 +55,7 @@ class DrakeEngine(UrdfEngine):
         "accelerations: yes, without couplers",
         "linearization: from steps",
         "steps: SAP, TAMSI: order 1; continuous: RK4 by the adapter",
+        "whole step: not judged",
     )
     default_settings_note = "no step of its own and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})

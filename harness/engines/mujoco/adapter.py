@@ -185,6 +185,7 @@ class MujocoEngine(Engine):
         "accelerations: yes",
         "linearization: from steps",
         "steps: Euler, implicit, implicitfast: order 1; RK4: order 4",
+        "whole step: by the documented law, of MJCF",
     )
     default_settings_note = "2 ms and -9.81"
     takes_springs = (".urdf",)

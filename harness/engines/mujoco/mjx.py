@@ -57,6 +57,7 @@ class MjxEngine(MujocoEngine):
         "accelerations: yes",
         "linearization: from steps",
         "steps: Euler, implicitfast: order 1; RK4: order 4",
+        "whole step: not judged",
     )
     compiles: tuple[str, ...] = ()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()

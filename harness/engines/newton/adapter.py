@@ -144,6 +144,7 @@ class NewtonEngine(UrdfEngine):
         "accelerations: no",
         "linearization: from steps, 32 bits",
         "steps: semi-implicit Euler, order 1, 32 bits",
+        "whole step: not judged",
     )
     default_settings_note = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})

@@ -110,6 +110,7 @@ class PinocchioEngine(UrdfEngine):
         "accelerations: yes",
         "linearization: from steps",
         "steps: RK4 by the adapter, order 4",
+        "whole step: not judged",
     )
     default_settings_note = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})

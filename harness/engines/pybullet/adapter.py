@@ -1,10 +1,11 @@
-"""PyBullet, on URDF, with one physics server per process: loading a model discards the previous
-one.
+"""PyBullet, on URDF, with one physics server per process: it holds one model, and each loads itself
+again where another one has been loaded since.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Sample,
     Spring,
     StepRule,
+    WholeModel,
     clip_ranges,
     held_joints,
 )
@@ -51,6 +53,7 @@ from physics_crosscheck.harness.engines.pybullet.settings import (
     long_axes,
 )
 from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper, link_places
+from physics_crosscheck.harness.engines.pybullet.whole import WHOLE_SETTINGS, PybulletWhole
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import engine_errors, one_line
 from physics_crosscheck.harness.engines.urdf import (
@@ -62,10 +65,12 @@ from physics_crosscheck.harness.engines.urdf import (
 )
 from physics_crosscheck.harness.engines.urdf_copy import (
     BARE,
+    Change,
     bare_cause,
     bare_links,
     followers_of,
     temporary_urdf,
+    without_visuals,
 )
 from physics_crosscheck.harness.engines.urdf_sidecar import (
     check_settings,
@@ -92,6 +97,7 @@ class PybulletEngine(Engine):
         "accelerations: no",
         "linearization: from steps",
         "steps: semi-implicit Euler, order 1",
+        "whole step: limits, motors, contacts; balls not judged",
     )
     preferred = (".urdf",)
     default_settings_note = "1/240 s and no gravity"
@@ -132,6 +138,15 @@ class PybulletEngine(Engine):
         with engine_errors(spec.path, self.title):
             return PybulletModel(spec, file, springs)
 
+    def load_whole(self, spec: ModelSpec) -> WholeModel | None:
+        """Load a URDF with limits, shapes and motors."""
+        if spec.path.suffix not in self.formats:
+            return None
+        whole = replace(spec, settings={**spec.settings, **WHOLE_SETTINGS})
+        with engine_errors(spec.path, self.title):
+            model = PybulletModel(whole, load_urdf(spec.path), [], (without_visuals,))
+            return PybulletWhole(model, model.stepper)
+
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return step and gravity."""
         return SETTINGS
@@ -152,10 +167,17 @@ class PybulletModel(LoadedModel):
 
     integrator = "semi-implicit euler"
 
-    def __init__(self, spec: ModelSpec, file: UrdfFile, springs: list[Spring]) -> None:
+    def __init__(
+        self,
+        spec: ModelSpec,
+        file: UrdfFile,
+        springs: list[Spring],
+        changes: tuple[Change, ...] = (),
+    ) -> None:
         self.path = str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
         self._declared = spec, file, springs
+        self._changes = (*changes_of(spec), *changes)
         self._load()
 
     def _load(self) -> None:
@@ -193,7 +215,7 @@ class PybulletModel(LoadedModel):
         check_inertias(self.path, self._body, robot if uses_file_inertias else None)
         self._disable_effects()
         pulls = [self._resolve(spring) for spring in springs]
-        self._stepper = BodyStepper(self._body, self._joints, self._turning, pulls)
+        self.stepper = BodyStepper(self._body, self._joints, self._turning, pulls)
         held = followers_of(spec.settings, self.path)
         self._gears = [self._gear(mimic) for mimic in kept_mimics(file.mimics, held)]
 
@@ -207,7 +229,7 @@ class PybulletModel(LoadedModel):
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
         try:
             with (
-                temporary_urdf(file.document.root, spec.path, changes_of(spec)) as path,
+                temporary_urdf(file.document.root, spec.path, self._changes) as path,
                 collect_printed_errors() as messages,
             ):
                 fixed = int(not self._setting("floating"))
@@ -250,13 +272,13 @@ class PybulletModel(LoadedModel):
     @property
     def places(self) -> tuple[str, ...]:
         """Links and their centres of mass."""
-        self._check_loaded()
+        self._ensure_loaded()
         return tuple(link_places(self._body))
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return poses by PyBullet's forward kinematics, without a step."""
-        self._check_loaded()
-        return self._stepper.poses(places, z)
+        self._ensure_loaded()
+        return self.stepper.poses(places, z)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Return order 1 for every input."""
@@ -399,7 +421,7 @@ class PybulletModel(LoadedModel):
         """Step through a rollout; springs and inputs are torques, set from the state before each
         step.
         """
-        self._check_loaded()
+        self._ensure_loaded()
         with engine_errors(self.path, "PyBullet"):
             return self._rollout(q, v, h, n, force, every)
 
@@ -412,14 +434,15 @@ class PybulletModel(LoadedModel):
         out_q = np.empty((len(q), n // every, q.shape[1]))
         out_v = np.empty_like(out_q)
         for b in range(len(q)):
-            self._stepper.reset(q[b], v[b])
-            self._stepper.run(b, n, force, every, out_q[b], out_v[b])
+            self.stepper.reset(q[b], v[b])
+            self.stepper.run(b, n, force, every, out_q[b], out_v[b])
             if not np.isfinite(out_q[b, -1]).all():
                 # A NaN stays in a gear through every reset of the joints.
                 self._load()
                 p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v
 
-    def _check_loaded(self) -> None:
+    def _ensure_loaded(self) -> None:
+        """Load the file again if another one has been loaded since."""
         if _loaded is not self:
-            raise EngineError(f"{self.path}: a different model has been loaded since")
+            self._load()

@@ -104,6 +104,9 @@ class Base:
     Args:
         body: PyBullet's index of the body.
         name: of its joint to the world.
+
+    Attributes:
+        center: of mass, in the link's frame, m, (3,).
     """
 
     count = COUNT
@@ -114,7 +117,7 @@ class Base:
         self._body = body
         self.names = (*place_names(name), *rotation_names(name))
         info = p.getDynamicsInfo(body, -1)
-        self._center, self._turned = np.array(info[3]), real_first(info[4])
+        self.center, self._turned = np.array(info[3]), real_first(info[4])
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, z: Array, w: Array) -> None:
@@ -123,7 +126,7 @@ class Base:
 
         self._near = unit_quaternion(z[3:])
         turn = from_quaternion(self._near)
-        center = turn @ self._center
+        center = turn @ self.center
         spin = turn @ angular_velocity(z[3:], w[3:])
         inertial = quaternion_product(self._near, self._turned)
         p.resetBasePositionAndOrientation(self._body, z[:3] + center, [*inertial[1:], inertial[0]])
@@ -153,7 +156,7 @@ class Base:
 
         linear, spin = map(np.array, p.getBaseVelocity(self._body))
         turn = from_quaternion(unit_quaternion(z[3:]))
-        moved = linear - np.cross(spin, turn @ self._center)
+        moved = linear - np.cross(spin, turn @ self.center)
         return np.concatenate([moved, coordinate_rate(z[3:], turn.T @ spin)])
 
     def _placed(self) -> tuple[Array, Array]:
@@ -163,7 +166,7 @@ class Base:
         center, inertial = p.getBasePositionAndOrientation(self._body)
         back = self._turned * [1, -1, -1, -1]
         turn = quaternion_product(real_first(inertial), back)
-        return np.array(center) - from_quaternion(turn) @ self._center, turn
+        return np.array(center) - from_quaternion(turn) @ self.center, turn
 
 
 def real_first(q: Sequence[float]) -> Array:

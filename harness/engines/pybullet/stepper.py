@@ -74,6 +74,10 @@ class BodyStepper:
         joints: PyBullet's indices of slides and hinges.
         turning: a floating base, ball joints.
         springs: added by the adapter as torques.
+
+    Attributes:
+        body, joints: as above.
+        turning: those parts, each with its rows.
     """
 
     def __init__(
@@ -83,29 +87,37 @@ class BodyStepper:
         turning: Sequence[Base | Ball],
         springs: Sequence[ForceElement],
     ) -> None:
-        self._body, self._joints, self._springs = body, joints, springs
+        self.body, self.joints, self._springs = body, joints, springs
         ends = np.cumsum([0, *(one.count for one in turning)]).tolist()
         self._free = ends[-1]
-        self._turning = [(one, slice(*at)) for one, at in zip(turning, pairwise(ends), strict=True)]
+        self.turning = [(one, slice(*at)) for one, at in zip(turning, pairwise(ends), strict=True)]
 
     def reset(self, q: Array, v: Array) -> None:
         """Set a state, (nz,) each."""
         import pybullet as p
 
-        for part, rows in self._turning:
+        for part, rows in self.turning:
             part.reset(q[rows], v[rows])
-        for i, joint in enumerate(self._joints, start=self._free):
-            p.resetJointState(self._body, joint, q[i], v[i])
+        for i, joint in enumerate(self.joints, start=self._free):
+            p.resetJointState(self.body, joint, q[i], v[i])
+
+    def position(self) -> Array:
+        """Return the current positions, (nz,)."""
+        import pybullet as p
+
+        states = p.getJointStates(self.body, self.joints) if self.joints else ()
+        turned = [part.position() for part, _ in self.turning]
+        return np.concatenate([*turned, [state[0] for state in states]])
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return origins (K, F, 3) and rotations (K, F, 3, 3) of places at positions z, (K, nz)."""
-        if not self._turning:
-            return link_poses(self._body, self._joints, places, z)
+        if not self.turning:
+            return link_poses(self.body, self.joints, places, z)
         poses = []
         for row in z:
-            for part, rows in self._turning:
+            for part, rows in self.turning:
                 part.reset(row[rows], np.zeros(part.count))
-            poses.append(link_poses(self._body, self._joints, places, row[None, self._free :]))
+            poses.append(link_poses(self.body, self.joints, places, row[None, self._free :]))
         origins, turns = zip(*poses, strict=True)
         return np.concatenate(origins), np.concatenate(turns)
 
@@ -116,7 +128,7 @@ class BodyStepper:
         """
         import pybullet as p
 
-        body, joints, free = self._body, self._joints, self._free
+        body, joints, free = self.body, self.joints, self._free
         states, step = p.getJointStates, p.stepSimulation
         by_state = force if isinstance(force, StateForce) else None
         held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
@@ -128,7 +140,7 @@ class BodyStepper:
         for i in range(n):
             if driven:
                 if by_state is not None:
-                    turned = [one.position() for one, _ in self._turning]
+                    turned = [one.position() for one, _ in self.turning]
                     position = [*np.concatenate([[], *turned]), *(s[0] for s in current)]
                     self._push(list(by_state.evaluate(position, inputs[i])), current)
                 else:
@@ -144,7 +156,7 @@ class BodyStepper:
         """Set the forces of the next step: on all coordinates, and of the springs."""
         import pybullet as p
 
-        for part, rows in self._turning:
+        for part, rows in self.turning:
             part.push(forces[rows])
         tau = forces[self._free :]
         for coefficients, stiffness, damping, rest in self._springs:
@@ -156,11 +168,11 @@ class BodyStepper:
             for j, c in coefficients:
                 tau[j] -= c * force
         if tau:
-            p.setJointMotorControlArray(self._body, self._joints, p.TORQUE_CONTROL, forces=tau)
+            p.setJointMotorControlArray(self.body, self.joints, p.TORQUE_CONTROL, forces=tau)
 
     def _take(self, current: Any, q: Array, v: Array) -> None:
         """Write current positions and velocities into rows, (nz,) each."""
-        for part, rows in self._turning:
+        for part, rows in self.turning:
             q[rows] = part.position()
             v[rows] = part.rates(q[rows])
         for j, state in enumerate(current, start=self._free):

@@ -126,6 +126,7 @@ class PymunkEngine(Engine):
         "accelerations: no",
         "linearization: from steps",
         "steps: semi-implicit Euler, positions first, order 1",
+        "whole step: not judged",
     )
     usual_mistakes = (
         DefaultLeftOn(

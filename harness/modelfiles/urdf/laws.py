@@ -1,0 +1,109 @@
+"""Limits, motors and contacts of a URDF that act by impulses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.urdf import ENDLESS, UrdfFile, read_urdf
+from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.reference.laws.impulses import ImpulseModel
+from physics_crosscheck.reference.laws.mechanics import LawTree
+from physics_crosscheck.reference.mechanism.laws import (
+    HardJoint,
+    HardSurface,
+    ImpulseLaws,
+    ImpulseRules,
+)
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
+
+
+def impulse_model(robot: Robot, rules: ImpulseRules) -> ImpulseModel | None:
+    """Return the laws of a URDF on its bodies; None without joints.
+
+    Args:
+        robot: the file, with joints that follow others set free.
+        rules: of the engine.
+
+    Raises:
+        TreeError: if the file has no tree.
+    """
+    if robot.tree is None:
+        raise TreeError("joints without a tree")
+    if not robot.tree.links:
+        return None
+    tree, file = _without_springs(robot.tree), read_urdf(Document(robot.file))
+    return ImpulseModel(
+        laws=ImpulseLaws(
+            rules=rules,
+            joints=tuple(_joints(file, tree, rules)),
+            surfaces=(rules.floor, *(_surface(file, name, rules) for name in rules.bodies[1:])),
+            root=file.links[file.root].body.center if robot.floats else None,
+        ),
+        tree=LawTree(
+            tree=tree,
+            paths=(),
+            bodies=((WORLD, IDENTITY), *(tree.frames[name] for name in rules.bodies[1:])),
+            masses=np.array([0.0, *(file.links[name].body.mass for name in rules.bodies[1:])]),
+            centers=np.zeros((len(rules.bodies), 3)),
+        ),
+    )
+
+
+def _without_springs(tree: Tree) -> Tree:
+    """Return a tree without springs, which are extensions of the format for other programs."""
+    return replace(tree, links=tuple(replace(link, stiffness=0.0) for link in tree.links))
+
+
+def _joints(file: UrdfFile, tree: Tree, rules: ImpulseRules) -> Iterator[HardJoint]:
+    """Yield ranges and motors of hinges and slides."""
+    for i, link in enumerate(tree.links):
+        if link.kind not in ("hinge", "slide"):
+            continue
+        joint = file.joints[link.name]
+        lower, upper = joint.bounds
+        if not np.isfinite([lower, upper]).all():
+            lower, upper = 1.0, 0.0
+        document = file.document
+        limit = document.child(joint.element, "limit")
+        # PyBullet restricts the targets of endless joints too.
+        low, high, effort = (
+            document.number(limit, key, default, "<limit>")
+            for key, default in (("lower", 0.0), ("upper", -1.0), ("effort", 0.0))
+        )
+        yield HardJoint(
+            joint=i,
+            control=rules.controls.index(link.name),
+            lower=lower,
+            upper=upper,
+            targets=(low, high) if joint.bounds == ENDLESS else joint.bounds,
+            effort=max(0.0, effort),
+        )
+
+
+def _surface(file: UrdfFile, name: str, rules: ImpulseRules) -> HardSurface:
+    """Return the surface of a link: `<contact>` is an extension of the format by PyBullet."""
+    contact = file.links[name].element.find("contact")
+    if contact is None:
+        return rules.default
+    stated = {child.tag: child for child in contact.children}
+
+    def number(tag: str, default: float) -> float:
+        return _value(file.document, stated[tag]) if tag in stated else default
+
+    spring = number("stiffness", 0.0), number("damping", 0.0)
+    return HardSurface(
+        friction=number("lateral_friction", rules.default.friction),
+        restitution=number("restitution", rules.default.restitution),
+        spring=spring if "stiffness" in stated or "damping" in stated else None,
+        anchored="friction_anchor" in stated,
+    )
+
+
+def _value(document: Document, element: XmlElement) -> float:
+    return document.number(element, "value", 0.0, f"<{element.tag}>")
