@@ -14,7 +14,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from physics_crosscheck.harness import __version__ as __version__
 
 if TYPE_CHECKING:
     from physics_crosscheck.harness.commands.compare.candidate import CompareError

@@ -16,7 +16,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import TextIO, cast
 
-from physics_crosscheck import __version__
+from physics_crosscheck.harness import __version__
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.completion import COMPLETING, complete, words_before
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SIGNALLED, USAGE
