@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +14,11 @@ from physics_crosscheck.harness.checks.placed_frames import Frames, Placed
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, motions_in_words
-from physics_crosscheck.harness.engines.protocol import LoadedModel
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.base import SourceLine, number
@@ -308,11 +311,11 @@ def check_poses(
 def case_poses(
     task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
 ) -> PoseCheck | None:
-    """Compare the poses of a robot file's bodies; those of a folder's model are audited."""
-    if task.sidecar is not None or not isinstance(task.target, PreparedTree):
+    """Compare the poses of a tree's bodies; the audit compares frames of declared energies."""
+    if not isinstance(task.target, PreparedTree):
         return None
     check = _check_bodies(task.target, model, coordinates)
-    lines = {name: (task.file, line) for name, line in task.target.lines.items()}
+    lines = {name: (task.file, line) for name, line in _lines(task).items()}
     lines |= {one.name: (one.file, one.line) for one in task.target.placed}
     names = (name for one in check.findings for name in one.frames)
     places = dict.fromkeys(lines[name] for name in names if name in lines)
@@ -320,10 +323,19 @@ def case_poses(
     return replace(check, locations=tuple(locations))
 
 
+def _lines(task: ModelTask[Prepared]) -> Mapping[str, int]:
+    """Return the line of each body in the model file, by name; none in a file of another kind."""
+    if isinstance(task.target, PreparedTree) and task.sidecar is None:
+        return task.target.lines
+    with suppress(RobotError, EngineError):
+        return {part.name: part.line for part in read_as_it_runs(task.file, {}).parts}
+    return {}
+
+
 def _check_bodies(
     target: PreparedTree, model: LoadedModel, coordinates: CoordinateMap
 ) -> PoseCheck:
-    """Compare bodies, shapes and sites of a robot file, by name, at the sampled positions."""
+    """Compare bodies, and shapes and sites of a robot file, by name, at the sampled positions."""
     engine_names = {
         name: place
         for name in target.tree.frames

@@ -428,8 +428,8 @@ def count_robot(task: TreeTask) -> Coverage:
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
     if task.sidecar is None and not task.target.smooth:
         says |= _in_steps(task, numbers, says)
-    if task.sidecar is None:  # the bodies of a robot file are compared in their poses too
-        says |= _in_frames(task, problem, [i for i in says if says[i] in _UNMOVED])
+    says |= _in_frames(task, numbers, [i for i in says if says[i] in _UNMOVED])
+    if task.sidecar is None:
         says |= _in_shapes(task, numbers, says)
     choices, fixed = engines()[task.engine].choices, _fixed(task)
     counted = [
@@ -474,19 +474,22 @@ _UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
 
 
 def _in_frames(
-    task: TreeTask, problem: RobotProblem, unmoved: Collection[int]
+    task: TreeTask, numbers: Numbers, unmoved: Collection[int]
 ) -> dict[int, NumberEffect]:
     """Return those of the numbers that move nothing in time, but where a body is."""
-    target, numbers = task.target, problem.numbers
-    names = tuple(problem.flow.tree.frames)
+    target, here = task.target, numbers.tree({})
+    if here is None or here.dof != len(target.names):
+        return {}
+    every = tuple(here.frames)
+    names = tuple(name for name in every if name in target.tree.frames)
     q = target.samples.start[:, : len(target.names)]
-    before = TreeFrames(problem.flow.tree, names)(q)
+    before = TreeFrames(here, names)(q)
     least = task.resolution * max(1.0, float(np.max(np.abs(before), initial=0.0)))
     effects = {}
     for i in unmoved:
         number = numbers.numerals[i]
         tree = numbers.tree({i: number.value - SLOPE_NUDGE * number.scale})  # known, from the slope
-        if tree is None or tree.dof != len(target.names) or tuple(tree.frames) != names:
+        if tree is None or tree.dof != len(target.names) or tuple(tree.frames) != every:
             continue
         moved = float(np.max(np.abs(TreeFrames(tree, names)(q) - before), initial=0.0))
         if moved * NUDGE / SLOPE_NUDGE > least:

@@ -468,7 +468,7 @@ class Case(Record, frozen=True, kw_only=True):
         series: Data for plots; None if the case was not judged.
         stepping: Check of the next state; None without a known step rule.
         forward_dynamics: Check of the accelerations; None if the engine reports none.
-        poses: Check of the poses of a robot file's bodies; None for other models.
+        poses: Check of the poses of bodies; None for declared energies.
         whole_step: Check of steps with limits, friction, contacts and drives; None without a
             documented law.
         skipped: Checks that did not run since others decide; `--thorough` runs them.

@@ -10,11 +10,13 @@ import pybullet_data
 import pytest
 
 from physics_crosscheck.harness.checks.case import run_case
-from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.diagnosis.coverage import count_robot
 from physics_crosscheck.harness.engines.mujoco.adapter import MujocoModel
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.problems import difference
 
@@ -98,6 +100,39 @@ def test_a_massless_tool_that_is_elsewhere_differs_at_its_line(
     assert ARM.splitlines()[(line.line or 0) - 1].startswith('<link name="tool"')
     assert difference(case) == f"tool {says}"
     assert not case.contradiction(1e-9)
+
+
+BODIES = """from physics_crosscheck import Joint, MultibodySystem, RigidBody
+
+boom = RigidBody(
+    name="boom", parent=None, position=(0.0, 0.0, 1.0), rpy=(0.1, 0.2, 0.3), mass=1.3,
+    center=(0.01, 0.02, -0.2), inertia=(0.021, 0.018, 0.006, 0.001, 0.0, 0.0),
+    joints=(Joint(name="lift", kind="hinge", axis=(0.0, 1.0, 0.0)),),
+)
+tool = RigidBody(name="tool", parent="boom", position=(0.1, 0.0, -0.4), rpy=(0.0, 0.5, 0.0))
+system = MultibodySystem(
+    name="arm", title="an arm", source="a test", gravity=(0.0, 0.0, -9.81), bodies=(boom, tool)
+)
+"""
+
+
+def test_a_tool_that_system_py_declares_elsewhere_differs_and_is_counted(tmp_path: Path) -> None:
+    """Catch a folder of bodies whose poses no check compares with the engine."""
+    (tmp_path / "system.py").write_text(BODIES)
+    file, sidecar = tmp_path / "arm.urdf", tmp_path / "arm.urdf.toml"
+    file.write_text(ARM)
+    settings = "[settings]\nstep = 0.002\ngravity = [0, 0, -9.81]\nsmooth = true\n"
+    sidecar.write_text(f'engines = ["mujoco"]\n{settings}')
+    prepared = prepare(tmp_path)
+    assert isinstance(prepared, PreparedTree)
+    task = model_task(prepared, "mujoco", read_sidecar(sidecar))
+    assert run_case(task).outcome is Outcome.AGREES
+    untested = [one for part in count_robot(task).untested for one in part.examples]
+    assert not [one for one in untested if "flange" in one]
+    file.write_text(ARM.replace("0.1 0 -0.4", "0.1 0 -0.4001"))
+    case = run_case(task)
+    assert (case.outcome, case.kind) == (Outcome.DIFFERS, "pose")
+    assert [place.line for place in case.locations] == [8]
 
 
 def test_a_difference_of_rounding_agrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
