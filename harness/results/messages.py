@@ -74,7 +74,8 @@ def pages() -> dict[str, str]:
 
 def code_lines(code: Code, width: int) -> Iterator[str]:
     """Yield the page of a message for a terminal of the given width in columns."""
-    yield f"{code.code} {code.name}: {code.title}"
+    title = f"{code.code} {code.name}: {code.title}"
+    yield from textwrap.wrap(title, max(width, 20), subsequent_indent="  ", break_long_words=False)
     for title, text in (("Meaning", code.cause), ("Example", ""), ("What to do", code.remedy)):
         yield f"\n{title}"
         lines = [text] if text else code.example.splitlines()

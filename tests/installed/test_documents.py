@@ -40,7 +40,7 @@ def test_coordinates_are_mapped_as_the_page_on_folders_says(
 PAGES = [
     *sorted(f"docs/get-started/{path.name}" for path in (ROOT / "docs/get-started").glob("*.md")),
     *sorted(f"docs/how-to/{path.name}" for path in (ROOT / "docs/how-to").glob("*.md")),
-    *("docs/cases.md", "docs/compare.md", "docs/robots.md"),
+    *("docs/cases.md", "docs/compare.md", "docs/gate.md", "docs/robots.md"),
 ]
 
 
@@ -87,3 +87,10 @@ def test_each_page_begins_with_its_reader_and_the_result() -> None:
         first = path.read_text().split("\n\n")[1]
         named = re.search(r"Afterwards|needs? this page|you have", first)
         assert named or path.name.startswith("XC"), f"{path}: {first}"
+
+
+def test_the_pages_for_contributors_and_the_glossary_are_one_page_each() -> None:
+    for page in ("CONTRIBUTING.md", "docs/architecture.md", "docs/glossary.md"):
+        assert len((ROOT / page).read_text().split()) <= 650, page
+    rows = re.findall(r"^\| \*\*", (ROOT / "docs/glossary.md").read_text(), re.MULTILINE)
+    assert len(rows) <= 25

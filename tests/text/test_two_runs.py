@@ -82,7 +82,7 @@ def test_cases_that_are_gone_and_new_are_a_line_a_model() -> None:
     print_two_runs(Console(file=out), diff_runs(results(*gone), results(case(engine="x"))))
     assert out.getvalue().splitlines() == [
         "FAIL  3 cases: 2 gone, 1 new",
-        "gone  disc/a.xml [mujoco]: free, far",
+        "gone  disc/a.xml [mujoco]: far, free",
         "new  disc/mujoco.xml [x]: free",
     ]
 

@@ -253,7 +253,7 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
         text = "; ".join(text for text in texts if text not in shared)
         details.setdefault(text, []).append(f"{change.id.scenario} [{change.id.engine}]")
     for text, names in list(details.items())[:MAX_CASES]:
-        lines += wrapped(f"  {', '.join(names)}{': ' if text else ''}{text}", width)
+        lines += wrapped(f"  {', '.join(sorted(names))}{': ' if text else ''}{text}", width)
     if len(details) > MAX_CASES:
         lines.append(f"  and {counted(len(details) - MAX_CASES, 'case')} more, listed in gate.json")
     for text in shared:

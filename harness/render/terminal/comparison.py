@@ -256,7 +256,7 @@ def _property_cause(
 
 
 def _size(value: float | None) -> str:
-    return f"{float('inf') if value is None else value:.1e}"
+    return "0" if value == 0 else f"{float('inf') if value is None else value:.1e}"
 
 
 def _by_joint(compared: Compared) -> str:

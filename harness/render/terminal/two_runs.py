@@ -54,7 +54,7 @@ def print_two_runs(console: Console, runs: RunDiff) -> None:
         print_text(console, f"and {len(both) - MAX_CASES} more, on the page")
     for kind in (Status.GONE, Status.NEW):
         models: dict[str, list[str]] = {}
-        for case in runs.changed:
+        for case in sorted(runs.changed, key=lambda one: one.id):
             if case.status is kind:
                 models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
         for model, scenarios in models.items():
