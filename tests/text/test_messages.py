@@ -9,8 +9,8 @@ import pytest
 
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.codes import Code, codes
+from physics_crosscheck.harness.results.messages import code_lines, pages
 from physics_crosscheck.harness.results.messages import main as write
-from physics_crosscheck.harness.results.messages import pages
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "messages"
 LONGEST = 25
@@ -46,6 +46,12 @@ def test_explain_prints_a_page_by_code_or_name(capsys: pytest.CaptureFixture[str
     assert by_code == capsys.readouterr().out
     assert by_code.startswith("XC104 inertia-without-mass: A link has inertia but no mass.\n")
     assert '<mass value="0.0"/>' in by_code
+
+
+@pytest.mark.parametrize("width", [60, 80, 100])
+def test_an_explained_page_fits_the_terminal(width: int) -> None:
+    lines = "\n".join(part for code in codes().values() for part in code_lines(code, width))
+    assert max(map(len, lines.splitlines())) <= width
 
 
 def test_explain_hints_at_the_code_that_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
