@@ -136,21 +136,33 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
     """
     forward, back, z = _declared(system, sidecar, names)
     values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
-    forward = [e.xreplace(values) for e in forward]
-    back = [e.xreplace(values) for e in back]
-    back_slope = sp.Matrix(back).jacobian(z)
-    engine_forces = back_slope.T * sp.Matrix(
-        [sp.sympify(f).xreplace(values) for f in system.forces()]
+    plain = (
+        tuple(sp.sympify(e).xreplace(values) for e in each)
+        for each in (forward, back, system.forces())
     )
-    matrix = _pushes(engine_forces, system, z)
+    return _compiled_map(*plain, (tuple(system.q), tuple(system.u), tuple(z)))
+
+
+@lru_cache(maxsize=64)  # each case of a model has the same map
+def _compiled_map(
+    forward: tuple[sp.Expr, ...],
+    back: tuple[sp.Expr, ...],
+    forces: tuple[sp.Expr, ...],
+    variables: tuple[tuple[sp.Symbol, ...], ...],
+) -> CoordinateMap:
+    """Compile a map, without constants, and its slopes; the variables are q, u and z."""
+    q, u, z = variables
+    back_slope = sp.Matrix(back).jacobian(z)
+    engine_forces = back_slope.T * sp.Matrix(forces)
+    matrix = _pushes(engine_forces, u, z)
     constants = None if matrix is None else np.array(matrix.tolist(), dtype=float)
     return CoordinateMap(
-        forward=compile_function(forward, system.q),
-        forward_slope=compile_function(list(sp.Matrix(forward).jacobian(system.q)), system.q),
+        forward=compile_function(forward, q),
+        forward_slope=compile_function(list(sp.Matrix(forward).jacobian(q)), q),
         back=compile_function(back, z),
         back_slope=compile_function(list(back_slope), z),
-        push=compile_function(list(engine_forces), z, system.u),
-        push_matrix=None if constants is None else constants.reshape(len(z), len(system.u)),
+        push=compile_function(list(engine_forces), z, u),
+        push_matrix=None if constants is None else constants.reshape(len(z), len(u)),
         periodic=_periodic(back),
     )
 
@@ -200,7 +212,7 @@ def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) ->
     forward, back, z = _declared(system, sidecar, names)
     back_slope = sp.Matrix(back).jacobian(z)
     engine_forces = back_slope.T * sp.Matrix([sp.sympify(f) for f in system.forces()])
-    matrix = _pushes(engine_forces, system, z)
+    matrix = _pushes(engine_forces, system.u, z)
     symbols = [c.symbol for c in system.constants]
     used = set[sp.Basic]().union(*(e.free_symbols for e in (*map(sp.sympify, forward), *back)))
     return CoordinateFamily(
@@ -233,12 +245,14 @@ def _periodic(back: Sequence[sp.Expr]) -> tuple[bool, ...]:
     return tuple(bool(expression.has(sp.atan2)) for expression in back)
 
 
-def _pushes(engine_forces: sp.Matrix, system: System, z: Sequence[sp.Symbol]) -> sp.Matrix | None:
+def _pushes(
+    engine_forces: sp.Matrix, u: Sequence[sp.Symbol], z: Sequence[sp.Symbol]
+) -> sp.Matrix | None:
     """Return the force of each unit input on each engine coordinate, nz x inputs, if constant."""
-    if not system.u:
+    if not u:
         return sp.zeros(len(z), 0)
-    matrix = engine_forces.jacobian(system.u)
-    return None if matrix.free_symbols & {*z, *system.u} else matrix
+    matrix = engine_forces.jacobian(u)
+    return None if matrix.free_symbols & {*z, *u} else matrix
 
 
 def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str) -> list[sp.Expr]:

@@ -90,15 +90,23 @@ def compile_function(
     Raises:
         ValueError: if an expression contains a symbol that is not an argument.
     """
+    return _compiled(tuple(map(sp.sympify, expressions)), tuple(map(tuple, groups)))
+
+
+@lru_cache(maxsize=512)  # each task of a worker compiles the same maps and terms
+def _compiled(
+    expressions: tuple[sp.Expr, ...], groups: tuple[tuple[sp.Symbol, ...], ...]
+) -> NumericFunction:
+    """Compile expressions; equal ones have equal digits, since `sp.Float` compares precisions."""
     arguments = [symbol for group in groups for symbol in group]
-    wanted = set[sp.Basic]().union(*(sp.sympify(e).free_symbols for e in expressions))
+    wanted = set[sp.Basic]().union(*(e.free_symbols for e in expressions))
     unknown = wanted - set(arguments)
     if unknown:
         names = ", ".join(sorted(str(symbol) for symbol in unknown))
         raise ValueError(f"{names}: no value given")
     plain = [sp.Symbol(f"x{i}_") for i in range(len(arguments))]
     swap = dict(zip(arguments, plain, strict=True))
-    renamed = [sp.sympify(e).xreplace(swap) for e in expressions]
+    renamed = [e.xreplace(swap) for e in expressions]
     function = sp.lambdify(plain, renamed, modules="numpy", cse=True)
     source = inspect.getsource(function)
     return NumericFunction(source, tuple(len(g) for g in groups), len(expressions))
