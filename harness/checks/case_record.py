@@ -16,7 +16,14 @@ from physics_crosscheck.harness.numerics.linearization import LinearizationCompa
 from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
 from physics_crosscheck.harness.numerics.stepping import StepComparison as FoundStepping
-from physics_crosscheck.harness.records.base import Number, Numbers, Rows, number, numbers, rows
+from physics_crosscheck.harness.records.base import (
+    Numbers,
+    Rows,
+    number,
+    numbers,
+    rounded,
+    rows,
+)
 from physics_crosscheck.harness.records.case import (
     CheckedStep,
     Convergence,
@@ -228,8 +235,8 @@ def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
     errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
     return StepErrors(
         h=numbers(run.h for run in runs),
-        error=tuple(_digits(error, 5) for error in errors),
-        seconds=tuple(_digits(run.seconds, 3) for run in runs),
+        error=rounded(errors, 5),
+        seconds=rounded([run.seconds for run in runs], 3),
     )
 
 
@@ -278,13 +285,8 @@ def _pole(value: complex) -> EnginePole:
     )
 
 
-def _digits(value: float, digits: int) -> Number:
-    """Round to the given number of significant digits."""
-    return number(float(f"{value:.{digits}g}"))
-
-
 def _row(values: Array, digits: int) -> Numbers:
-    return tuple(_digits(value, digits) for value in values.tolist())
+    return rounded(values.tolist(), digits)
 
 
 def _rows(values: Array, digits: int) -> Rows:

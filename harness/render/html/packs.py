@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import base64
 import gzip
-import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from physics_crosscheck.harness.records.base import rounded
 
 Array = NDArray[np.float64]
 
@@ -92,7 +93,7 @@ class Pack:
 
     def column(self, values: Sequence[float | None] | Array, digits: int) -> Column:
         """Store numbers rounded to some digits; equal columns are stored once."""
-        kept = [_rounded(value, digits) for value in np.asarray(values, dtype=float).tolist()]
+        kept = rounded(np.asarray(values, dtype=float).tolist(), digits)
         # Text takes a quarter of a list of floats; a large report has 60 million numbers.
         text = msgspec.json.encode(kept)
         return Column(pack=self.id, key=self._columns.setdefault(text, f"c{len(self._columns)}"))
@@ -108,10 +109,10 @@ class Pack:
 
     def _record(self, chart: Chart) -> dict[str, object]:
         curves = [
-            {**asdict(curve), "x": self._reference(curve.x), "y": self._reference(curve.y)}
+            {**vars(curve), "x": self._reference(curve.x), "y": self._reference(curve.y)}
             for curve in chart.curves
         ]
-        return {**asdict(replace(chart, curves=())), "curves": curves}
+        return {**vars(chart), "curves": curves}
 
     def _reference(self, column: Column) -> str | tuple[str, str]:
         return column.key if column.pack == self.id else (column.pack, column.key)
@@ -121,7 +122,3 @@ def compressed(content: Mapping[str, object]) -> str:
     """Compress JSON to safe letters; the same content gives the same text."""
     data = msgspec.json.encode(content)
     return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
-
-
-def _rounded(value: float, digits: int) -> float | None:
-    return float(f"{value:.{digits}g}") if math.isfinite(value) else None
