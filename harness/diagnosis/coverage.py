@@ -74,7 +74,8 @@ class Probe:
         )
 
     def _evaluate_poses(self, model: LoadedModel) -> tuple[Array, Array]:
-        places = [target.place for target in self.frames.targets if target.place in model.places]
+        there = frozenset(model.places) if self.frames.targets else frozenset()
+        places = [target.place for target in self.frames.targets if target.place in there]
         if not places:
             return np.zeros(0), np.zeros(0)
         return model.poses(places, self.z[:POSE_STATES])

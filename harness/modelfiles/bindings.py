@@ -300,12 +300,9 @@ def _link_neighbours(sidecar: Sidecar, into: Path) -> None:
     """
     folder = sidecar.model.parent.resolve()
     excluded = {sidecar.model.name, _file(sidecar).name, "system.py", "__pycache__"}
-    for entry in folder.iterdir():
-        link = into / entry.name
-        if entry.name in excluded or entry.name.startswith(".") or os.path.lexists(link):
-            continue
-        if not into.resolve().is_relative_to(entry):
-            link.symlink_to(entry)
+    for name in {*os.listdir(folder)} - excluded - {*os.listdir(into)}:
+        if not name.startswith(".") and not into.resolve().is_relative_to(folder / name):
+            (into / name).symlink_to(folder / name)
 
 
 def _unlink_folders(into: Path, below: Path) -> None:

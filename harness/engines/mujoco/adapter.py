@@ -216,8 +216,9 @@ class MujocoEngine(Engine):
         import mujoco
 
         file = load_urdf(spec.path) if spec.path.suffix == ".urdf" else None
-        robot = None if file is None else file.document.root
-        xml_sources, warnings = sources(spec.path), Warnings()
+        document = None if file is None else file.document
+        robot = None if document is None else document.root
+        xml_sources, warnings = sources(spec.path, document), Warnings()
         try:
             with warnings.collecting(), temporary_urdf(robot, spec.path, changes(spec)) as path:
                 tree = mujoco.MjSpec.from_file(str(path))
@@ -251,7 +252,7 @@ class MujocoEngine(Engine):
         # A diverged run must stay diverged: the automatic reset would return zeros, so that all
         # step sizes would agree.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        return self.model_of(model, spec, xml_sources, warnings, controls)
+        return self.model_of(model, spec, file, xml_sources, warnings, controls)
 
     def load_whole(self, spec: ModelSpec) -> MujocoWhole | None:
         """Load an MJCF with all its forces."""
@@ -303,6 +304,8 @@ def _not_finite(model: Any) -> dict[str, object]:
     """Return fields of a compiled model that are not finite, except ranges."""
     parts = ((model, _reals("model")), (model.opt, _reals("options")))
     fields = {name: getattr(part, name) for part, names in parts for name in names}
+    if np.isfinite(np.concatenate([np.ravel(value) for value in fields.values()])).all():
+        return {}  # one call: a large share of the time to load a small model
     return {name: value for name, value in fields.items() if not np.isfinite(value).all()}
 
 
@@ -328,6 +331,7 @@ class MujocoModel(LoadedModel):
         self,
         model: Any,
         spec: ModelSpec,
+        file: UrdfFile | None,
         xml_sources: tuple[Document, ...],
         warnings: Warnings,
         controls: tuple[Array, Array],
@@ -337,6 +341,7 @@ class MujocoModel(LoadedModel):
         self._controls, self._activations = controls
 
         self.model, self._spec, self._sources, self._warnings = model, spec, xml_sources, warnings
+        self._urdf_file = file
         self._states = States(model)
         self.coordinates = self._states.names
         # Read the step now: every rollout sets another.
@@ -439,11 +444,6 @@ class MujocoModel(LoadedModel):
     def warnings(self) -> tuple[str, ...]:
         """Warnings of MuJoCo, since the file was loaded."""
         return tuple(self._warnings)
-
-    @cached_property
-    def _urdf_file(self) -> UrdfFile | None:
-        path = self._spec.path
-        return load_urdf(path) if path.suffix == ".urdf" else None
 
     @cached_property
     def _poses(self) -> PoseEvaluator:

@@ -27,14 +27,18 @@ _DECLARED = re.compile(r"<!(DOCTYPE|ENTITY)", re.IGNORECASE)
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 
 
-def sources(path: Path) -> tuple[Document, ...]:
+def sources(path: Path, document: Document | None = None) -> tuple[Document, ...]:
     """Return a file and its includes, if they are XML; MuJoCo's parser accepts more.
+
+    Args:
+        path: the file.
+        document: its content, if it is read already.
 
     Raises:
         EngineError: for files that no engine should read: pipes, a DTD, or a second root, of which
             MuJoCo reads only the first.
     """
-    return tuple(one for one in _sources_by_path(path).values() if one is not None)
+    return tuple(one for one in _sources_by_path(path, document).values() if one is not None)
 
 
 def included(path: Path) -> tuple[Path, ...]:
@@ -46,18 +50,23 @@ def included(path: Path) -> tuple[Path, ...]:
     return tuple(_sources_by_path(path))
 
 
-def _sources_by_path(path: Path) -> dict[Path, Document | None]:
+def _sources_by_path(path: Path, document: Document | None = None) -> dict[Path, Document | None]:
     by_path: dict[Path, Document | None] = {}
-    _collect(path, path.parent, by_path)
+    _collect(path, path.parent, by_path, document)
     return by_path
 
 
-def _collect(path: Path, folder: Path, by_path: dict[Path, Document | None]) -> None:
+def _collect(
+    path: Path,
+    folder: Path,
+    by_path: dict[Path, Document | None],
+    document: Document | None = None,
+) -> None:
     if path in by_path:
         return
     by_path[path] = None
     try:
-        source = read_document(path)
+        source = document or read_document(path)
     except NoXmlError as error:
         if error.second_root or _declares(path):
             raise
