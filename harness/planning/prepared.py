@@ -5,9 +5,10 @@ Workers resolve a task by its name in `planning.tasks`, so that planning imports
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pkgutil import resolve_name
 from typing import Any, Literal
 
@@ -39,11 +40,35 @@ class TargetFacts(Record, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True)
+class PackedEquations:
+    """The solved equations of a target as bytes, which the planning process only passes on.
+
+    Reading them would import sympy there; a worker reads them once for all its tasks.
+    """
+
+    data: bytes
+
+    @staticmethod
+    def pack(solved: object) -> PackedEquations:
+        """Pack prepared equations."""
+        return PackedEquations(pickle.dumps(solved, protocol=pickle.HIGHEST_PROTOCOL))
+
+    def unpack(self) -> Any:
+        """Return the prepared equations."""
+        return _unpacked(self.data)
+
+
+@lru_cache(maxsize=1)
+def _unpacked(data: bytes) -> Any:
+    return pickle.loads(data)
+
+
+@dataclass(frozen=True)
 class Preparation:
     """The facts of a folder or a file, and its solved equations, which its tasks use."""
 
     facts: TargetFacts
-    solved: object
+    solved: PackedEquations
 
 
 @dataclass(frozen=True, kw_only=True)

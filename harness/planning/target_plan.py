@@ -31,6 +31,7 @@ from physics_crosscheck.harness.planning.model_checks import CASE, MEASUREMENT, 
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.prepared import (
     Arguments,
+    PackedEquations,
     Preparation,
     TargetFacts,
     task_function,
@@ -69,7 +70,7 @@ class TargetPlan:
         self.standalone = place.is_file()
         self._cache, self._before = options.cache, before
         self._facts: TargetFacts | None = None
-        self._solved: object = None
+        self._solved: PackedEquations | None = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
         self._key: CacheKey | None = None
         self._hashes: Mapping[ModelKey, str] = {}

@@ -6,9 +6,14 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, TargetFacts
+from physics_crosscheck.harness.planning.prepared import (
+    Arguments,
+    PackedEquations,
+    Preparation,
+    TargetFacts,
+)
 
 
 def target(
@@ -38,19 +43,19 @@ def target(
             left_out=solved.left_out,
             findings=solved.findings,
         )
-    return Preparation(facts, solved)
+    return Preparation(facts, PackedEquations.pack(solved))
 
 
-def check(solved: PreparedSystem | PreparedTree, *, path: str, given: Arguments) -> Any:
+def check(equations: PackedEquations, *, path: str, given: Arguments) -> Any:
     """Call the function of a check with the task of one model in one engine.
 
     Args:
-        solved: the prepared target.
+        equations: the solved equations of the target.
         path: path of the function below `harness`.
         given: the model, the engine and the options.
     """
     task = model_task(
-        solved,
+        equations.unpack(),
         given.engine,
         given.sidecar,
         scenario=given.scenario,
