@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec.structs import replace
 
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.engines.compiled import CompiledTree
@@ -37,14 +38,16 @@ def audit_acting(task: TreeTask) -> Audit:
     engine = engines()[task.engine]
     if task.file.suffix not in engine.compiles:
         return Audit(findings=())
-    compiled = engine.compiled(task.file)
+    return Audit(findings=(), acting=acting_quantities(engine.compiled(task.file)))
+
+
+def acting_quantities(compiled: CompiledTree) -> tuple[ActingQuantity, ...]:
+    """Return what the numbers of a compiled file act as; nothing for bodies without laws."""
     try:
         model = law_model(compiled)
     except TreeError:
         model = None
-    if model is None:
-        return Audit(findings=())
-    return Audit(findings=(), acting=tuple(Acting(model, compiled).quantities()))
+    return () if model is None else tuple(Acting(model, compiled).quantities())
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +81,10 @@ class Acting:
         """Yield quantities of contacts between shapes that stand still and others."""
         alike: dict[tuple[ContactParameters, str], list[tuple[int, int]]] = {}
         for pair, parameters, rule in self._pairs():
-            alike.setdefault((parameters, rule), []).append(pair)
+            alike.setdefault((parameters, rule), []).append(pair)  # the rule states both numbers
         for (parameters, rule), pairs in alike.items():
             subject = f"{self._shape(pairs[0][0])} with {_listed(self._shape(j) for _, j in pairs)}"
-            yield from self._contact(subject, parameters, rule, [j for _, j in pairs])
+            yield from self._contact(subject, parameters, rule, pairs)
 
     def _pairs(self) -> Iterator[tuple[tuple[int, int], ContactParameters, str]]:
         """Yield a still and a moving surface, the numbers of their contact, and their rule."""
@@ -104,18 +107,19 @@ class Acting:
         return self.compiled.placed[index].name.partition(":")[2]
 
     def _contact(
-        self, subject: str, contact: ContactParameters, rule: str, moving: list[int]
+        self, subject: str, contact: ContactParameters, rule: str, pairs: list[tuple[int, int]]
     ) -> Iterator[ActingQuantity]:
         laws = self.model.laws
         if contact.dimension > 1:
             friction = contact.friction[0]
-            yield _quantity(subject, "friction", friction, rule=rule)
+            parts = tuple(laws.surfaces[i].friction[0] for i in pairs[0])
+            yield replace(_quantity(subject, "friction", friction, rule=rule), parts=parts)
             if not laws.elliptic:
                 note = "between the edges of its pyramid"
                 yield _quantity(subject, "friction at 45 degrees", friction * DIAGONAL, rule=note)
         motion = pressed(contact.softness, laws)
         yield _quantity(subject, "restitution", motion.rebound, rule="of solref, at full depth")
-        bodies = [laws.surfaces[j].body for j in moving]
+        bodies = [laws.surfaces[j].body for _, j in pairs]
         weight = float(max(self.model.weights.bodies[body, 0] for body in bodies))
         if not self._weight or not weight:
             return

@@ -106,6 +106,24 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
     effect: Number = None
 
 
+class ComparedActing(Record, frozen=True, kw_only=True):
+    """A quantity that the numbers of both files act as, with different values.
+
+    Attributes:
+        subject, quantity, unit: As in `ActingQuantity`.
+        a: Value of model A; None if it is not finite, or if A has none.
+        b: Value of model B, likewise.
+        cause: Probable cause of the difference; empty if unknown.
+    """
+
+    subject: str
+    quantity: str
+    unit: str
+    a: Number
+    b: Number
+    cause: str = ""
+
+
 class FileEdit(Record, frozen=True, kw_only=True):
     """A place where the files differ.
 
@@ -167,6 +185,7 @@ class Compared(Record, frozen=True, kw_only=True):
         impossible: Inertias that no rigid body can have, with lines and remedies.
         notes: Remarks on the comparison.
         seconds: Duration, seconds.
+        acting: Quantities that the numbers of the files act as, where they differ.
     """
 
     discrepancy: Number
@@ -190,6 +209,7 @@ class Compared(Record, frozen=True, kw_only=True):
     impossible: tuple[str, ...]
     notes: tuple[str, ...]
     seconds: float
+    acting: tuple[ComparedActing, ...] = ()
 
 
 class ComparisonResult(Record, frozen=True, kw_only=True):

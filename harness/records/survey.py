@@ -16,6 +16,7 @@ class ActingQuantity(Record, frozen=True, kw_only=True):
         value: Its value; None if it is not finite.
         unit: Its unit; empty for a ratio.
         rule: How it follows from the file; empty if that is clear.
+        parts: Numbers of the two shapes of a contact that it is mixed from.
     """
 
     subject: str
@@ -23,6 +24,7 @@ class ActingQuantity(Record, frozen=True, kw_only=True):
     value: Number
     unit: str = ""
     rule: str = ""
+    parts: tuple[float, ...] = ()
 
 
 class Audit(Record, frozen=True, kw_only=True):

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from msgspec import structs
 
+from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.attribution import Attribution, attributed
 from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.commands.compare.execute import FailureError, ask
@@ -414,6 +415,7 @@ def _compared(
         untested=_untested(prepared, judged, files, attribution),
         impossible=_impossible(prepared),
         notes=_notes(prepared, recorded, motions.start),
+        acting=compare_acting(*prepared.facts),
         seconds=0.0,
     )
 

@@ -61,6 +61,7 @@ def print_comparison(console: Console, comparison: ComparisonResult) -> None:
         print_properties(console, comparison, compared, is_named=edit is None)
         _print_terms(console, comparison, compared)
         _print_differences(console, comparison.outcome, compared)
+        _print_acting(console, compared)
         _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
 
@@ -81,6 +82,24 @@ def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
     for outcome, sentence in sentences:
         lead = f"{WORDS[outcome]}  "
         print_wrapped(console, sentence, lead=lead, style=STYLES[outcome], indent=2)
+
+
+def _print_acting(console: Console, compared: Compared) -> None:
+    """Print the quantities that the files act as differently; those with a cause first."""
+    if compared.acting:
+        console.print("\nwhat the numbers act as")
+    rows = sorted(compared.acting, key=lambda row: not row.cause)
+    for row in rows[:MAX_TERMS]:
+        values = (_acting_value(value, row.unit) for value in (row.a, row.b))
+        text = "{}: {} {} in A, {} in B".format(row.subject, row.quantity, *values)
+        cause = f": {row.cause}" if row.cause else ""
+        print_wrapped(console, text + cause, lead="  ", indent=4)
+    if len(rows) > MAX_TERMS:
+        print_text(console, f"  and {len(rows) - MAX_TERMS} more")
+
+
+def _acting_value(value: float | None, unit: str) -> str:
+    return "none" if value is None else f"{value:.4g} {unit}".rstrip()
 
 
 def _print_failure(console: Console, comparison: ComparisonResult) -> None:

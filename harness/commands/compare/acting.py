@@ -1,0 +1,100 @@
+"""Quantities that the numbers of both files act as, side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from physics_crosscheck.harness.checks.acting import acting_quantities
+from physics_crosscheck.harness.commands.compare.candidate import Facts
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.records.comparison import ComparedActing
+from physics_crosscheck.harness.records.survey import ActingQuantity
+
+EQUAL = 1e-9
+"""Relative difference below which two values are equal."""
+
+ALIKE = 0.01
+"""Relative deviation from a factor that a usual mistake makes."""
+
+FRICTION, FREQUENCY, DAMPING = "friction", "natural frequency", "damping ratio"
+
+_Key = tuple[str, str]
+
+
+def compare_acting(a: Facts, b: Facts) -> tuple[ComparedActing, ...]:
+    """Return the quantities that differ; nothing unless both engines act by a documented law."""
+    tables = _table(a), _table(b)
+    if not all(tables):
+        return ()
+    keys = dict.fromkeys(key for table in tables for key in table)
+    return tuple(row for key in keys for row in _compared(key, *tables))
+
+
+def _table(facts: Facts) -> Mapping[_Key, ActingQuantity]:
+    """Return a file's quantities by subject and name."""
+    suffix = facts.candidate.sidecar.model.suffix
+    if facts.compiled is None or suffix not in engines()[facts.candidate.engine].compiles:
+        return {}
+    rows = acting_quantities(facts.compiled)
+    return {(row.subject, row.quantity): row for row in rows}
+
+
+def _compared(
+    key: _Key, a: Mapping[_Key, ActingQuantity], b: Mapping[_Key, ActingQuantity]
+) -> Iterator[ComparedActing]:
+    here, there = a.get(key), b.get(key)
+    either = here or there
+    assert either is not None
+    values = [None if row is None else row.value for row in (here, there)]
+    if not _equal(*values):
+        yield ComparedActing(
+            subject=either.subject,
+            quantity=either.quantity,
+            unit=either.unit,
+            a=values[0],
+            b=values[1],
+            cause=_cause(key, a, b),
+        )
+
+
+def _equal(first: float | None, other: float | None) -> bool:
+    if first is None or other is None:
+        return first is other
+    return math.isclose(first, other, rel_tol=EQUAL)
+
+
+def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
+    """Return the usual mistake that a difference of friction or of a drive fits."""
+    (subject, quantity), rows = key, [table.get(key) for table in tables]
+    here, there = (None if row is None else row.value for row in rows)
+    if here is None or there is None:
+        return ""
+    if quantity == FRICTION:
+        return _mixing(rows[0], rows[1])
+    if not subject.startswith("drive of"):
+        return ""
+    if quantity == FREQUENCY and here and there:
+        ratio = math.degrees(1.0)
+        for label, factor in (("A", (here / there) ** 2), ("B", (there / here) ** 2)):
+            if math.isclose(factor * ratio, 1.0, rel_tol=ALIKE):
+                return f"the gain of {label} is per degree, and acts per radian"
+    if quantity == DAMPING and not here * there:
+        return f"the damping of {'A' if not here else 'B'} is lost"
+    return ""
+
+
+def _mixing(a: ActingQuantity | None, b: ActingQuantity | None) -> str:
+    """Return the other rule by which the friction of one file follows from the other's shapes."""
+    for label, row, other in (("B", a, b), ("A", b, a)):
+        if row is None or other is None or other.value is None or len(row.parts) != 2:
+            continue
+        rules = {
+            "product": math.prod(row.parts),
+            "mean": sum(row.parts) / 2,
+            "smaller": min(row.parts),
+        }
+        for rule, value in rules.items():
+            if _equal(value, other.value) and not _equal(value, row.value):
+                return f"the friction of {label} is the {rule} of the two of the other file"
+    return ""
