@@ -1,6 +1,7 @@
 """Whole steps by law: files of other people, random scenes, and planted faults.
 
-`python -m campaigns.laws files FILE...` compares each MJCF with its law.
+`python -m campaigns.laws files FILE...` compares MJCFs in MuJoCo and URDFs in PyBullet, roots fixed
+(`--floating`: free), with their laws.
 `python -m campaigns.laws scenes --count 2000` draws bodies on a plane and on each other.
 `python -m campaigns.laws faults FILE... --each 8` changes numbers by 1e-6 and 1 %.
 """
@@ -16,10 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.modelfiles.numbers import numerals, with_values
 from physics_crosscheck.harness.records.outcome import Outcome
 
@@ -34,11 +37,21 @@ KINDS = (
 """Attributes whose numbers are changed."""
 
 
-def line(file: Path) -> tuple[str, str]:
+def spec_of(file: Path, *, floating: bool = False) -> tuple[str, ModelSpec]:
+    """Return the engine of a file, and what it loads."""
+    if file.suffix != ".urdf":
+        return "mujoco", ModelSpec(file)
+    return "pybullet", ModelSpec(
+        file, settings={**SETTINGS, **STANDALONE_SETTINGS, "floating": floating}
+    )
+
+
+def line(file: Path, *, floating: bool = False) -> tuple[str, str]:
     """Compare one file; return its outcome and a line of text."""
     began = time.process_time()
+    engine, spec = spec_of(file, floating=floating)
     try:
-        check = check_whole_step(file, ModelSpec(file), "mujoco", RESOLUTION)
+        check = check_whole_step(file, spec, engine, RESOLUTION)
     except FileError as error:
         return "not loaded", f"{file.name}: {error.sentence[:100]}"
     assert check is not None
@@ -49,14 +62,15 @@ def line(file: Path) -> tuple[str, str]:
     acted = ", ".join(f"{term.count} {term.name}" for term in record.acted)
     sizes = f"E {judged.largest_discrepancy:.1e} U {judged.largest_uncertainty:.1e}"
     seconds = time.process_time() - began
-    return str(judged.outcome), f"{file.name}: {judged.outcome} {sizes}; {acted}; {seconds:.1f} s"
+    states = f"{record.states} states, {acted}; {seconds:.1f} s"
+    return str(judged.outcome), f"{file.name}: {judged.outcome} {sizes}; {states}"
 
 
-def files(paths: Iterable[Path]) -> Counter[str]:
+def files(paths: Iterable[Path], *, floating: bool = False) -> Counter[str]:
     """Compare files, and print a line for each."""
     counts = Counter[str]()
     for path in paths:
-        outcome, text = line(path)
+        outcome, text = line(path, floating=floating)
         counts[outcome] += 1
         print(text, flush=True)
     return counts
@@ -187,12 +201,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=("files", "scenes", "faults"))
     parser.add_argument("paths", nargs="*", type=Path)
+    parser.add_argument("--floating", action="store_true")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--each", type=int, default=4)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if options.what == "files":
-        print(dict(files(options.paths)))
+        print(dict(files(options.paths, floating=options.floating)))
     elif options.what == "scenes":
         print(dict(scenes(options.count, options.seed)))
     else:

@@ -64,7 +64,7 @@ def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck:
 
 @pytest.mark.parametrize(
     ("text", "kinds"),
-    [(ARM, {"limits", "motors", "motors at a limit", "contacts"}), (BOX, {"contacts"})],
+    [(ARM, {"limits", "motors", "motors at a limit"}), (BOX, {"contacts"})],
     ids=["arm", "box"],
 )
 def test_impulses_follow_their_law(tmp_path: Path, text: str, kinds: set[str]) -> None:

@@ -4,6 +4,9 @@ Measured with PyBullet 3.2.7, and read in its source: limits recover 0.2 of a vi
 none beyond 0.04; contacts 0.08, with a slop of 1e-5 m; nothing bounces below 0.2 m/s; frictions and
 restitutions of two links are multiplied. `<contact_erp>` and `<contact_cfm>` have no effect, and
 neither have `<limit velocity>` and `<dynamics friction>`.
+
+A fixed root meets no floor: a contact that cannot move along one of its axes has a residual of 0/0,
+which hides the others, so that Bullet may stop after its first iteration.
 """
 
 from __future__ import annotations
@@ -52,19 +55,8 @@ ITERATIONS = 999, 2000
 CONVERGED = 1e-9
 """Largest effect of more iterations, as a share of the largest change or impulse."""
 
-FLOOR = "the floor"
-"""Name of the control that puts a floor under a fixed robot."""
-
-_ON, _OFF = 0.0, float("nan")
-
-STARTS = (
-    (_ON, _ON), (_ON, _OFF), (_OFF, _ON), (_OFF, _OFF),
-    (_ON, _OFF), (_ON, _ON), (_OFF, _OFF), (_OFF, _ON),
-)  # fmt: skip
-"""Motors and floor, on or off, in turn."""
-
 FAR = 1e3
-"""Depth at which the floor of a fixed robot is out of reach, m."""
+"""Depth at which the floor is out of reach, m."""
 
 _LINK = HardSurface(friction=0.5)
 _FLOOR = HardSurface(friction=1.0, restitution=1.0)
@@ -72,7 +64,7 @@ _FLOOR = HardSurface(friction=1.0, restitution=1.0)
 _EDITS = (
     "linearDamping=0", "angularDamping=0", "maxJointVelocity=1e300", "solverResidualThreshold=0",
     f"numSolverIterations={ITERATIONS[-1]}", "URDF_USE_INERTIA_FROM_FILE",
-    "a floor of friction 1 and restitution 1 (of a fixed robot: in every other state)",
+    "a floor of friction 1 and restitution 1 under a floating root",
     f"position motors of gain {GAIN:g} with the file's efforts; motors without an effort off",
 )  # fmt: skip
 
@@ -102,17 +94,18 @@ class PybulletWhole(WholeModel):
         self._free = COUNT if bases else 0
         info = [p.getJointInfo(self._body, joint) for joint in self._joints]
         self._efforts = [max(0.0, one[10]) for one in info]
-        self.controls = len(info) + 1  # the last one is the floor
+        self.controls = len(info)
         names = {index: name for name, index in link_places(self._body).items() if "link:" in name}
         self._links = sorted(names)
         self.uncovered = tuple(self._switch_off())
         self._floor = -1
-        self._floor = self._add_floor()
+        if self._free:
+            self._floor = self._add_floor()
         self.rules = ImpulseRules(
             step=self.step, limit_recovery=0.2, contact_recovery=0.08, friction_recovery=0.2,
             deepest=0.04, largest=100.0, slop=1e-5, bounce=0.2, gain=GAIN, default=_LINK,
             floor=_FLOOR,
-            controls=(*self.coordinates[self._free :], FLOOR),
+            controls=self.coordinates[self._free :],
             bodies=("", *(names[index].removeprefix("link:") for index in self._links)),
         )  # fmt: skip
 
@@ -143,17 +136,17 @@ class PybulletWhole(WholeModel):
 
     @property
     def starts(self) -> Iterator[WholeState]:
-        """The drawn configuration, with motors or without, and with the floor or without."""
+        """The drawn configuration, twice with motors and twice without."""
         home = self._model.home
-        for control, floor in STARTS:
-            controls = np.append(np.full(self.controls - 1, control), floor)
+        for control in (0.0, 0.0, np.nan, np.nan):
+            controls = np.full(self.controls, control)
             yield WholeState(home, np.zeros(len(home)), controls, home[:0])
 
     @property
     def ranges(self) -> tuple[Array, Array]:
         """Joint limits, and those of the joints that motors drive."""
         limits = self._model.limits
-        return limits, np.concatenate([limits[self._free :], [[-np.inf, np.inf]]])
+        return limits, limits[self._free :]
 
     def moved(self, state: WholeState, steps: int) -> WholeState:
         """Return the state after some steps."""
@@ -194,18 +187,20 @@ class PybulletWhole(WholeModel):
         import pybullet as p
 
         p.setPhysicsEngineParameter(
-            fixedTimeStep=self.step, numSolverIterations=iterations, solverResidualThreshold=0.0
+            fixedTimeStep=self.step,
+            numSolverIterations=iterations,
+            solverResidualThreshold=0.0,
         )
         if self._floor >= 0:
             # Contacts of the state before would be kept.
             self._lower_floor(FAR)
             p.performCollisionDetection()
-            self._lower_floor(0.0 if self._free or np.isfinite(state.controls[-1]) else FAR)
+            self._lower_floor(0.0)
         rates = state.m.copy()
         if self._free:
             rates[3:COUNT] = coordinate_rate(state.z[3:COUNT], state.m[3:COUNT])
         self._stepper.reset(state.z, rates)
-        motors = zip(self._joints, state.controls[:-1], self._efforts, strict=True)
+        motors = zip(self._joints, state.controls, self._efforts, strict=True)
         for joint, target, effort in motors:
             on = bool(np.isfinite(target))
             p.setJointMotorControl2(
