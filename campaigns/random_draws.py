@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.baseline.snapshot import ends, segments_of, snapshot_of
+from physics_crosscheck.harness.baseline.measure import ends, segments_of, snapshot_of
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
 from physics_crosscheck.harness.diagnosis.samples import (

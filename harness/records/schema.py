@@ -2,30 +2,174 @@
 
 `python -m physics_crosscheck.harness.records.schema docs/schema` writes the schemas into this
 folder and the pages into `docs/reference`. A test fails if they are out of date.
+
+Reference pages of the result files, from docstrings: a section per struct, a row per field.
 """
 
 from __future__ import annotations
 
 import inspect
 import json
+import re
 import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import inspect as types
 
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import BaselineFile, Gate
 from physics_crosscheck.harness.records.comparison import ComparisonResult
-from physics_crosscheck.harness.records.fields import FilePage, page_texts
 from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.mutation import Mutations
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.records.versions import Versions
 from physics_crosscheck.harness.records.write import write_whole
+
+HOME = "results"
+"""The page that explains the outcomes."""
+
+_CONVENTIONS = (
+    "\n\nUnits are SI. A `?` after a type means that the value can be null. A number is null if it"
+    " is not finite."
+)
+
+_ENTRY = re.compile(r"^    (\w[\w, ]*?): ", re.MULTILINE)
+
+_PLAIN: dict[type[types.Type], str] = {
+    types.StrType: "text", types.IntType: "whole number", types.FloatType: "number",
+    types.BoolType: "true or false", types.AnyType: "anything",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilePage:
+    """The page of one kind of file.
+
+    Attributes:
+        name: of the page, `<name>.md`.
+        title: heading of the page.
+        reader: who needs the page, and for what; one or two sentences.
+        written: which command writes the file, and where; a sentence.
+        records: the structs that the file contains, outermost first.
+        schema: name of its JSON Schema, `<schema>.schema.json`; empty without one.
+    """
+
+    name: str
+    title: str
+    reader: str
+    written: str
+    records: tuple[type[Record], ...]
+    schema: str = ""
+
+
+def page_texts(pages: Sequence[FilePage]) -> dict[str, str]:
+    """Return the text of each page by its file name; a shared struct is on the first page."""
+    homes: dict[type, str] = {}
+    page_structs: dict[str, list[types.StructType]] = {page.name: [] for page in pages}
+    for page in pages:
+        for record in page.records:
+            for struct in _structs(types.type_info(record)):
+                if struct.cls not in homes:
+                    homes[struct.cls] = page.name
+                    page_structs[page.name].append(struct)
+    return {f"{page.name}.md": _page(page, page_structs[page.name], homes) for page in pages}
+
+
+def _page(page: FilePage, structs: Sequence[types.StructType], homes: Mapping[type, str]) -> str:
+    links = {
+        cls: f"[{cls.__name__}]({'' if home == page.name else f'{home}.md'}#{cls.__name__.lower()})"
+        for cls, home in homes.items()
+    }
+    links[Outcome] = f"[outcome]({'' if page.name == HOME else f'{HOME}.md'}#outcome)"
+    parts = [f"# {page.title}\n\n{page.reader} {page.written}{_CONVENTIONS}"]
+    if page.schema:
+        file = f"{page.schema}.schema.json"
+        parts.append(f" The JSON Schema is [`{file}`](../schema/{file}).")
+    parts.append("\n\n")
+    parts.extend(_section(struct, links) for struct in structs)
+    if page.name == HOME:
+        rows = "".join(f"| `{one}` | {one.meaning} |\n" for one in Outcome)
+        parts.append(f"## Outcome\n\n| value | meaning |\n|---|---|\n{rows}")
+    return "".join(parts).rstrip() + "\n"
+
+
+def meanings(record: type) -> dict[str, str]:
+    """Return the description of each field, from the Attributes of a struct's docstring."""
+    text = inspect.getdoc(record) or ""
+    _, _, listed = text.partition("Attributes:\n")
+    pieces = _ENTRY.split(listed)[1:]
+    return {
+        name: " ".join(meaning.split())
+        for names, meaning in zip(pieces[::2], pieces[1::2], strict=True)
+        for name in names.split(", ")
+    }
+
+
+def _section(struct: types.StructType, links: Mapping[type, str]) -> str:
+    text, _, _ = (inspect.getdoc(struct.cls) or "").partition("Attributes:\n")
+    described = meanings(struct.cls)
+    rows = "".join(
+        f"| `{field.encode_name}` | {_type(field.type, links)} | {_cell(described[field.name])} |\n"
+        for field in struct.fields
+    )
+    head = "| field | type | meaning |\n|---|---|---|\n"
+    return f"## {struct.cls.__name__}\n\n{text.strip()}\n\n{head}{rows}\n"
+
+
+def _cell(text: str) -> str:
+    return re.sub(r"\bNone\b", "null", text.removesuffix(".")).replace("|", "\\|")
+
+
+def _structs(wanted: types.Type) -> Iterator[types.StructType]:
+    """Yield every struct in a type, outermost first; some more than once."""
+    if isinstance(wanted, types.StructType):
+        yield wanted
+    for inner in _inner(wanted):
+        yield from _structs(inner)
+
+
+def _inner(wanted: types.Type) -> Sequence[types.Type]:
+    match wanted:
+        case types.StructType(fields=fields):
+            return [field.type for field in fields]
+        case types.UnionType(types=several):
+            return several
+        case types.VarTupleType(item_type=item) | types.ListType(item_type=item):
+            return [item]
+        case types.DictType(value_type=value):
+            return [value]
+    return []
+
+
+def _type(wanted: types.Type, links: Mapping[type, str]) -> str:
+    """Return a type in words, structs and outcomes as links."""
+    match wanted:
+        case types.StructType(cls=cls):
+            return links[cls]
+        case types.UnionType(types=several):
+            words = [_type(one, links) for one in several if not isinstance(one, types.NoneType)]
+            null = ", or null" if words[0].startswith("list") else "?"
+            return " or ".join(words) + null * (len(words) < len(several))
+        case types.VarTupleType(item_type=item) | types.ListType(item_type=item):
+            return f"list of {_type(item, links).replace('list of', 'lists of', 1)}"
+        case types.TupleType(item_types=items):
+            return " and ".join(_type(item, links) for item in items)
+        case types.DictType(value_type=value):
+            return f"{_type(value, links)}, by name"
+        case types.LiteralType(values=values):
+            return ", ".join(f"`{value}`" if value else '`""`' for value in values)
+        case types.EnumType(cls=cls):
+            return links.get(cls) or ", ".join(f"`{one.value}`" for one in cls)
+    return _PLAIN[type(wanted)]
+
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

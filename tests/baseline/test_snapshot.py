@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.baseline.file import snapshot_key
-from physics_crosscheck.harness.baseline.measure import comparable, is_accepted
-from physics_crosscheck.harness.baseline.snapshot import (
+from physics_crosscheck.harness.baseline.measure import (
+    comparable,
+    is_accepted,
     same_motion,
     segments_of,
     snapshot_of,

@@ -9,7 +9,7 @@ import sympy as sp
 from physics_crosscheck import System
 from physics_crosscheck.harness.checks.system_record import sketch_record, tree
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.render.html.drawing import drawing, evaluate
+from physics_crosscheck.harness.render.html.systems import drawing, evaluate
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.sketch import Link
 

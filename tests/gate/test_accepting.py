@@ -11,7 +11,7 @@ import pytest
 
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.commands.gate.accept import AcceptError
-from physics_crosscheck.harness.commands.gate.file_diffs import _lines
+from physics_crosscheck.harness.commands.gate.gate import _lines
 from physics_crosscheck.harness.commands.gate.text import gate_lines
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli

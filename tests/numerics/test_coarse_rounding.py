@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.baseline.snapshot import ends as snapshot_ends
-from physics_crosscheck.harness.baseline.snapshot import segments_of, snapshot_of
+from physics_crosscheck.harness.baseline.measure import ends as snapshot_ends
+from physics_crosscheck.harness.baseline.measure import segments_of, snapshot_of
 from physics_crosscheck.harness.commands.compare.segments import ends as compared_ends
 from physics_crosscheck.harness.diagnosis.samples import (
     engine_ends,

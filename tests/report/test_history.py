@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.records.history import Past, past_of
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import render, write_report
-from physics_crosscheck.harness.render.html.content import Content
+from physics_crosscheck.harness.render.html.view import Content
 from tests.report.chromium import Browser
 from tests.report.samples import changed_case, results
 from tests.report.steps import CASE, PLOTS, needs_browser, sound, unfold

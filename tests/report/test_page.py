@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.html import render, unbroken, write_report
 from physics_crosscheck.harness.render.html.maths import ELEMENTS, mathml
-from physics_crosscheck.harness.render.html.scatter import labelled
+from physics_crosscheck.harness.render.html.sweep import labelled
 from tests.report.page import Page
 from tests.report.samples import results
 

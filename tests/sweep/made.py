@@ -7,8 +7,8 @@ from pathlib import Path
 
 from physics_crosscheck.harness.extras.sweep.draws import Design
 from physics_crosscheck.harness.extras.sweep.factors import factors
+from physics_crosscheck.harness.extras.sweep.main import Wanted, planned
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions
-from physics_crosscheck.harness.extras.sweep.run import Wanted, planned
 from physics_crosscheck.harness.jobs.workers import Workers
 from tests.faults.known_folder import ROOT, one_scenario
 from tests.standing import standing_only

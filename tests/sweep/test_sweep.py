@@ -11,8 +11,8 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
+from physics_crosscheck.harness.extras.sweep.main import run_single, sweep
 from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
-from physics_crosscheck.harness.extras.sweep.run import run_single, sweep
 from physics_crosscheck.harness.extras.sweep.store import locked_rows, parts, read_rows
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.extras.versions.compare import upgrade
+from physics_crosscheck.harness.extras.versions.run import upgrade
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case, Stepping
 from physics_crosscheck.harness.records.finding import AuditFinding

@@ -1,11 +1,13 @@
 """`crosscheck compare`: from two files to one outcome and their differences.
 
     prepare ─> states (source) ─> run both ─> judge ─> differences of the files ─> explained
-                                                    ├> each engine and its own file: `own_file`
+                                                    ├> each engine and its own file
                                                     ├> terms of both, if nothing else explains it
                                                     └> edits ─> trials (literals)
 
 Each engine runs in a worker process, so that a crash only ends the comparison.
+
+The statement of each engine about its own file: against the file's equations, as `run` does.
 """
 
 from __future__ import annotations
@@ -14,14 +16,19 @@ import datetime
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from msgspec import structs
 
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.not_run import failed_case
+from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.attribution import Attribution, attributed
 from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
-from physics_crosscheck.harness.commands.compare.execute import FailureError, ask
+from physics_crosscheck.harness.commands.compare.execute import FailureError, ask, ask_each
 from physics_crosscheck.harness.commands.compare.explained import Explained, explained
 from physics_crosscheck.harness.commands.compare.file_comparison import (
     FileComparison,
@@ -34,7 +41,6 @@ from physics_crosscheck.harness.commands.compare.judge import (
     recorded_runs,
 )
 from physics_crosscheck.harness.commands.compare.match import Match, halves
-from physics_crosscheck.harness.commands.compare.own_file import OwnFile, check_own_files
 from physics_crosscheck.harness.commands.compare.prepared import PreparedComparison, prepare
 from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
 from physics_crosscheck.harness.commands.compare.segments import (
@@ -52,12 +58,14 @@ from physics_crosscheck.harness.commands.compare.terms import (
     differing_terms,
     mechanics,
 )
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.records.base import number, numbers
+from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedModel,
@@ -65,10 +73,77 @@ from physics_crosscheck.harness.records.comparison import (
     ComparedTerm,
     ComparisonResult,
 )
+from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnFile:
+    """An engine against the equations of its file; both None without equations.
+
+    Attributes:
+        case: the verdict.
+        diagnosis: the causes of a difference.
+    """
+
+    case: Case | None = None
+    diagnosis: Diagnosis | None = None
+
+    @property
+    def explains(self) -> bool:
+        """True if a cause of a difference is known."""
+        return self.diagnosis is not None and self.diagnosis.explained
+
+
+def check_own_files(
+    executor: Executor,
+    models: tuple[Facts, Facts],
+    resolution: float,
+) -> tuple[OwnFile, OwnFile]:
+    """Judge and diagnose both engines, each against its own file.
+
+    A file with a sidecar has none: its settings and springs are not in the file's equations.
+    """
+    prepared: dict[object, PreparedTree] = {}
+    checked: dict[object, OwnFile] = {}
+    keys = []
+    for model_facts in models:
+        model = model_facts.candidate
+        settings = model.settings
+        floating = bool(settings.get("floating", False))
+        place = model.sidecar.model, floating, str(settings.get("model", ""))
+        keys.append((*place, model.engine))
+        robot = model_facts.robot
+        if not model.bare or robot is None or robot.tree is None or keys[-1] in checked:
+            continue
+        if place not in prepared:
+            read = partial(prepare_tree, floating=floating, model=place[-1])
+            (target,) = ask_each(executor, model, read, [model.sidecar.model])
+            if isinstance(target, Failure):
+                continue  # no joint moves, or one moves no mass; the comparison reports it
+            prepared[place] = target
+        checked[keys[-1]] = _check(executor, model, prepared[place], resolution)
+    a, b = (checked.get(key, OwnFile()) for key in keys)
+    return a, b
+
+
+def _check(
+    executor: Executor, model: Candidate, target: PreparedTree, resolution: float
+) -> OwnFile:
+    task = model_task(target, model.engine, resolution=resolution)
+    (case,) = ask_each(executor, model, run_case, [task])
+    if isinstance(case, Failure):
+        return OwnFile(case=failed_case(task.id, str(task.file), case))
+    if case.outcome is not Outcome.DIFFERS:
+        return OwnFile(case=case)
+    diagnose = partial(diagnose_robot, is_reference=True)
+    (causes,) = ask_each(executor, model, diagnose, [task])
+    diagnosis = Diagnosis(failure=causes.reason) if isinstance(causes, Failure) else causes
+    return OwnFile(case=case, diagnosis=diagnosis)
+
 
 MIN_REVERSED_DISCREPANCY = 1e-4
 """Minimum discrepancy at which joints of opposite direction are sought."""

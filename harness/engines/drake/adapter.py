@@ -2,22 +2,315 @@
 
 A plant fixes its step when it is built, so the adapter builds one plant per step. Plants have no
 geometry: no visuals, no contacts.
+
+An MJCF in Drake.
+
+Drake's parser ignores springs, tendons, joint equalities, and the armature of joints without
+actuators. If a body has several joints, Drake places all except the last at the parent's origin.
+Ranges with lower above upper, and moments of inertia without mass, would abort the process, so the
+adapter removes or refuses them.
+
+A URDF, or an SDFormat file, in Drake.
+
+Drake's SDFormat parser ignores `<mimic>` and defines its own element.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
-from physics_crosscheck.harness.engines.drake.mjcf import DrakeMjcf
-from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, TAMSI
-from physics_crosscheck.harness.engines.drake.urdf import DrakeUrdf
-from physics_crosscheck.harness.engines.mjcf_engine import ADDED, MJCF_NON_PHYSICAL, sample_mjcf
-from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, Sample
-from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
-from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, sample_urdf
-from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
+import numpy as np
+
+from physics_crosscheck.harness.documents.document import finite_numbers
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf.read import has_no_weight
+from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.engines.drake.model import (
+    CONTINUOUS,
+    SAP,
+    TAMSI,
+    DrakeModel,
+    refuse_balls,
+)
+from physics_crosscheck.harness.engines.drake.plant import moving_joints, weight_of
+from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
+from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
+from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of
+from physics_crosscheck.harness.engines.mjcf_engine import (
+    ADDED,
+    MJCF_NON_PHYSICAL,
+    MjcfModel,
+    sample_mjcf,
+)
+from physics_crosscheck.harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    Engine,
+    LoadedModel,
+    ModelSpec,
+    Sample,
+)
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, load_sdf, sample_sdf
+from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, sdf_mimics_of, sdf_without_bounds
+from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
+from physics_crosscheck.harness.engines.urdf_copy import (
+    Change,
+    followers_of,
+    mimics_of,
+    without_bounds,
+    without_crossed_bounds,
+    without_shapes,
+)
+from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, kept_mimics
+from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
+
+PREFIX = "drake:"
+"""The prefix of elements that only Drake reads."""
+
+SPACE = {"xmlns:drake": "http://drake.mit.edu"}
+
+
+def without_own(model: XmlElement) -> None:
+    """Remove joint elements that only Drake reads, such as rotor inertias."""
+    for joint in model.findall("joint"):
+        for part in list(joint):
+            if part.tag.startswith(PREFIX):
+                joint.remove(part)
+
+
+def own_mimics(mimics: Sequence[Mimic]) -> Change:
+    """Return a change that writes `<mimic>` as `<drake:mimic>`."""
+
+    def change(model: XmlElement) -> None:
+        for joint in model.findall("joint"):
+            for mimic in mimics:
+                if mimic.joint != joint.get("name"):
+                    continue
+                attributes = {
+                    "joint": mimic.leader,
+                    "multiplier": repr(mimic.multiplier),
+                    "offset": repr(mimic.offset),
+                }
+                joint.add(f"{PREFIX}mimic", SPACE | attributes)
+
+    return change
+
+
+def weightless_links(model: XmlElement) -> tuple[str, ...]:
+    """Return the names of links with `<gravity>false</gravity>`, which Drake ignores."""
+    return tuple(link.get("name") for link in model.findall("link") if has_no_weight(link))
+
+
+def weight_cause(names: Sequence[str]) -> str:
+    """Return the cause that a diagnosis reports."""
+    listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+    return f"Drake's ignoring of <gravity>false</gravity> ({listed})"
+
+
+MIMICS = "Drake's leaving out of <mimic>"
+
+
+class DrakeUrdf(DrakeModel, UrdfModel):
+    """A URDF, or an SDFormat file."""
+
+    def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool | str]) -> None:
+        self.stepping = str(spec.settings.get("stepping", SAP))
+        reader = UrdfReader(
+            name="drake",
+            no_inertial="no mass and no moments",
+            equal_bounds=True,
+            no_friction="Drake",
+            no_stops="Drake" if self.stepping == CONTINUOUS else "",
+        )
+        UrdfModel.__init__(self, spec, "Drake", reader, defaults, _changes(spec, self.stepping))
+        self._weightless = weightless_links(self.declared.robot) if spec.path.suffix == SDF else ()
+        held = self.settings["hold_mimics"] and self.stepping == CONTINUOUS
+        self.take(self.declared.text, spec.path.suffix[1:], self.mimics if held else ())
+        if self.settings["weightless_links"]:
+            bodies = map(self._plant.GetBodyByName, self._weightless)
+            self.lifts = tuple(map(weight_of, bodies))
+        refuse_balls(self._plant, self.declared.moments, spec.path)
+
+    def complete(self, plant: Any) -> None:
+        """Weld the root to the world, unless it floats or is the world itself."""
+        root = self.declared.root
+        if not self.floats and root != plant.world_frame().name():
+            plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root))
+
+    @property
+    def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:
+        """Elements that Drake leaves out with this stepping, with the settings that correct
+        them.
+        """
+        settings: dict[str, Mapping[str, object]] = (
+            {MIMICS: {"stepping": SAP}} if self.ignores_mimics else {}
+        )
+        if self._weightless and not self.lifts:
+            settings[weight_cause(self._weightless)] = {"weightless_links": True}
+        return settings
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """Yield ignored parts of the file, and Drake's warnings."""
+        yield from UrdfModel.remarks(self, z, w)
+        yield from self.warning_remarks()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Links and their centres of mass."""
+        names = self.declared.links
+        return tuple(f"{kind}:{name}" for kind in ("link", "centre") for name in names)
+
+
+def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
+    """Return the changes to a file before Drake reads it, besides those that settings make for all
+    engines.
+    """
+    smooth, free = bool(spec.settings.get("smooth", False)), stepping != SAP
+    if spec.path.suffix == SDF:
+        bounds = [sdf_without_bounds, without_own] if smooth else []
+        file = load_sdf(spec.path, spec.settings.get(MODEL, ""))
+        kept = kept_mimics(file.mimics, followers_of(spec.settings, f"{spec.path}.toml"))
+        return [*bounds, sdf_mimics_of(()) if free else own_mimics(kept)]
+    bounds_change = without_bounds if smooth else without_crossed_bounds
+    return [without_shapes, bounds_change, *([mimics_of(())] if free else [])]
+
+
+ARMATURE = "Drake's leaving out of armature where no actuator drives a joint"
+MISPLACED = "Drake's placing of a body's first joints at its parent's origin"
+EQUALITIES = "TAMSI's leaving out of joint equalities"
+
+
+class DrakeMjcf(DrakeModel, MjcfModel):
+    """An MJCF."""
+
+    no_fromto = frozenset({"box", "ellipsoid"})
+
+    def __init__(
+        self, spec: ModelSpec, defaults: Mapping[str, bool | str], compiler: Engine | None
+    ) -> None:
+        self.stepping = str(spec.settings.get("stepping", SAP))
+        MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
+        smooth, resolved = bool(self.settings["smooth"]), self.resolved
+        root = copy_mjcf(self.declared, limits=not smooth, touches=False, resolved=resolved)
+        heavy = [joint for joint in self.declared.singles if joint.armature]
+        self._heavy = heavy if self.settings["armature"] else []
+        self._light = bool(heavy) and not self._heavy
+        rows = [row for _, row in rows_of(self.declared.joints) if _misplaced(row)]
+        self._misplaced = bool(rows) and not self.settings["chained"]
+        several = [body for body in root.iter("body") if len(body.findall("joint")) > 1]
+        for body in several if self.settings["chained"] else ():
+            _chain(body)
+        held = self.mimics if self.stepping == CONTINUOUS else ()
+        self.take(root.written().decode(), "xml", held)
+        if self.floats:
+            self.drawn = self._drawn()
+        stated = {joint.name: joint.damping for joint in self.declared.singles}
+        ordered = [stated[name] for name in self.coordinates[FREE if self.floats else 0 :]]
+        other = ordered != np.diag(self._damping).tolist() or any(_lost(self.declared))
+        self.misread = not resolved and other
+
+    def complete(self, plant: Any) -> None:
+        """Add armature, as rotors of unused actuators, and couplings for SAP."""
+        for heavy in self._heavy:
+            joint = plant.GetJointByName(heavy.name)
+            plant.AddJointActuator(heavy.name, joint).set_default_rotor_inertia(heavy.armature)
+        if self.stepping == SAP and plant.time_step():
+            for mimic in self.mimics:
+                pair = (plant.GetJointByName(name) for name in (mimic.joint, mimic.leader))
+                plant.AddCouplerConstraint(*pair, mimic.multiplier, mimic.offset)
+
+    def _drawn(self) -> Array:
+        """Return the coordinates of a floating body at Drake's default state."""
+        positions = np.array(moving_joints(self._plant)[0].default_positions())
+        return np.concatenate([positions[4:], minimal_coordinates(positions[:4], positions[:4])])
+
+    @property
+    def corrective_settings(self) -> dict[str, Mapping[str, object]]:
+        """Elements that Drake leaves out under the current settings, with corrections."""
+        settings = self.lost_settings
+        if self._light:
+            settings[ARMATURE] = {"armature": True}
+        if self._misplaced:
+            settings[MISPLACED] = {"chained": True}
+        return {**settings, EQUALITIES: {"stepping": SAP}} if self.ignores_mimics else settings
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of Drake's parser, without line numbers, which refer to a copy."""
+        messages = (re.sub(r"^\d+: (warning: )?", "", one) for one in super().warnings)
+        return tuple(dict.fromkeys(messages))
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """Yield ignored parts of the MJCF, and Drake's warnings."""
+        yield from MjcfModel.remarks(self, z, w)
+        if self._light:
+            yield Remark(
+                kind="setting",
+                message=f"{ARMATURE}, by a setting",
+                fault=True,
+                address="sidecar:settings.armature",
+                shows_in=("inertia",),
+            )
+        yield from self.warning_remarks()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Bodies and their centres of mass."""
+        names = [body.get("name") for body, _ in bodies_of(self.declared.source)]
+        return tuple(f"{kind}:{name}" for kind in ("body", "centre") for name in names if name)
+
+
+def _lost(declared: DeclaredMjcf) -> Iterator[bool]:
+    """Yield whether a joint's class states no joint defaults, so that Drake loses inherited ones.
+
+    Lost axes and positions are visible, unlike damping.
+    """
+    silent: set[str] = set()
+
+    def search(default: XmlElement, above: bool) -> None:
+        states = default.find("joint") is not None
+        if above and not states:
+            silent.add(default.get("class", ""))
+        for nested in default.findall("default"):
+            search(nested, above or states)
+
+    for top in declared.source.root.findall("default"):
+        search(top, False)
+    for body, inherited in bodies_of(declared.source):
+        for joint in body.findall("joint"):
+            attributes = declared.defaults.attributes(joint, inherited)
+            whole = set(attributes) <= set(joint.attributes)
+            yield not whole and joint.get("class", inherited) in silent
+
+
+def _misplaced(row: list[MjcfJoint]) -> bool:
+    """Return whether the positions of a body's joints, except the last, affect the motion."""
+    body, first = row[0].body, row[:-1]
+    turned = any(key in body.attributes for key in POSE if key != "pos")
+    away = any(finite_numbers(body.get("pos", "0")) or [1.0])
+    return bool(first) and (turned or (away and any(one.kind != SLIDE for one in first)))
+
+
+def _chain(body: XmlElement) -> None:
+    """Give each joint its own body, in a chain; the last body gets the content."""
+    name, (first, *others) = body.get("name", ""), body.findall("joint")
+    last, inside = body, [part for part in body if part.tag != "joint"]
+    for part in list(body):
+        body.remove(part)
+    body.append(first)
+    for i, part in enumerate(others):
+        last.set("name", f"{name}_{i}_of_{len(others)}")
+        last = last.add("body", {"name": name})
+        last.append(part)
+    for part in inside:
+        last.append(part)
+
 
 DEFAULTS: Mapping[str, bool | str] = MappingProxyType({
     **ROBOTS,

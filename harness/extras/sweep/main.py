@@ -1,23 +1,42 @@
-"""`crosscheck sweep`: run many cases of drawn constants, steps, integrators and engines."""
+"""`crosscheck sweep`: run many cases of drawn constants, steps, integrators and engines.
+
+Run a sweep: survey the folders, plan the cases, run them and store the rows.
+"""
 
 from __future__ import annotations
 
 import argparse
+import platform
+import shlex
 import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import scipy
+
+from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
+from physics_crosscheck.harness.extras.sweep.case import run_block
 from physics_crosscheck.harness.extras.sweep.draws import Design
 from physics_crosscheck.harness.extras.sweep.factors import SweepError, factors
-from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
-from physics_crosscheck.harness.extras.sweep.run import (
-    Wanted,
-    make_executor,
-    planned,
-    run_single,
-    sweep,
+from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions, plan
+from physics_crosscheck.harness.extras.sweep.planned import Block, blank
+from physics_crosscheck.harness.extras.sweep.store import (
+    RowsError,
+    Store,
+    arrow,
+    begin,
+    done,
+    kept,
+    locked_rows,
+    plan_of,
+    read_rows,
 )
-from physics_crosscheck.harness.extras.sweep.store import RowsError, plan_of, read_rows
 from physics_crosscheck.harness.extras.sweep.summary import summary
+from physics_crosscheck.harness.extras.sweep.survey import SourceSurvey, SurveyTask, survey
 from physics_crosscheck.harness.extras.sweep.versions import under_versions
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import (
@@ -29,14 +48,225 @@ from physics_crosscheck.harness.interfaces.cli.exit_codes import (
 )
 from physics_crosscheck.harness.interfaces.cli.keeping import check_page
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
+from physics_crosscheck.harness.jobs.chosen import executor
+from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.jobs.failure import Failure
+from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop, asking
+from physics_crosscheck.harness.modelfiles.choice import NamedModel
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
+from physics_crosscheck.harness.modelfiles.input_files import input_files
+from physics_crosscheck.harness.modelfiles.parts import part_digests
+from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.html.sweep import write_sweep
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.progress import Counter
 from physics_crosscheck.harness.render.terminal.sweep import print_sweep, row_lines
+
+BLOCKS_PER_WORKER = 2
+"""Blocks in flight per worker: a running one and a waiting one."""
+
+Progress = Callable[[int, int, SweepRow | None], None]
+"""Called with the number of finished cases, the total, and one finished case."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """Targets of a sweep.
+
+    Attributes:
+        places: system folders and robot files.
+        models: selected models of folders that are not swept whole.
+    """
+
+    places: Sequence[Path]
+    models: dict[str, tuple[NamedModel, ...]] = field(default_factory=dict)
+
+
+def make_executor(options: SweepOptions, wanted: Wanted) -> Executor:
+    """Return the executor of a sweep: workers of this machine or of a cluster.
+
+    Raises:
+        ClusterError: if the cluster does not work.
+    """
+    return executor(
+        jobs=options.jobs,
+        limits=options.limits,
+        scheduler=options.scheduler,
+        files=partial(input_files, wanted.places),
+        engines=options.engines,
+    )
+
+
+def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> CasePlan:
+    """Plan a sweep.
+
+    Raises:
+        SweepError: giving the problem, the place and the remedy.
+    """
+    surveys: dict[str, SourceSurvey] = {}
+
+    def job(place: Path) -> Job[SourceSurvey]:
+        models = wanted.models.get(str(place), ())
+        task = SurveyTask(
+            folder=str(place),
+            content=content_of(place),
+            factors=options.factors,
+            only=options.engines,
+            models=tuple((one.model, one.engine) for one in models),
+            scenarios=options.scenarios,
+            integrators=options.integrators,
+        )
+
+        def surveyed(value: SourceSurvey) -> tuple[()]:
+            surveys[str(place)] = value
+            return ()
+
+        def failed(failure: Failure) -> tuple[()]:
+            raise SweepError(failure.about(place if place.is_file() else place / "system.py"))
+
+        return Job(task=Task(survey, task), done=surveyed, failed=failed)
+
+    run_jobs(map(job, wanted.places), workers)
+    return plan(options, [surveys[str(place)] for place in wanted.places])
+
+
+def plan_record(whole: CasePlan) -> SweepPlan:
+    """Return the stored record of a plan."""
+    options = whole.options
+    plan_options = {
+        "vary": "; ".join(str(one) for one in options.factors),
+        "design": options.design.value,
+        "draws": str(options.count),
+        "seed": str(options.seed),
+        "step": ", ".join(f"{step!r}" for step in options.steps),
+        "integrator": ", ".join(options.integrators),
+        "engine": ", ".join(options.engines),
+        "scenario": ", ".join(options.scenarios),
+        "resolution": repr(options.resolution),
+        "models": "; ".join(
+            f"{part.survey.system}/{one.model} [{one.engine}] {one.integrator}"
+            for part in whole.parts
+            for one in part.survey.pairings
+        ),
+    }
+    library_versions = {
+        name: str(version) for name, version in versions().items() if version is not None
+    }
+    library_versions |= {
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "pyarrow": arrow().__version__,
+    }
+    library_versions["machine"] = platform.machine()
+    return SweepPlan(
+        command=shlex.join(options.command),
+        options=plan_options,
+        folders={part.survey.folder: _content_seen(part.survey) for part in whole.parts},
+        versions=library_versions,
+        cases=whole.count,
+        constants=whole.constants,
+    )
+
+
+def _content_seen(survey: SourceSurvey) -> str:
+    """Hash the content of a folder and of other files that its code read or looked for."""
+    if not survey.reads:
+        return survey.content
+    return digest_of(repr((survey.content, sorted(survey.reads.items()))).encode())
+
+
+def content_of(place: Path) -> str:
+    """Hash the content of a system folder, or of a robot file with all files that it names.
+
+    Raises:
+        SweepError: if a file can't be read.
+    """
+    try:
+        if place.is_file():
+            return digest_of(repr(sorted(part_digests(place).items())).encode())
+        scan = folder_files(place)
+    except OSError as error:
+        raise SweepError(f"{error.filename}: can't be read: {error.strerror}") from None
+    every = sorted((one.model, sorted(one.hashes.items())) for one in scan.models)
+    return digest_of(repr((scan.system, every)).encode())
+
+
+@dataclass
+class _Running:
+    """Progress of a sweep, and its next jobs."""
+
+    blocks: Iterator[Block]
+    store: Store
+    progress: Progress
+    done: int
+    cases: int
+
+    def next(self) -> Iterator[Job[Any]]:
+        """Yield the job of the next block, if there is one."""
+        block = next(self.blocks, None)
+        if block is not None:
+            yield self.job(block)
+
+    def job(self, block: Block) -> Job[tuple[SweepRow, ...]]:
+        """Return the job of a block; if a worker dies, its cases run one by one."""
+        return Job(
+            task=Task(run_block, block),
+            done=self._store_rows,
+            failed=partial(self._lost, block),
+        )
+
+    def _store_rows(self, rows: tuple[SweepRow, ...]) -> Iterator[Job[Any]]:
+        self.store.add(rows)
+        self.done += len(rows)
+        self.progress(self.done, self.cases, rows[-1])
+        return self.next()
+
+    def _lost(self, block: Block, failure: Failure) -> Iterator[Job[Any]]:
+        if len(block.cases) == 1:
+            return self._store_rows((blank(block, block.cases[0], failure),))
+        return map(self.job, block.single_blocks())
+
+
+def sweep(
+    whole: CasePlan, out: Path, workers: Executor, progress: Progress, stop: Stop | None = None
+) -> int:
+    """Run the planned cases without a row; return the number of rows.
+
+    Finished rows are kept, however it ends; the same call resumes the sweep.
+
+    Raises:
+        SweepError: if the folder has rows of another plan.
+        OSError: if it can't be written.
+    """
+    record = plan_record(whole)
+    with locked_rows(out):
+        begin(out, record)
+        before = done(out)
+        with kept(Store(out, record)) as store:
+            running = _Running(whole.blocks(before), store, progress, sum(before), whole.count)
+            first = [
+                job for _ in range(BLOCKS_PER_WORKER * whole.options.jobs) for job in running.next()
+            ]
+            run_jobs(first, workers, stop)
+    return running.done
+
+
+def run_single(whole: CasePlan, index: int, workers: Executor) -> SweepRow:
+    """Run one case now and return its row, without storing it.
+
+    Raises:
+        SweepError: if there is no such case.
+    """
+    block = whole.block_of(index)
+    outcome = workers.outcome(workers.submit(run_block, block))
+    if isinstance(outcome, Failure):
+        return blank(block, block.cases[0], outcome)
+    return outcome[0]
+
 
 JOBS = 2
 

@@ -1,14 +1,24 @@
-"""`crosscheck run`: compare models with their equations, and print the verdict."""
+"""`crosscheck run`: compare models with their equations, and print the verdict.
+
+`crosscheck run --watch`: run models again when their files change.
+
+A model runs again if the content of one of its files changes: the model file, its sidecar, a mesh,
+`system.py`, any file in the folder that no other model names, or a file elsewhere that `system.py`
+has read or looked for.
+"""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, folder_files
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.interfaces.cli.keeping import check_page, keep_history
@@ -18,18 +28,22 @@ from physics_crosscheck.harness.interfaces.cli.targets import (
     warn_unknown,
     with_unknown,
 )
-from physics_crosscheck.harness.interfaces.cli.watch import Ran, watch
 from physics_crosscheck.harness.jobs.stop import asking
+from physics_crosscheck.harness.modelfiles.choice import NamedModel
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
+    NamedFolders,
     builtin,
     check_engines,
     system_folders,
 )
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
+from physics_crosscheck.harness.modelfiles.parts import named_files
+from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, states_now
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.journal import Journal, journal
+from physics_crosscheck.harness.records.merged import merged
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -46,7 +60,204 @@ from physics_crosscheck.harness.results.github import (
 )
 from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.visible import visible
 from physics_crosscheck.harness.run import Options, RunControl, run
+
+POLL = 0.25
+"""Seconds between two scans of the files; scanning a hundred takes a millisecond."""
+
+Place = tuple[str, str]
+"""A folder and a model in it. Without a model: the whole folder, or a robot file."""
+
+Hashes = Mapping[Place, Mapping[str, str]]
+"""Hashes of the files of each place, by path; of the folder's other files, by the folder's."""
+
+Stamps = Mapping[str, tuple[int, int]]
+"""Modification time and size of each file."""
+
+Reads = Mapping[str, Mapping[str, str]]
+"""Files that each folder's code read or looked for, by folder: states by relative name."""
+
+MAX_NAMED_FILES = 3
+"""Maximum number of changed files to name."""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """Result of a run.
+
+    Attributes:
+        results: all current results.
+        code: exit code of the command.
+        stopped: whether it was interrupted.
+        reads: states of files that each folder's code has read, by name relative to it.
+    """
+
+    results: Results
+    code: int
+    stopped: bool
+    reads: Reads
+
+
+Run = Callable[[Targets, Callable[[Results], Results]], Ran]
+"""Runs targets; the second argument transforms the results before they are written and returned."""
+
+
+def watch(wanted: Targets, run: Run) -> int:
+    """Run all, then what changes, until interrupted; return the exit code of the last run."""
+    before = _hashes(wanted)
+    ran = run(wanted, lambda results: results)
+    reads = dict(ran.reads)
+    before = _with_reads(before, reads)  # states at the time of reading
+    while not ran.stopped:
+        files_watched = counted(len(_stamps(wanted, before)), "file")
+        _print_line(f"watching {files_watched} for changes; press Ctrl-C to end")
+        before, again, files = _wait(wanted, before, reads)
+        part = _part(wanted, again)
+        if not (part.folders or part.robots):
+            continue
+        if sys.stdout.isatty():
+            print("\x1b[2J\x1b[H", end="", flush=True)
+        names = ", ".join(files[:MAX_NAMED_FILES]) + (
+            f" and {len(files) - MAX_NAMED_FILES} more" * (len(files) > MAX_NAMED_FILES)
+        )
+        _print_line(f"{time.strftime('%H:%M:%S')}  changed: {names}")
+        try:
+            ran = run(part, _with_others(ran.results, again))
+            reads |= ran.reads
+            before = _with_reads(before, ran.reads)
+        except FolderError as error:
+            _print_line(f"crosscheck: {error}")
+    return ran.code
+
+
+def _with_others(last: Results, again: set[Place]) -> Callable[[Results], Results]:
+    """Return a function that merges new results with those of the unchanged models."""
+    whole = {folder for folder, model in again if not model}
+
+    def merge_results(now: Results) -> Results:
+        def is_again(folder: str, model: str) -> bool:
+            return folder in whole or (folder, model) in again
+
+        return merged(last, now, is_again)
+
+    return merge_results
+
+
+def _part(wanted: Targets, again: set[Place]) -> Targets:
+    """Return the targets that changed."""
+    whole = {folder for folder, model in again if not model}
+    models = dict(wanted.choice.models)
+    for folder in map(str, wanted.folders):
+        if folder in whole:
+            continue
+        changed = {model for where, model in again if where == folder}
+        named = models.get(folder)
+        if named is None:
+            named = tuple(NamedModel(folder=Path(folder), model=m) for m in sorted(changed))
+        models[folder] = tuple(one for one in named if one.model in changed)
+    folders = [f for f in wanted.folders if str(f) in whole or models.get(str(f))]
+    robots = [file for file in wanted.robots if str(file) in whole]
+    return Targets(NamedFolders(folders, {}), robots, replace(wanted.choice, models=models))
+
+
+def _wait(
+    wanted: Targets, before: Hashes, reads: Reads
+) -> tuple[Hashes, set[Place], Sequence[str]]:
+    """Wait until the content of a file changes; return the new hashes, changed places and files.
+
+    A file must stay unchanged for a moment, so that a partly written one is not used.
+    """
+    stamps: Stamps = {}  # the first scan finds changes during the run
+    while True:
+        time.sleep(POLL)
+        now = _stamps(wanted, before)
+        if now == stamps:
+            continue
+        time.sleep(POLL)
+        if now != _stamps(wanted, before):
+            continue
+        hashes_now = _with_reads(_hashes(wanted), _now(reads))
+        again = {key for key in {*before, *hashes_now} if before.get(key) != hashes_now.get(key)}
+        if again:
+            return hashes_now, again, list(dict.fromkeys(_changed(before, hashes_now, again)))
+        before, stamps = hashes_now, now
+
+
+def _changed(before: Hashes, now: Hashes, again: set[Place]) -> Iterator[str]:
+    """Yield the paths of changed files."""
+    for place in sorted(again):
+        old, new = before.get(place, {}), now.get(place, {})
+        yield from (name for name in sorted({*old, *new}) if old.get(name) != new.get(name))
+
+
+def _hashes(wanted: Targets) -> Hashes:
+    """Return hashes of all targets; those of unreadable files have no model name."""
+    hashes: dict[Place, Mapping[str, str]] = {}
+    for folder in wanted.folders:
+        whole = str(folder), ""
+        try:
+            scan = folder_files(folder)
+        except OSError as error:  # being written, or deleted
+            hashes[whole] = {str(error.filename or folder): UNREADABLE}
+            continue
+        for model_files in scan.models:
+            hashes[str(folder), model_files.model] = {
+                str(folder) if name == OTHER_FILES else os.path.normpath(folder / name): value
+                for name, value in model_files.hashes.items()
+            }
+        if scan.broken or not scan.models:
+            hashes[whole] = {str(folder): "\n".join((scan.system, *scan.broken))}
+    for file in wanted.robots:
+        hashes[str(file), ""] = states_now(Path(), dict.fromkeys(_of_robot(file), ""))
+    return hashes
+
+
+def _now(reads: Reads) -> Reads:
+    return {folder: states_now(Path(folder), known) for folder, known in reads.items()}
+
+
+def _with_reads(hashes: Hashes, reads: Reads) -> Hashes:
+    """Add files that the code of folders has read: they affect all models of the folder."""
+    extended = dict(hashes)
+    for folder, states in reads.items():
+        named = {os.path.normpath(Path(folder, name)): states[name] for name in states}
+        if named:
+            extended[folder, ""] = {**extended.get((folder, ""), {}), **named}
+    return extended
+
+
+def _of_robot(file: Path) -> list[str]:
+    """Return the paths of a robot file, its sidecar, and the files that it names."""
+    try:
+        named = named_files(file)
+    except OSError:
+        named = ()
+    return [str(file), f"{file}.toml", *map(str, named)]
+
+
+def _stamps(wanted: Targets, hashes: Hashes) -> Stamps:
+    """Return the stamps of all files in the folders, and of all other hashed files."""
+    stamps = {}
+    for path in {*_inside(wanted.folders), *(name for names in hashes.values() for name in names)}:
+        try:
+            status = os.stat(path)
+        except OSError:
+            continue
+        stamps[path] = status.st_mtime_ns, status.st_size
+    return stamps
+
+
+def _inside(places: Sequence[Path]) -> Iterator[str]:
+    """Yield the files in folders at any depth, except hidden ones and caches."""
+    for place in places:
+        for base, folders, names in os.walk(place, followlinks=True):
+            folders[:] = [f for f in folders if not f.startswith((".", "__pycache__"))]
+            yield from (os.path.join(base, n) for n in names if not n.startswith("."))
+
+
+def _print_line(line: str) -> None:
+    print(visible(line), file=sys.stderr, flush=True)
 
 
 def main(options: argparse.Namespace) -> int:

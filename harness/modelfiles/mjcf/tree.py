@@ -1,4 +1,7 @@
-"""A compiled file as bodies with joints and forces, each with its numbers."""
+"""A compiled file as bodies with joints and forces, each with its numbers.
+
+Lines of shapes and sites in an MJCF and its includes.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.compiled import (
     CompiledBody,
     CompiledForce,
@@ -16,7 +22,6 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledLength,
     CompiledTree,
 )
-from physics_crosscheck.harness.modelfiles.mjcf.lines import shape_lines
 from physics_crosscheck.harness.modelfiles.robot import (
     BodyModel,
     LinkPart,
@@ -41,6 +46,76 @@ from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameF
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Fluid, Kind, Tree
+
+_KINDS = ("geom", "site")
+
+
+def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, tuple[Path, int]]:
+    """Return file and line of each shape, by its place.
+
+    Args:
+        path: of the file.
+        names: places of all shapes, in the engine's order: bodies depth first. Those without a name
+            are matched by this order, if the file repeats no elements.
+    """
+    try:
+        document = Document(path)
+        elements = list(_shapes(document.root, path))
+    except (LocationError, RecursionError):
+        return {}
+    lines: dict[str, tuple[Path, int]] = {}
+    for kind in _KINDS:
+        rows = [one for one in elements if one.tag == kind]
+        places = [name for name in names if name.startswith(f"{kind}:")]
+        if len(rows) == len(places) and all(map(_fits, rows, places)):
+            lines |= {name: _place(one, path) for name, one in zip(places, rows, strict=True)}
+        else:
+            named = {f"{kind}:{one.get('name')}": one for one in rows if one.get("name")}
+            lines |= {name: _place(named[name], path) for name in places if name in named}
+    return lines
+
+
+def _fits(element: XmlElement, place: str) -> bool:
+    name = place.partition(":")[2]
+    return element.get("name", name) == name
+
+
+def _place(element: XmlElement, path: Path) -> tuple[Path, int]:
+    file, line = element.place
+    return file or path, line or 0
+
+
+def _shapes(root: XmlElement, path: Path) -> Iterator[XmlElement]:
+    """Yield the shapes of all `<worldbody>` elements, body by body."""
+    worlds = [one for one in _children(root, path) if one.tag == "worldbody"]
+    yield from _within([one for world in worlds for one in _children(world, path)], path)
+
+
+def _within(elements: Sequence[XmlElement], path: Path) -> Iterator[XmlElement]:
+    """Yield the shapes of one body, then those of the bodies in it."""
+    flat = list(_flat(elements, path))
+    yield from (element for element in flat if element.tag in _KINDS)
+    for element in flat:
+        if element.tag == "body":
+            yield from _within(list(_children(element, path)), path)
+
+
+def _flat(elements: Sequence[XmlElement], path: Path) -> Iterator[XmlElement]:
+    """Yield elements and those within their frames."""
+    for element in elements:
+        yield element
+        if element.tag == "frame":
+            yield from _flat(list(_children(element, path)), path)
+
+
+def _children(element: XmlElement, path: Path) -> Iterator[XmlElement]:
+    """Yield children, with those of included files in place of `<include>`."""
+    for child in element:
+        if child.tag == "include":
+            yield from _children(Document(path.parent / child.get("file")).root, path)
+        else:
+            yield child
+
 
 KINDS: Mapping[str, Kind] = {
     "hinge": "hinge", "slide": "slide", "ball": "ball", "free": "free"

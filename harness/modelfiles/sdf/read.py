@@ -1,17 +1,23 @@
-"""One model of an SDFormat file as a tree of bodies, with omissions and problems."""
+"""One model of an SDFormat file as a tree of bodies, with omissions and problems.
+
+Content of an SDFormat file beyond the bodies and joints of one model, counted by kind.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.document import Document, read_numbers
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, ReadError
 from physics_crosscheck.harness.documents.sdf.frames import WORLD, inverse
-from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint, read_sdf
+from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint, is_static, read_sdf
+from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
 from physics_crosscheck.harness.modelfiles.build_tree import (
     build_tree,
     elements_of,
@@ -19,10 +25,121 @@ from physics_crosscheck.harness.modelfiles.build_tree import (
     part_of,
     robot_of,
 )
-from physics_crosscheck.harness.modelfiles.robot import Robot, refused
-from physics_crosscheck.harness.modelfiles.sdf.left_out import sdf_left_out
+from physics_crosscheck.harness.modelfiles.robot import (
+    FREE_MIMIC,
+    Note,
+    Omission,
+    Robot,
+    count_notes,
+    refused,
+)
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
+
+_READ: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "world": ("model", "include", "gravity", "physics", "joint", "frame"),
+        "physics": ("max_step_size", "real_time_factor", "real_time_update_rate"),
+        "model": ("link", "joint", "frame", "pose", "static", "self_collide"),
+        "frame": ("pose",),
+        "link": ("inertial", "pose", "collision", "gravity", "self_collide"),
+        "inertial": ("pose", "mass", "inertia", "density"),
+        "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+        "joint": ("pose", "parent", "child", "axis"),
+        "axis": ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame"),
+        "dynamics": ("damping", "friction", "spring_stiffness", "spring_reference"),
+        "limit": ("lower", "upper", "effort", "velocity"),
+        "mimic": ("multiplier", "offset", "reference"),
+    }
+)
+"""The child elements that are read, by tag; the other children of these elements are reported."""
+
+_MEANINGFUL_ATTRIBUTES: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "world": ("name",),
+        "physics": ("name", "type", "default"),
+        "model": ("name", "canonical_link", "placement_frame"),
+        "frame": ("name", "attached_to"),
+        "link": ("name",),
+        "inertial": ("auto",),
+        "joint": ("name", "type"),
+        "pose": ("relative_to", "rotation_format", "degrees"),
+        "xyz": ("expressed_in",),
+        "mimic": ("joint", "axis"),
+    }
+)
+"""Attributes with a meaning, by the element's tag; others have none."""
+
+_VISUALS = ("visual", "material", "light", "gui", "scene", "audio", "road")
+_WHOLE = ("model", "include", "collision")
+"""Elements that count as a whole, whatever their content."""
+
+
+def sdf_left_out(file: SdfFile, followers: Collection[str]) -> tuple[Omission, ...]:
+    """Return all of it, except visual geometry, which does not matter."""
+    return count_notes(_all(file), followers)
+
+
+def _all(file: SdfFile) -> Iterator[Note]:
+    document, model, world = file.document, file.model, file.world
+    for joint in file.joints.values():
+        yield from _of_joint(joint, file.mimics)
+    for element in model.children:
+        name = element.attributes.get("name", "")
+        if any(part.tag == "collision" for part in element.children):
+            yield "collision geometry", name
+        yield from _of_automatic(element, name)
+    yield from _unread(model, "")
+    for element in (*document.root.children, *(world.children if world is not None else ())):
+        name = element.attributes.get("name", "")
+        if element.tag == "model" and element is not model:
+            yield "static model" if is_static(element) else "another model that moves", name
+        elif element.tag == "include":
+            name = next((one.text.strip() for one in element.children if one.tag == "uri"), "")
+            yield "<include> of another file", name
+    if world is not None:
+        yield from _unread(world, world.attributes.get("name", ""))
+
+
+def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
+    """Yield elements that `<inertial auto="true">` makes meaningless."""
+    for inertial in link.children:
+        if inertial.tag == "inertial" and is_automatic(inertial):
+            for part in inertial.children:
+                if part.tag in ("pose", "inertia"):
+                    yield f"<{part.tag}> of an automatic <inertial>", name
+
+
+def _of_joint(joint: SdfJoint, mimics: Collection[str]) -> Iterator[Note]:
+    if joint.joint is None:
+        return
+    if joint.friction:
+        yield "dry friction", joint.name
+    if joint.name in mimics:
+        yield FREE_MIMIC, joint.name
+    if joint.joint.limits is not None:
+        yield "limits of position", joint.name
+    for key in ("effort", "velocity"):
+        values = read_numbers(joint.element.findtext(f"axis/limit/{key}"), 1)
+        if values is not None and values[0] > 0:
+            yield f"limits of {key}", joint.name
+
+
+def _unread(element: XmlElement, name: str) -> Iterator[Note]:
+    """Yield elements and attributes within this element that have no meaning here."""
+    meaningful = _MEANINGFUL_ATTRIBUTES.get(element.tag, ())
+    for key, value in element.attributes.items():
+        if key not in meaningful and value.strip() and not key.startswith("xmlns"):
+            yield f"{key} of <{element.tag}>", name
+    readable = _READ.get(element.tag)
+    for child in element.children:
+        if child.tag in _VISUALS or (readable is not None and child.tag in _WHOLE):
+            continue
+        owner = name or child.attributes.get("name", "")
+        if readable is None or child.tag not in readable:
+            yield f"<{child.tag}> of <{element.tag}>", owner
+        else:
+            yield from _unread(child, owner)
 
 
 def read_sdf_robot(path: Path, *, model: str = "") -> Robot:

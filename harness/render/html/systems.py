@@ -1,7 +1,13 @@
-"""The view of one system: equations, constants, errata, scenarios, files."""
+"""The view of one system: equations, constants, errata, scenarios, files.
+
+A sketch from results as SVG: shapes in their own coordinates, each placed by a matrix.
+
+The page only changes matrices, so shapes such as springs are defined only here.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,14 +18,253 @@ from physics_crosscheck.harness.records.system import (
     Derivation,
     Erratum,
     ReferenceMotion,
+    Shape,
+    Sketch,
+    SketchTree,
     SystemResult,
 )
-from physics_crosscheck.harness.render.html.drawing import Drawing, drawing
 from physics_crosscheck.harness.render.html.linearizations import LinearView, linear_views
 from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.html.text import NOTHING, quantity, sci, shown
 from physics_crosscheck.harness.render.terminal.primes import primed
 from physics_crosscheck.harness.results.coverage import coverage_line
+
+ANNOTATIONS = ("measure", "angle")
+"""Shapes that explain the sketch and do not move with it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeView:
+    """A shape: its path along (0, 0) to (1, 0) or about (0, 0), and its matrix."""
+
+    number: int
+    kind: str
+    path: str
+    matrix: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """A symbol with a subscript."""
+
+    x: str
+    y: str
+    letter: str
+    index: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """A sketch with y down, as in SVG.
+
+    Attributes:
+        box: the view box.
+        size: font size.
+        description: description in words.
+    """
+
+    box: str
+    size: str
+    shapes: tuple[ShapeView, ...]
+    labels: tuple[Label, ...]
+    description: str
+
+
+_NAMES = """alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma
+tau phi chi psi omega"""
+GREEK = dict(zip(_NAMES.split(), "αβγδεζηθικλμνξπρστφχψω", strict=True))
+
+
+def evaluate(tree: SketchTree | None, q: Sequence[float]) -> float:
+    """Evaluate a tree at positions q.
+
+    Raises:
+        ValueError: for a missing tree or an unknown operation.
+    """
+    if tree is None:
+        raise ValueError("a shape lacks a place or a size")
+    if isinstance(tree, (int, float)):
+        return float(tree)
+    name, *operands = tree
+    if name == "q":
+        return float(q[operands[0]])
+    values = [evaluate(operand, q) for operand in operands]
+    match name:
+        case "+":
+            return math.fsum(values)
+        case "*":
+            return math.prod(values)
+        case "^":
+            return float(values[0] ** values[1])
+        case "sin" | "cos" | "tan":
+            return float(getattr(math, name)(values[0]))
+    raise ValueError(f"unknown operation {name!r}")
+
+
+def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
+    """Draw a sketch in its pose."""
+    pose = _pose(sketch)
+    points = [p for shape in sketch.shapes for p in _extent(shape, pose)]
+    low_x, right = min(x for x, _ in points), max(x for x, _ in points)
+    low, high = min(y for _, y in points), max(y for _, y in points)
+    size = max(right - low_x, high - low) or 1.0
+    margin = 0.09 * size
+    shapes, labels = [], []
+    for number, shape in enumerate(sketch.shapes):
+        shapes.append(
+            ShapeView(
+                number=number,
+                kind=shape.kind,
+                path=_path(shape, pose, size),
+                matrix=_matrix(shape, pose),
+            )
+        )
+        if shape.label:
+            labels.append(_label(shape, pose, size))
+    box = (low_x - margin, -high - margin, right - low_x + 2 * margin, high - low + 2 * margin)
+    kinds = ", ".join(
+        f"{shape.kind} {shown(shape.label)}".strip()
+        for shape in sketch.shapes
+        if shape.kind not in (*ANNOTATIONS, "line")
+    )
+    where = ", ".join(f"{shown(n)} = {v:.3g}" for n, v in zip(coordinates, pose, strict=True))
+    return Drawing(
+        box=" ".join(_n(v) for v in box),
+        size=_n(0.062 * size),
+        shapes=tuple(shapes),
+        labels=tuple(labels),
+        description=f"Sketch of the mechanism at {where}: {kinds}.",
+    )
+
+
+def _pose(sketch: Sketch) -> list[float]:
+    return [0.0 if value is None else value for value in sketch.pose]
+
+
+def _coordinates(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
+    """Return the coordinates of a point, which is a pair of trees."""
+    if not isinstance(point, list) or len(point) != 2:
+        raise ValueError(f"{point!r} is not a point")
+    return evaluate(point[0], q), evaluate(point[1], q)
+
+
+def _extent(shape: Shape, q: Sequence[float]) -> list[tuple[float, float]]:
+    if shape.center is None:
+        return [_coordinates(shape.start, q), _coordinates(shape.end, q)]
+    x, y = _coordinates(shape.center, q)
+    if shape.kind == "angle":
+        r = evaluate(shape.radius, q)
+        return [(x, y), *((x + r * math.cos(a), y + r * math.sin(a)) for a in _arc(shape, q))]
+    w, h = evaluate(shape.width, q) / 2, evaluate(shape.height, q) / 2
+    return [(x - w, y - h), (x + w, y + h)]
+
+
+def _arc(shape: Shape, q: Sequence[float]) -> tuple[float, float, float]:
+    start, end = evaluate(shape.start, q), evaluate(shape.end, q)
+    return start, (start + end) / 2, end
+
+
+def _matrix(shape: Shape, q: Sequence[float]) -> str:
+    """Return the matrix of a shape from its places, as in script/motion.js."""
+    if shape.kind == "angle":
+        x, y = _coordinates(shape.center, q)
+        values = (1.0, 0.0, 0.0, 1.0, x, y)
+    elif shape.center is not None:
+        x, y = _coordinates(shape.center, q)
+        w, h, a = (evaluate(tree, q) for tree in (shape.width, shape.height, shape.angle))
+        values = (
+            w * math.cos(a),
+            w * math.sin(a),
+            -h * math.sin(a),
+            h * math.cos(a),
+            x,
+            y,
+        )
+    else:
+        (x, y), (x2, y2) = _coordinates(shape.start, q), _coordinates(shape.end, q)
+        length = math.hypot(x2 - x, y2 - y) or 1.0
+        dx, dy = x2 - x, y2 - y
+        values = (dx, dy, -dy / length, dx / length, x, y)
+    return " ".join(_n(v) for v in values)
+
+
+def _path(shape: Shape, q: Sequence[float], size: float) -> str:
+    w = 0.028 * size
+    match shape.kind:
+        case "spring":
+            turns = "".join(
+                f"L{_n(0.14 + 0.72 * (i + 0.5) / 10)},{_n(w if i % 2 else -w)}" for i in range(10)
+            )
+            return f"M0,0L.14,0{turns}L.86,0L1,0"
+        case "damper":
+            v = 1.5 * w
+            cup = f"M.36,{_n(-v)}L.64,{_n(-v)}L.64,{_n(v)}L.36,{_n(v)}"
+            return f"M0,0L.48,0M.48,{_n(-w)}L.48,{_n(w)}{cup}M.64,0L1,0"
+        case "wall":
+            marks = "".join(f"M{_n((i + 0.5) / 12)},0l-.03,{_n(-0.8 * w)}" for i in range(12))
+            return f"M0,0L1,0{marks}"
+        case "measure":
+            length = math.dist(_coordinates(shape.start, q), _coordinates(shape.end, q)) or 1.0
+            tip = _n(1 - w / length)
+            return f"M0,0L1,0M{tip},{_n(0.5 * w)}L1,0L{tip},{_n(-0.5 * w)}"
+        case "block":
+            return "M-.5,-.5H.5V.5H-.5Z"
+        case "disc":
+            return "M.5,0A.5,.5 0 1 1 -.5,0A.5,.5 0 1 1 .5,0M0,0L.5,0"
+        case "spiral":
+            steps = [(0.5 * i / 48, 5 * math.pi * i / 48) for i in range(49)]
+            return "M" + "L".join(f"{_n(r * math.cos(a))},{_n(r * math.sin(a))}" for r, a in steps)
+        case "angle":
+            return _arc_path(shape, q, w)
+    return "M0,0L1,0"
+
+
+def _arc_path(shape: Shape, q: Sequence[float], w: float) -> str:
+    r = evaluate(shape.radius, q)
+    start, _, end = _arc(shape, q)
+    tip = end - math.copysign(min(w / r, abs(end - start)) if r else 0.0, end - start)
+    steps = [start + (end - start) * i / 24 for i in range(25)]
+    arc = "M" + "L".join(f"{_n(r * math.cos(a))},{_n(r * math.sin(a))}" for a in steps)
+    ends = [(r + s * 0.5 * w) for s in (1, -1)]
+    x, y = r * math.cos(end), r * math.sin(end)
+    head = "".join(
+        f"M{_n(e * math.cos(tip))},{_n(e * math.sin(tip))}L{_n(x)},{_n(y)}" for e in ends
+    )
+    return arc + head
+
+
+def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
+    if shape.kind == "angle":
+        x, y = _coordinates(shape.center, q)
+        r = 1.18 * evaluate(shape.radius, q)
+        middle = _arc(shape, q)[1]
+        x, y = x + r * math.cos(middle), y + r * math.sin(middle)
+    elif shape.center is not None:
+        x, y = _coordinates(shape.center, q)
+        if shape.kind == "disc":
+            # Below the centre, off the mark on the radius; next to a disc that is too small.
+            h = evaluate(shape.height, q)
+            x, y = (x, y - 0.22 * h) if h > 0.2 * size else (x + 0.5 * h + 0.05 * size, y)
+        elif shape.kind == "spiral":
+            x, y = x - 0.6 * evaluate(shape.width, q), y + 0.6 * evaluate(shape.height, q)
+    else:
+        (x, y), (x2, y2) = _coordinates(shape.start, q), _coordinates(shape.end, q)
+        length = math.hypot(x2 - x, y2 - y) or 1.0
+        off = (0.045 if shape.kind == "measure" else 0.075) * size
+        nx, ny = -(y2 - y) / length * off, (x2 - x) / length * off
+        # Above a horizontal part, right of a hanging one; below a damper, as springs lie above it.
+        sign = -1 if (ny < -1e-9 or (abs(ny) <= 1e-9 and nx < 0)) else 1
+        sign = -sign if shape.kind == "damper" else sign
+        x, y = (x + x2) / 2 + sign * nx, (y + y2) / 2 + sign * ny
+    letter, _, index = shown(shape.label).partition("_")
+    if not index and len(letter) > 1 and letter[-1].isdigit():
+        letter, index = letter.rstrip("0123456789"), letter[len(letter.rstrip("0123456789")) :]
+    return Label(x=_n(x), y=_n(-y), letter=GREEK.get(letter, letter), index=GREEK.get(index, index))
+
+
+def _n(value: float) -> str:
+    return f"{value:.4g}"
+
 
 VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
 
