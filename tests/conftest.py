@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
+
+from physics_crosscheck.harness.checks import prepare
+from physics_crosscheck.harness.compare import states
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.samples import samples
+from physics_crosscheck.reference.solving.segments import Segments
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -13,4 +22,24 @@ def outside_ci() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for name in ("CI", "GITHUB_ACTIONS"):
             patch.delenv(name, raising=False)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def samples_of_equal_trees() -> Iterator[None]:
+    """Sample and solve equal trees once in each process; many tests prepare the same text."""
+    kept = dict[bytes, Segments]()
+
+    def once(
+        equations: TreeEquations, limits: Array, home: Array, count: int, seed: int
+    ) -> Segments:
+        system = replace(equations.system, source="")
+        key = pickle.dumps((system, limits, home, count, seed))
+        if key not in kept:
+            kept[key] = samples(equations, limits, home, count, seed)
+        return kept[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for room in (prepare, states):
+            patch.setattr(room, "samples", once)
         yield
