@@ -5,7 +5,7 @@ BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test test-slow test-engines test-python dist check docs bench soak fuzz clean
+.PHONY: report test pytest test-slow test-engines test-python dist check docs bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck demo --out reports
@@ -13,7 +13,11 @@ report: .venv/.report
 # Two workers; a file's tests stay together, and files are dealt as they stand: the built-in systems last.
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-test: check
+# The checks of the code run beside the tests.
+test: .venv/.test
+	$(MAKE) --no-print-directory --jobs 2 check pytest
+
+pytest: .venv/.test
 	$(PYTEST) tests -m "not slow" --crosscheck models --crosscheck-thorough --require-engines --durations 10
 
 # Whole pages, files and matrices, each five seconds and more; the longest folders first.

@@ -26,6 +26,14 @@ def outside_ci() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True, scope="session")
+def one_worker() -> Iterator[None]:
+    """Start one worker process for each run: pytest already has one on every core."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.cpu_count", lambda: 1)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
 def samples_of_equal_trees() -> Iterator[None]:
     """Sample and solve equal trees once in each process; many tests prepare the same text."""
     kept = dict[bytes, Segments]()

@@ -49,7 +49,7 @@ class Repository:
 
     def gate(self, *engines: str, **options: Any) -> GateResult:
         folders = sorted(path.parent for path in self.root.glob("models/*/system.py"))
-        wanted = GateOptions(baseline=self.baseline, engines=engines, jobs=2, **options)
+        wanted = GateOptions(baseline=self.baseline, engines=engines, jobs=1, **options)
         return gate(folders, wanted, nothing)
 
     def accept(self, reason: str, *patterns: str, found: GateResult | None = None) -> Acceptance:

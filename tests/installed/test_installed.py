@@ -115,6 +115,7 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_project_keeps_its_own_harness_and_reference(installed: Installed, project: Path) -> None:
     for number in (0, 1):
         done = installed.shell(f"python order_{number}.py", project)

@@ -36,7 +36,11 @@ def diagnosed(tmp_path: Path, text: str, loaded: str) -> Diagnosis:
     return diagnose_robot(task.with_file(copy), is_reference=True)
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    "fault",
+    [pytest.param(f, marks=pytest.mark.slow) if text is TOUCH[3] else f
+     for f, (text, *_) in FAULTS.items()],
+)  # fmt: skip
 def test_the_number_and_the_value_that_the_engine_acts_with_are_named(
     tmp_path: Path, fault: str
 ) -> None:

@@ -132,6 +132,7 @@ def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     assert "noslip_iterations=0" in record.edits
 
 
+@pytest.mark.slow
 def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> None:
     """Catch a campaign that draws nothing that acts, or plants nothing that is seen."""
     rng = np.random.default_rng(7)

@@ -47,16 +47,15 @@ SCENARIOS = 2
 
 
 def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
-    return [
-        pytest.param(
-            m,
-            id=f"{m.name}-{m.system}-{m.engine}",
-            marks=pytest.mark.skipif(
-                engines()[m.engine].version() is None, reason=f"{m.engine} is not installed"
-            ),
-        )
-        for m in mistakes
-    ]
+    """Each mistake once; in further systems and engines with the slow tests."""
+    found, names = list[ParameterSet](), set[str]()
+    for m in mistakes:
+        absent = engines()[m.engine].version() is None
+        marks = [pytest.mark.skipif(absent, reason=f"{m.engine} is not installed")]
+        marks += [pytest.mark.slow] if m.name in names else []
+        names |= set() if absent else {m.name}
+        found.append(pytest.param(m, id=f"{m.name}-{m.system}-{m.engine}", marks=marks))
+    return found
 
 
 @cache
