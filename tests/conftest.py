@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from physics_crosscheck.harness.checks import prepare
-from physics_crosscheck.harness.compare import states
+from physics_crosscheck.harness.commands.compare import states
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.samples import samples

@@ -80,7 +80,7 @@ def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(
 
 def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", 'stiffness="47.0"', 'stiffness="47.000047"')
-    done = by_itself("run", folder, "--engine", "mujoco", cwd=tmp_path)
+    done = crosscheck("run", folder, "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
     assert "3 of 3 cases differ" in done.stdout
     assert re.search(r"FAIL  mass_spring_damper/mujoco.xml \[mujoco\]", done.stdout)
@@ -143,7 +143,7 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
 def test_wrong_usage_exits_2_with_a_sentence(
     tmp_path: Path, arguments: list[str], sentence: str
 ) -> None:
-    done = by_itself(*arguments, cwd=tmp_path)
+    done = crosscheck(*arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert sentence in done.stderr
     assert "Traceback" not in done.stderr
