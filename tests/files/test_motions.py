@@ -26,12 +26,15 @@ from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.solving.segments import Motion
+from physics_crosscheck.reference.solving.segments import Motion, Segments
 from physics_crosscheck.reference.solving.solve import solve
 from tests.engines.extras import EXTRAS, need
 from tests.physics import redrawn
 
 SECONDS = 2.0
+SEGMENTS = 20
+"""Of a motion: spread over its spans, they show every literal."""
+
 COARSE = 1e-5
 """Resolution that tells a share of a thousandth."""
 
@@ -82,12 +85,13 @@ def drawn(folder: Path) -> tuple[System, dict[str, float], Motion]:
     system = load_system(folder)
     draw = {c.name: c.value * rng.uniform(0.7, 1.4) for c in system.constants}
     system = at_constants(system, draw)
-    return system, draw, solve(derive(system), replace(system.scenario("free"), duration=SECONDS))
+    motion = solve(derive(system), replace(system.scenario("free"), duration=SECONDS))
+    return system, draw, replace(motion, scale=component_scale(motion, []))
 
 
 @cache
-def forced(folder: Path) -> tuple[System, Motion]:
-    """A system as declared, and its first motion under a sine; where it has none, a force.
+def forced(folder: Path) -> tuple[System, Segments]:
+    """A system as declared, and some of its first motion under a sine, or else under a force.
 
     A known force: without, masses and stiffnesses are known but for a common factor.
     """
@@ -95,14 +99,15 @@ def forced(folder: Path) -> tuple[System, Motion]:
     driven = [s for s in system.scenarios if any(s.inputs.values())]
     first = min(driven, key=lambda s: not any(sp.sympify(f).has(sp.sin) for f in s.inputs.values()))
     scenario = replace(first, duration=SECONDS)
-    return system, solve(derive(system), scenario)
+    motion = solve(derive(system), scenario)
+    motion = replace(motion, scale=component_scale(motion, []))
+    return system, motion.pick(motion.informative(SEGMENTS))
 
 
 def verdict(
-    system: System, sidecar: Sidecar, engine: str, motion: Motion, resolution: float
+    system: System, sidecar: Sidecar, engine: str, motion: Segments, resolution: float
 ) -> CaseJudgement:
     model, coordinates = load(system, sidecar, engine)
-    motion = replace(motion, scale=component_scale(motion, []))
     claimed, _ = model.exponents(motion.varying)
     found = extrapolate(model, coordinates, motion, resolution=resolution)
     names = [c.name for c in system.coordinates]

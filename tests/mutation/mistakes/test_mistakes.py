@@ -94,8 +94,9 @@ def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
     motion = physics.motions[name]
     model, coordinates = load(physics.system, sidecar, mistake.engine)
     claimed, _ = model.exponents(motion.varying)
-    found = extrapolate(model, coordinates, motion, resolution=1e-9)
-    return judge(found.limit, motion, physics.components, claimed, 1e-9).outcome
+    some = motion.pick(motion.informative(FEW))
+    found = extrapolate(model, coordinates, some, resolution=1e-9)
+    return judge(found.limit, some, physics.components, claimed, 1e-9).outcome
 
 
 @pytest.mark.parametrize("mistake", cases(MISTAKES))
