@@ -116,7 +116,7 @@ def cost_line(sweep_summary: SweepSummary) -> str:
     if sweep_summary.overhead is None:
         return ""
     seconds = f"{sweep_summary.engine_seconds:.1f} s of processor time"
-    steps = f"{sweep_summary.steps:.3g} engine steps took {seconds}"
+    steps = f"{sweep_summary.steps:,} engine steps took {seconds}".replace(",", " ")
     return f"{steps}; the whole sweep {sweep_summary.overhead:.2f} times as much"
 
 
