@@ -505,12 +505,8 @@ def _in_shapes(
     engine = engines()[task.engine]
     if task.file.suffix not in engine.places:
         return {}
-    others = [
-        i
-        for i, number in enumerate(numbers.numerals)
-        if says.get(i, NumberEffect.NONE) in _UNMOVED
-        and not (engine.choices and re.fullmatch(engine.choices, number.path))
-    ]
+    count = range(len(numbers.numerals))
+    others = {i for i in count if says.get(i, NumberEffect.NONE) in _UNMOVED}
     return dict.fromkeys(numbers.placing(others), NumberEffect.FRAMES)
 
 

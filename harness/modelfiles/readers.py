@@ -38,7 +38,7 @@ class Numbers(Protocol):
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
 
-    def placing(self, candidates: Sequence[int]) -> Collection[int]:
+    def placing(self, candidates: Collection[int]) -> Collection[int]:
         """Return those numbers that shapes and sites depend on: where they are, or their sizes."""
 
     def engine_variants(self) -> Iterable[tuple[str, Tree]]:

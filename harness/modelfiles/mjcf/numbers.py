@@ -7,7 +7,7 @@ of a number is found by changing it. Numbers of visuals or contacts are changed 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,11 +29,12 @@ from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Compiled:
-    """A compiled file: its tree and laws, or None; whether laws and paths are as before."""
+    """A compiled file: its tree and laws, or None; whether laws, paths and shapes are as before."""
 
     tree: Tree | None
     laws: LawModel | None
     same_laws: bool = True
+    same_shapes: bool = True
 
 
 class CompiledNumbers:
@@ -99,6 +100,13 @@ class CompiledNumbers:
         compiled, source, original = self._compile(values), self._source, self._original
         if compiled is None or source is None or original is None:
             return None
+        read = self._reread(compiled, source, original)
+        return replace(read, same_shapes=_alike(source.placed, compiled.placed))
+
+    def _reread(
+        self, compiled: CompiledTree, source: CompiledTree, original: _Compiled
+    ) -> _Compiled:
+        """Return a changed file, with parts of the original one where they are equal."""
         tree, model = tree_of(compiled, self._controls), original.laws
         if model is None or compiled.laws is None:
             return _Compiled(tree=tree, laws=None)
@@ -171,28 +179,17 @@ class CompiledNumbers:
                 groups.setdefault(self._reason(number), []).append(i)
         return groups
 
-    def placing(self, candidates: Sequence[int]) -> frozenset[int]:
+    def placing(self, candidates: Collection[int]) -> frozenset[int]:
         """Return those numbers that shapes and sites depend on: where they are, or their sizes."""
-        original = self._placed(())
-        return frozenset(self._displacing(original, candidates)) if original else frozenset()
 
-    def _displacing(self, original: Sequence[CompiledShape], group: Sequence[int]) -> Iterator[int]:
-        """Yield the numbers of a group that shapes depend on."""
-        placed = self._placed(group) if group else original
-        if placed is not None and _alike(original, placed):
-            return
-        if len(group) == 1:
-            yield from group if placed is not None else ()
-        else:
-            half = len(group) // 2
-            yield from self._displacing(original, group[:half])
-            yield from self._displacing(original, group[half:])
+        def acts(group: Sequence[int]) -> bool:
+            other = self._nudged(group)
+            return other is not None and not other.same_shapes
 
-    def _placed(self, group: Sequence[int]) -> tuple[CompiledShape, ...] | None:
-        """Return the shapes with nudged numbers, downwards if upwards is refused, or None."""
-        ways = ({i: _moved(self.numerals[i], way * NUDGE) for i in group} for way in (1.0, -1.0))
-        compiled = next(filter(None, map(self._compile, ways)), None)
-        return None if compiled is None else compiled.placed
+        groups = [[i for i in group if i in candidates] for group in self._groups.values()]
+        # A group that is refused as a whole may act.
+        acting = (group for group in groups if self._nudged(group) is None or acts(group))
+        return frozenset(i for group in acting for i in group if acts([i]))
 
     def _reason(self, number: Number) -> str:
         kinds = self._engine.non_physical.items()

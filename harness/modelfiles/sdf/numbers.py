@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -66,7 +66,7 @@ class SdfNumbers:
         del document.obstacles[count:]
         return tree
 
-    def placing(self, candidates: Sequence[int]) -> Collection[int]:
+    def placing(self, candidates: Collection[int]) -> Collection[int]:
         """Return nothing: no engine shows the shapes."""
         return ()
 

@@ -6,7 +6,7 @@ A changed number is read again with its link or its joint; the rest stays as it 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -96,7 +96,7 @@ class UrdfNumbers:
             return None
         return tree
 
-    def placing(self, candidates: Sequence[int]) -> Collection[int]:
+    def placing(self, candidates: Collection[int]) -> Collection[int]:
         """Return nothing: no engine shows the shapes."""
         return ()
 
