@@ -71,7 +71,7 @@ def _joints(file: UrdfFile, tree: Tree, rules: ImpulseRules) -> Iterator[HardJoi
             lower, upper = 1.0, 0.0
         document = file.document
         limit = document.child(joint.element, "limit")
-        # PyBullet restricts the targets of endless joints too.
+        # The targets of endless joints are restricted too.
         low, high, effort = (
             document.number(limit, key, default, "<limit>")
             for key, default in (("lower", 0.0), ("upper", -1.0), ("effort", 0.0))
@@ -87,7 +87,7 @@ def _joints(file: UrdfFile, tree: Tree, rules: ImpulseRules) -> Iterator[HardJoi
 
 
 def _surface(file: UrdfFile, name: str, rules: ImpulseRules) -> HardSurface:
-    """Return the surface of a link: `<contact>` is an extension of the format by PyBullet."""
+    """Return the surface of a link: `<contact>` is an extension of the format."""
     contact = file.links[name].element.find("contact")
     if contact is None:
         return rules.default
