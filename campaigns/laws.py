@@ -4,6 +4,7 @@
 (`--floating`: free), with their laws.
 `python -m campaigns.laws scenes --count 2000` draws bodies on a plane and on each other.
 `python -m campaigns.laws faults FILE... --each 8` changes numbers by 1e-6 and 1 %.
+`python -m campaigns.laws tested FILE...` counts the tested numbers, without and with whole steps.
 """
 
 from __future__ import annotations
@@ -12,25 +13,28 @@ import argparse
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
-from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.diagnosis.coverage import count_robot
+from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, diagnose_laws, law_problem
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
-from physics_crosscheck.harness.modelfiles.numbers import numerals, with_values
 from physics_crosscheck.harness.records.outcome import Outcome
 
 RESOLUTION = 1e-9
 SIZES = (1e-6, 1e-2)
 KINDS = (
     "friction", "solref", "solimp", "solreflimit", "solimplimit", "solreffriction", "margin",
-    "range", "frictionloss", "armature", "damping", "kp", "kv", "gainprm", "biasprm", "dynprm",
+    "range", "frictionloss", "kp", "kv", "gainprm", "biasprm", "dynprm",
     "gear", "forcerange", "ctrlrange", "actuatorfrcrange", "polycoef", "anchor", "impratio",
     "timestep",
 )  # fmt: skip
@@ -160,58 +164,169 @@ def scenes(count: int, seed: int) -> Counter[str]:
     return counts
 
 
-def planted(file: Path, each: int, rng: np.random.Generator) -> Iterator[tuple[str, float, str]]:
-    """Change numbers of a file; yield the attribute, the size, and what the check says."""
-    document = Document(file)
-    rows = numerals(document)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sound:
+    """A file that agrees with its law, and the effects of its numbers at the drawn states.
+
+    Attributes:
+        file: the model file.
+        problem: its laws in the engine.
+    """
+
+    file: Path
+    problem: LawProblem
+
+    @staticmethod
+    def from_file(file: Path) -> Sound | None:
+        """Return a file with its law; None without one."""
+        problem = law_problem(model_task(prepare_tree(file, states=2), "mujoco"))
+        agrees = problem is not None and problem.judge(RESOLUTION).outcome is Outcome.AGREES
+        return Sound(file=file, problem=problem) if agrees and problem is not None else None
+
+    def effect(self, index: int) -> float:
+        """Return the largest relative effect of a number per unit; NaN if it is unknown."""
+        problem = self.problem
+        if index not in problem.numbers.law_numbers:
+            return 0.0
+        effect = problem.effect(problem.numbers.law_numbers.index(index))
+        return float("nan") if effect is None else float(np.max(np.abs(effect), initial=0.0))
+
+    def planted(self, index: int, value: float) -> Planted:
+        """Load the file with another value of a number, compare and diagnose it."""
+        numbers = self.problem.numbers
+        number = numbers.numerals[index]
+        others = numbers.texts({index: value})
+        whole = number.file == self.file
+        copy = number.file.with_name(f".laws-{number.file.name}")
+        loaded = copy if whole else self.file
+        acts = self.effect(index) * abs(value - number.value)
+        original = number.file.read_bytes()
+        target = copy if whole else number.file
+        try:
+            target.write_bytes(others[number.file])
+            problem = self.problem.in_engine("mujoco", loaded)
+        except FileError:
+            return Planted(acts=acts, outcome="refused", named=False)
+        finally:
+            if whole:
+                copy.unlink(missing_ok=True)
+            else:
+                number.file.write_bytes(original)
+        outcome = str(problem.judge(RESOLUTION).outcome)
+        named = outcome == "DIFFERS" and _names(problem, number.address)
+        return Planted(acts=acts, outcome=outcome, named=named)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planted:
+    """One planted fault.
+
+    Attributes:
+        acts: its largest effect by the law, relative.
+        outcome: of the comparison.
+        named: whether the diagnosis names the number, alone or among causes of equal effect.
+    """
+
+    acts: float
+    outcome: str
+    named: bool
+
+
+def _names(problem: LawProblem, address: str) -> bool:
+    ranking = diagnose_laws(problem)
+    if not (ranking.explained and ranking.fits):
+        return False
+    causes = (*ranking.fits[0].causes, *ranking.fits[0].tied_with)
+    single = len(ranking.fits[0].causes) == 1
+    return single and any(cause.subject == (address,) for cause in causes)
+
+
+def planted(
+    file: Path, each: int, rng: np.random.Generator, kinds: Collection[str] = KINDS
+) -> Iterator[tuple[str, float, str, Planted]]:
+    """Change numbers of a file; yield the attribute, the size, the address, and the result."""
+    sound = Sound.from_file(file)
+    if sound is None:
+        print(file.name, "has no law that it agrees with")
+        return
     groups: dict[str, list[int]] = {}
-    for i, number in enumerate(rows):
-        if number.key in KINDS and number.value and "/visual" not in number.path:
+    for i, number in enumerate(sound.problem.numbers.numerals):
+        if number.key in kinds and number.value and "/visual" not in number.path:
             groups.setdefault(number.key, []).append(i)
     for key, members in groups.items():
         for i in rng.permutation(members)[:each]:
+            number = sound.problem.numbers.numerals[int(i)]
             for size in SIZES:
-                changed = {int(i): rows[i].value * (1 + size)}
-                copy = file.with_name(f".laws-{file.name}")
-                copy.write_bytes(with_values(document.data, rows, changed))
-                try:
-                    check = check_whole_step(file, ModelSpec(copy), "mujoco", RESOLUTION)
-                    done = check is not None and check.judgement is not None
-                    yield key, size, str(check.judgement.outcome) if done else "not compared"  # type: ignore[union-attr]
-                except FileError:
-                    yield key, size, "refused"
-                finally:
-                    copy.unlink()
+                fault = sound.planted(int(i), number.value * (1 + size))
+                yield key, size, number.address, fault
 
 
-def faults(paths: Iterable[Path], each: int, seed: int) -> None:
-    """Print, for each attribute and size, how many changes differ."""
+def faults(paths: Iterable[Path], each: int, seed: int, kinds: Collection[str]) -> None:
+    """Print, for each attribute and size, how many faults act, differ, and are named."""
     rng = np.random.default_rng(seed)
     counts: dict[tuple[str, float], Counter[str]] = {}
     for path in paths:
-        for key, size, outcome in planted(path, each, rng):
-            counts.setdefault((key, size), Counter())[outcome] += 1
-    for (key, size), outcomes in sorted(counts.items()):
-        tried = sum(outcomes.values()) - outcomes["refused"]
-        print(f"{key:18} {size:.0e}  {outcomes['DIFFERS']:4} of {tried:4} differ", dict(outcomes))
+        for key, size, address, fault in planted(path, each, rng, kinds):
+            count = counts.setdefault((key, size), Counter())
+            acts = not fault.acts <= RESOLUTION
+            caught = fault.outcome == "DIFFERS"
+            count.update(planted=1, refused=fault.outcome == "refused", acts=acts)
+            count.update(caught=acts and caught, named=acts and fault.named)
+            if caught != acts or fault.named != caught:
+                print(f"{path.name} {address} {size:g}: {fault}", flush=True)
+    for (key, size), count in sorted(counts.items()):
+        print(
+            f"{key:18} {size:.0e}  planted {count['planted']:4}  acts {count['acts']:4}"
+            f"  caught {count['caught']:4}  named {count['named']:4}"
+        )
+    total = sum(counts.values(), Counter[str]())
+    print(dict(total))
+
+
+def tested(paths: Iterable[Path]) -> None:
+    """Print the share of physical numbers that are tested, by kind: smooth, and whole steps."""
+    totals: dict[str, Counter[str]] = {}
+    for path in paths:
+        began = time.process_time()
+        try:
+            prepared = prepare_tree(path)
+            smooth = count_robot(model_task(replace(prepared, smooth=True), "mujoco"))
+            whole = count_robot(model_task(prepared, "mujoco"))
+        except FileError as error:
+            print(f"{path.name}: {error.sentence[:100]}")
+            continue
+        for name, coverage in (("smooth", smooth), ("whole", whole)):
+            count = totals.setdefault("tested", Counter())
+            count[name] += coverage.seen
+            for untested in coverage.untested:
+                totals.setdefault(untested.reason, Counter())[name] += untested.count
+        totals["tested"]["numbers"] += whole.numbers
+        seconds = time.process_time() - began
+        print(f"{path.name}: {smooth.seen} and {whole.seen} of {whole.numbers}, {seconds:.1f} s",
+              flush=True)  # fmt: skip
+    for reason, count in sorted(totals.items(), key=lambda item: -item[1]["smooth"]):
+        print(f"{reason:40} {count['smooth']:6} {count['whole']:6}")
 
 
 def main() -> None:
-    """Run one of the three campaigns."""
+    """Run one of the campaigns."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("files", "scenes", "faults"))
+    parser.add_argument("what", choices=("files", "scenes", "faults", "tested"))
     parser.add_argument("paths", nargs="*", type=Path)
     parser.add_argument("--floating", action="store_true")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--each", type=int, default=4)
+    parser.add_argument("--kind", action="append", help="attributes whose numbers are changed")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if options.what == "files":
         print(dict(files(options.paths, floating=options.floating)))
     elif options.what == "scenes":
         print(dict(scenes(options.count, options.seed)))
+    elif options.what == "tested":
+        tested(options.paths)
     else:
-        faults(options.paths, options.each, options.seed)
+        faults(options.paths, options.each, options.seed, options.kind or KINDS)
 
 
 if __name__ == "__main__":

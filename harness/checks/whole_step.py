@@ -10,11 +10,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
@@ -45,6 +46,7 @@ from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.laws.drives import unsaturated
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
+from physics_crosscheck.reference.laws.soft import gains
 from physics_crosscheck.reference.laws.step import (
     DIGITS,
     STEPPED,
@@ -74,10 +76,16 @@ LEAST_GAIN = 1e-6
 SPREAD = 1.5
 """Controls are drawn in this multiple of their range, so that limits act."""
 
-SIGNS = 0, 1, -1
-"""Sides of the ranges of all controls, in turn."""
+DEEPEST, INSIDE = 0.02, 0.2
+"""Largest violation of a limit, as a share of its range; share of joints that are inside theirs."""
 
-LONG, SHORT = 400, 40
+MAX_OUTWARD = 50.0
+"""Half of the largest speed of a joint beyond its limit, rad/s or m/s."""
+
+SIGNS = 0, 0, 0, 1, -1
+"""Sides of the ranges of all controls, in turn; 0: each on another one."""
+
+LONG, SHORT = 600, 40
 """Largest number of steps before a state: a fall to the floor, or a change of the contacts."""
 
 
@@ -153,6 +161,19 @@ class LawDefect:
     uncertainty: Array
     scale: Array
 
+    def at_states(self, kept: NDArray[np.bool_]) -> LawDefect:
+        """Return the defects at some states, at the same scale."""
+        return replace(self, defect=self.defect[kept], uncertainty=self.uncertainty[kept])
+
+    def resolved(self, resolution: float) -> NDArray[np.bool_]:
+        """Return the states with bounds below the resolution, or that differ, (S,).
+
+        Return all states if these are fewer than half.
+        """
+        fine: NDArray[np.bool_] = np.max(self.uncertainty, axis=1) <= resolution
+        kept = fine | np.any(np.abs(self.defect) > self.uncertainty, axis=1)
+        return kept if 2 * np.sum(kept) >= len(kept) else np.ones_like(kept)
+
 
 class WholeStepComparison(ABC, Generic[S]):
     """Laws and an engine that loaded their file.
@@ -160,6 +181,10 @@ class WholeStepComparison(ABC, Generic[S]):
     Args:
         tree: the bodies.
         model: the file in the engine.
+
+    Attributes:
+        names: of the coordinates, in the tree's order.
+        order: their indices among the engine's.
 
     Raises:
         TreeError: if the engine's joints are not those of the file.
@@ -173,7 +198,7 @@ class WholeStepComparison(ABC, Generic[S]):
         )
         if set(self.names) != set(model.coordinates):
             raise TreeError("joints that the engine names otherwise")
-        self._order = [model.coordinates.index(name) for name in self.names]
+        self.order = [model.coordinates.index(name) for name in self.names]
 
     @property
     @abstractmethod
@@ -197,9 +222,24 @@ class WholeStepComparison(ABC, Generic[S]):
     def expected(self, sample: Evaluated[S]) -> Array:
         """Return the components by the laws, (C,)."""
 
+    def outward_speed(self, state: WholeState, outwards: Array) -> Array:
+        """Return speeds at which limits act although other forces pull joints back, (nz,).
+
+        `outwards` are the signs of the joints that are beyond a limit, 0 for others, (nz,).
+        """
+        return np.zeros(len(outwards))
+
+    @property
+    def rotations(self) -> Iterator[int]:
+        """Indices of the coordinates that are rotations, in the engine's order."""
+        tree = self.tree.tree
+        for link, there in zip(tree.links, tree.velocities, strict=True):
+            count = {"free": 3, "ball": 3, "hinge": 1}.get(link.kind, 0)
+            yield from self.order[there.start : there.start + count]
+
     def postures(self, states: Sequence[WholeState]) -> Iterator[Posture]:
         """Yield the tree at each state."""
-        y, m = (np.array([state[k][self._order] for state in states]) for k in range(2))
+        y, m = (np.array([state[k][self.order] for state in states]) for k in range(2))
         return self.tree.postures(y, m)
 
     def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated[S]]:
@@ -211,18 +251,16 @@ class WholeStepComparison(ABC, Generic[S]):
             result.append(Evaluated(state=state, solution=solution, engine=engine))
         return [sample for sample in result if sample.solution.converged]
 
-    def judge(self, evaluated: Sequence[Evaluated[S]], resolution: float) -> LimitVerdict:
+    def judge(self, compared: LawDefect, resolution: float) -> LimitVerdict:
         """Judge accelerations, the next velocities and positions, and states of drives."""
-        compared = self.compare(evaluated)
-        uncertainty = np.maximum(compared.uncertainty, np.finfo(float).eps)
-        return judge(np.abs(compared.defect), uncertainty, resolution, None)
+        kept = compared.resolved(resolution)
+        uncertainty = np.maximum(compared.uncertainty[kept], np.finfo(float).eps)
+        return judge(np.abs(compared.defect[kept]), uncertainty, resolution, None)
 
     def compare(self, evaluated: Sequence[Evaluated[S]]) -> LawDefect:
         """Compare accelerations, the next velocities and positions, and states of drives."""
         speeds = [
-            np.maximum(
-                np.abs(sample.solution.posture.m), np.abs(sample.engine.after.m[self._order])
-            )
+            np.maximum(np.abs(sample.solution.posture.m), np.abs(sample.engine.after.m[self.order]))
             for sample in evaluated
         ]
         speed, h = floored(np.max(speeds, axis=0)), self.model.step
@@ -251,7 +289,7 @@ class WholeStepComparison(ABC, Generic[S]):
 
     def _answer(self, sample: Evaluated[S]) -> Array:
         """Return the components by the engine, (C,)."""
-        engine, order = sample.engine, self._order
+        engine, order = sample.engine, self.order
         parts: list[Array] = [engine.acceleration[order]]
         if self.steps:
             after = engine.after
@@ -260,7 +298,7 @@ class WholeStepComparison(ABC, Generic[S]):
 
     def _uncertainty(self, sample: Evaluated[S]) -> Array:
         """Return the uncertainty of each component, (C,)."""
-        order, posture = self._order, sample.solution.posture
+        order, posture = self.order, sample.solution.posture
         eps, h = np.finfo(float).eps, self.model.step
         unsure = sample.solution.law.uncertainty(
             sample.acceleration, sample.engine.unbalanced[order]
@@ -308,9 +346,25 @@ class LawComparison(WholeStepComparison[LawSolution]):
 
     def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> LawSolution:
         """Solve the laws at a state, from the engine's accelerations."""
-        start = engine.acceleration[self._order]
+        start = engine.acceleration[self.order]
         contacts = engine.contacts
         return self.laws.solve(posture, state.controls, state.activations, contacts, start)
+
+    def outward_speed(self, state: WholeState, outwards: Array) -> Array:
+        """Return the speeds at which the reference of each limit resists the free acceleration."""
+        laws = self.laws.laws
+        posture = next(self.postures([state]))
+        free = self.laws.evaluate(posture, state.controls, state.activations, ()).problem.free
+        speed = np.zeros(len(outwards))
+        for limit in laws.limits:
+            if limit.joint >= 0:
+                there = self.laws.tree.tree.velocities[limit.joint].start
+                place, softness = self.order[there], limit.softness
+                damping = gains(softness.reference, softness.impedance[1], laws.step,
+                                safe=laws.safe)[1]  # fmt: skip
+                back = max(0.0, -outwards[place] * float(free[there]))
+                speed[place] = outwards[place] * min(MAX_OUTWARD, back / damping)
+        return speed
 
     def expected(self, sample: Evaluated[LawSolution]) -> Array:
         """Return the components by the laws, (C,)."""
@@ -324,7 +378,7 @@ class LawComparison(WholeStepComparison[LawSolution]):
         velocity = self.laws.advance(law, acceleration)
         if velocity is None:
             return acceleration
-        y, after = law.posture.y[None], engine.after.m[self._order][None]
+        y, after = law.posture.y[None], engine.after.m[self.order][None]
         position = self.laws.tree.advance(y, after, self.model.step)[0]
         states = law.driven.states / _sizes(engine)
         return np.concatenate([acceleration, velocity, position, states])
@@ -354,7 +408,7 @@ class ImpulseComparison(WholeStepComparison[ImpulseStep]):
 
     def expected(self, sample: Evaluated[ImpulseStep]) -> Array:
         """Return the components by the law, (C,)."""
-        a, after = sample.acceleration, sample.engine.after.m[self._order]
+        a, after = sample.acceleration, sample.engine.after.m[self.order]
         return np.concatenate([a, *self.laws.next_state(sample.solution, a, after)])
 
 
@@ -446,13 +500,14 @@ def _check(
     evaluated = comparison.evaluate(states)
     if not evaluated:
         raise EngineError("impulses that do not converge")
-    judged, model = comparison.judge(evaluated, resolution), comparison.model
+    compared, model = comparison.compare(evaluated), comparison.model
+    judged = comparison.judge(compared, resolution)
     record = WholeStep(
         outcome=judged.outcome,
         discrepancy=number(judged.discrepancy),
         uncertainty=number(judged.uncertainty),
         component=comparison.components[judged.component],
-        states=len(evaluated),
+        states=int(np.sum(compared.resolved(resolution))),
         step=number(model.step),
         next_state=comparison.steps,
         acted=tuple(LawTerm(name=name, count=count) for name, count in _acted(evaluated)),
@@ -470,21 +525,21 @@ IMPULSES = ("limits of position", "limits of effort", "collision geometry")
 def drawn_states(comparison: WholeStepComparison[S], count: int = STATES) -> Iterator[WholeState]:
     """Yield states in which limits, contacts and drives act.
 
-    In turn: after a fall or a motion from a state of the file, with some joints beyond their
-    limits, and at positions anywhere in the joints' ranges. Every other one has controls at which
-    drives are not at a limit.
+    In turn: after a fall or a motion from a state of the file, with some joints that move beyond
+    their limits, and at positions anywhere in the joints' ranges. Every other state has controls at
+    which drives are not at a limit.
     """
     rng, model = np.random.default_rng(SEED), comparison.model
     starts = list(model.starts)
     for k in range(count):
         start = starts[k % len(starts)]
-        for _ in range(ATTEMPTS):
-            state = _driven(model, rng, start, SIGNS[k // 2 % 3])
+        for attempt in range(ATTEMPTS):
+            state = _driven(model, rng, start, k // 2)
             match k % 3:
                 case 0:
-                    moved = model.moved(state, int(rng.integers(1, LONG if k % 2 else SHORT)))
+                    moved = _fallen(comparison, rng, state, 0 if attempt else k)
                 case 1:
-                    moved = state._replace(z=_beyond(model, rng, state.z, k // 3))
+                    moved = _beyond(comparison, rng, state, k // 3)
                 case _:
                     moved = state._replace(z=_anywhere(model, rng, state.z))
             speed = model.speed * rng.normal(size=len(moved.m))
@@ -509,13 +564,20 @@ def _usable(model: WholeModel, state: WholeState) -> bool:
 
 
 def _driven(
-    model: WholeModel, rng: np.random.Generator, start: WholeState, sign: int
+    model: WholeModel, rng: np.random.Generator, start: WholeState, turn: int
 ) -> WholeState:
     """Return a start with random velocities, controls and states of drives.
 
-    The controls are on one side of their ranges, so that limits of sums act; 0: on any.
+    In turn, the controls are inside and beyond both ends of their ranges, then all on one side, so
+    that limits of sums act: each control is beyond each end in some of the turns.
     """
-    share = rng.uniform(-1, 1, model.controls) + 0 * start.controls  # NaN: switched off
+    places = (np.arange(model.controls) + turn) % 3 - 1
+    sign = SIGNS[turn % len(SIGNS)]
+    inside, outside = rng.uniform(-1, 1, (2, model.controls)) + 0 * start.controls  # NaN: off
+    beyond = (SPREAD + 1) / 2 + (SPREAD - 1) / 2 * outside
+    share = np.where(places == 0, inside, places * beyond)
+    if sign:
+        share = sign * SPREAD * np.abs(inside)
     lower, upper = model.ranges[1].T
     limited = np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(limited, lower, -1.0), np.where(limited, upper, 1.0)
@@ -523,9 +585,27 @@ def _driven(
     return WholeState(
         z=start.z,
         m=0.3 * rng.normal(size=len(start.m)),
-        controls=middle + SPREAD * half * (sign * np.abs(share) if sign else share),
+        controls=middle + half * share,
         activations=start.activations + rng.uniform(0, 1, model.activations),
     )
+
+
+def _fallen(
+    comparison: WholeStepComparison[S], rng: np.random.Generator, state: WholeState, turn: int
+) -> WholeState:
+    """Return the state after some steps.
+
+    After the first turn a motion is long. It begins with other rotations of free and ball joints,
+    and of hinges without limits, so that each side may touch.
+    """
+    model = comparison.model
+    if not turn:
+        return model.moved(state, int(rng.integers(1, SHORT)))
+    z = state.z.copy()
+    for place in comparison.rotations:
+        if np.any(np.isinf(model.ranges[0][place])):
+            z[place] += rng.normal()
+    return model.moved(state._replace(z=z), int(rng.integers(LONG // 2, LONG)))
 
 
 def _unsaturated(
@@ -555,17 +635,25 @@ def _pressed(model: WholeModel, rules: ImpulseRules, state: WholeState) -> Whole
     return state._replace(m=m, controls=controls)
 
 
-def _beyond(model: WholeModel, rng: np.random.Generator, z: Array, turn: int) -> Array:
-    """Return positions with half of the limited joints at a limit, up to 2 % beyond it.
+def _beyond(
+    comparison: WholeStepComparison[S], rng: np.random.Generator, state: WholeState, turn: int
+) -> WholeState:
+    """Return a state with half of the limited joints at a limit, up to 2 % beyond it.
 
     The turns put each joint at both of its limits.
     """
-    ranges, place = model.ranges[0], np.arange(len(z)) + turn
+    z, count = state.z, len(state.z)
+    ranges, place = comparison.model.ranges[0], np.arange(count) + turn
     chosen = np.isfinite(ranges).all(axis=1) & (place % 2 == 0)
     end = place // 2 % 2
     width = np.where(chosen, ranges[:, 1] - ranges[:, 0], 0.0)
-    bound = np.where(chosen, ranges[np.arange(len(z)), end], z)
-    return bound + (2 * end - 1) * width * rng.uniform(-0.002, 0.02, len(z))
+    bound = np.where(chosen, ranges[np.arange(count), end], z)
+    outwards = np.where(chosen, 2 * end - 1, 0)
+    sign = np.where(rng.uniform(size=count) < INSIDE, -1, 1)
+    depth = sign * width * DEEPEST * 10 ** rng.uniform(-2, 0, count)
+    moved = state._replace(z=bound + outwards * depth)
+    speed = comparison.outward_speed(moved, outwards) * rng.uniform(1, 2, count)
+    return moved._replace(m=state.m + speed)
 
 
 def _anywhere(model: WholeModel, rng: np.random.Generator, z: Array) -> Array:

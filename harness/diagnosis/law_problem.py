@@ -7,8 +7,9 @@ does not run again.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -20,9 +21,20 @@ from physics_crosscheck.harness.checks.whole_step import (
     drawn_states,
     load_comparison,
 )
-from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
+from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.fit import (
+    Faults,
+    Hypothesis,
+    Resolved,
+    left_linear,
+    refine,
+)
 from physics_crosscheck.harness.diagnosis.hypotheses import rank
-from physics_crosscheck.harness.diagnosis.robot_problem import ROUNDING_CHANGE, source_line
+from physics_crosscheck.harness.diagnosis.robot_problem import (
+    NEAR_ZERO_FAULT,
+    ROUNDING_CHANGE,
+    source_line,
+)
 from physics_crosscheck.harness.diagnosis.trial import REFUSED
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
@@ -34,6 +46,9 @@ from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rul
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
+
+NUMBERS_FITTED = 16
+"""Single numbers to fit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +70,24 @@ class LawProblem:
 
     def judge(self, resolution: float) -> LimitVerdict:
         """Judge the discrepancy."""
-        return self.comparison.judge(self.evaluated, resolution)
+        return self.comparison.judge(self.compared, resolution)
+
+    def in_engine(self, engine: str, loaded: Path) -> LawProblem:
+        """Return the problem at the same states of a file that an engine loads.
+
+        The effects of numbers are shared, since these depend on the laws alone.
+
+        Raises:
+            TreeError, EngineError: if its joints are others, or for a file that it refuses.
+        """
+        comparison = load_comparison(self.comparison.laws, engine, loaded)
+        if comparison is None:
+            raise EngineError(f"{loaded}: the engine has no law")
+        evaluated = comparison.evaluate([sample.state for sample in self.evaluated])
+        compared = comparison.compare(evaluated)
+        other = replace(self, comparison=comparison, evaluated=evaluated, compared=compared)
+        other._rows.update(self._rows)
+        return other
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -86,11 +118,24 @@ class LawProblem:
         return remaining
 
     def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
-        """Return the defect per unit of each fault, near no fault, (len(indices), N)."""
+        """Return the defect per unit of each fault, near these faults, (len(indices), N)."""
         indices = range(len(self.hypotheses)) if indices is None else indices
-        rows = [self.effect(index) for index in indices]
+        near = all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items())
+        rows = [
+            self.effect(index) if near else self._slope_near(faults, index) for index in indices
+        ]
         nothing = np.zeros(self.compared.defect.size)
         return np.array([nothing if row is None else row for row in rows])
+
+    def _slope_near(self, faults: Faults, index: int) -> Array | None:
+        """Return the slope at faults, (N,): other rows may act there."""
+        before = self.defect(faults)
+        step = NUDGE * self.hypotheses[index].size
+        after = self.defect({**faults, index: faults.get(index, 0.0) + step})
+        if np.max(after) >= REFUSED or np.max(before) >= REFUSED:
+            return None
+        slope: Array = (before - after) / step
+        return slope
 
     def effect(self, index: int) -> Array | None:
         """Return the change of all components by a number, per unit, (N,); None if it is unknown.
@@ -114,7 +159,7 @@ class LawProblem:
     def _values(self, faults: Faults) -> Mapping[int, float]:
         numbers = self.numbers
         return {
-            numbers.law_numbers[index]: self.hypotheses[index].value + fault
+            numbers.law_numbers[index]: float(self.hypotheses[index].value + fault)
             for index, fault in faults.items()
             if fault
         }
@@ -160,6 +205,51 @@ class LawProblem:
         return change
 
 
+def diagnose_laws(problem: LawProblem) -> Ranking:
+    """Rank the numbers of the laws by the discrepancy that they leave.
+
+    A large fault makes rows act, or stop acting, at some states. If no single number explains them
+    all, fits start again from the values that explain single states.
+    """
+    uncertainty = problem.compared.uncertainty.ravel()
+    ranking = diagnose(problem, uncertainty, NUMBERS_FITTED)
+    if not ranking.fits or (ranking.explained and len(ranking.fits[0].causes) == 1):
+        return ranking
+    defect = problem.compared.defect.ravel()
+    size = float(np.linalg.norm(defect))
+    whole = Resolved(problem, np.ones(len(defect), dtype=bool), uncertainty, size)
+    slopes = problem.slopes({})
+    remaining = [left_linear(defect, [h], row[None]) if row.any() else np.inf
+                 for h, row in zip(problem.hypotheses, slopes, strict=True)]  # fmt: skip
+    fits = []
+    for i in np.argsort(remaining)[:REFINED].tolist():
+        sizes = {
+            fault: float(np.linalg.norm(problem.defect({i: fault})))
+            for fault in _faults(problem, slopes[i])
+        }
+        if sizes:
+            fits.append(refine(whole, {i: min(sizes, key=sizes.__getitem__)}, slopes))
+    accepted = max(NAMED, 2 * whole.floor)
+    better = sorted((fit for fit in fits if fit.remaining <= accepted), key=lambda f: f.remaining)
+    return replace(ranking, fits=(*better, *ranking.fits), explained=True) if better else ranking
+
+
+STARTS = 6
+"""States whose faults are tried."""
+
+
+def _faults(problem: LawProblem, slope: Array) -> tuple[float, ...]:
+    """Return the faults that explain the states where a number acts most, one by one.
+
+    `slope` is that of all components, (N,).
+    """
+    defects = problem.compared.defect
+    slopes = slope.reshape(defects.shape)
+    power = np.sum(slopes**2, axis=1)
+    states = [k for k in np.argsort(-power).tolist() if power[k] > 0][:STARTS]
+    return tuple(float(slopes[k] @ defects[k] / power[k]) for k in states)
+
+
 def law_problem(task: TreeTask, numbers: Numbers | None = None) -> LawProblem | None:
     """Compare whole steps of a file with its law; None without one, or if nothing is comparable.
 
@@ -183,9 +273,11 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> LawProblem | 
         return None
     if not evaluated:
         return None
+    compared = comparison.compare(evaluated)
+    kept = compared.resolved(task.resolution)
     return LawProblem(
         numbers=numbers,
         comparison=comparison,
-        evaluated=evaluated,
-        compared=comparison.compare(evaluated),
+        evaluated=[sample for sample, keeps in zip(evaluated, kept, strict=True) if keeps],
+        compared=compared.at_states(kept),
     )

@@ -13,7 +13,11 @@ from physics_crosscheck.harness.checks.findings import place_of
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
-from physics_crosscheck.harness.diagnosis.law_problem import law_problem
+from physics_crosscheck.harness.diagnosis.law_problem import (
+    NUMBERS_FITTED,
+    diagnose_laws,
+    law_problem,
+)
 from physics_crosscheck.harness.diagnosis.robot_followers import (
     FollowersRun,
     Following,
@@ -36,9 +40,6 @@ from physics_crosscheck.reference.solving.flows import Flow
 
 STATES = 24
 """Segments of a diagnosis; almost each number affects nearly all of them."""
-
-NUMBERS_FITTED = 16
-"""Single numbers to fit: some numbers of a robot have zero slope at their right value."""
 
 LARGE_ROBOT_DOF, LARGE_ROBOT_STATES, LARGE_ROBOT_FITS = 16, 12, 8
 """Degrees of freedom of a large robot; its number of states; its number of fits.
@@ -100,8 +101,7 @@ def _diagnose_steps(task: TreeTask) -> Diagnosis:
     problem = law_problem(task)
     if problem is None or problem.judge(task.resolution).outcome is not Outcome.DIFFERS:
         return Diagnosis(failure="no motion differs beyond its uncertainty")
-    ranking = diagnose(problem, problem.compared.uncertainty.ravel(), NUMBERS_FITTED)
-    return _diagnosis(ranking, task)
+    return _diagnosis(diagnose_laws(problem), task)
 
 
 def _build_explanation(fit: Fit, behaviours: Sequence[str], check: TreeTask) -> Explanation:

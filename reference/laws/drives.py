@@ -99,7 +99,9 @@ def unsaturated(
         law = _Drive(actuator, posture, accelerations[actuator.path])
         still, unit = law.force(0.0), law.force(1.0)
         limits = actuator.control_range if actuator.state < 0 else actuator.state_range
-        low, high = limits or ((0.0, 1.0) if actuator.gain == "muscle" else (-1.0, 1.0))
+        # A muscle that exerts nearly no force would need any activation.
+        limits = (0.0, 1.0) if actuator.gain == "muscle" and limits is None else limits
+        low, high = limits or (-1.0, 1.0)
         value = (low + high) / 2 + shares[i] * (high - low) / 2
         least, largest = _force_range(laws, posture, i)
         if np.isfinite([least, largest]).all() and unit != still:
