@@ -229,6 +229,22 @@ def test_a_welded_link_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path
     assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
 
 
+def test_a_scale_of_inertias_acts_in_one_unless_told(tmp_path: Path) -> None:
+    """Catch a link with three times the inertia of its file, and no cause named."""
+    path = tmp_path / "scaled.urdf"
+    text = urdf().replace(
+        '<link name="a">', '<link name="a">\n<contact>\n<inertia_scaling value="3"/></contact>'
+    )
+    path.write_text(text)
+    turned = {}
+    for scaled in (True, False):
+        settings = {"step": H, "gravity": [0, 0, 0], "scaled_inertias": scaled}
+        model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
+        assert ("<inertia_scaling> (3, line" in "".join(model.corrective_settings)) is scaled
+        turned[scaled] = moved(model, 0.0, 0.0, H, push=1.0)[1] / H
+    assert turned == pytest.approx({True: 1 / 0.03, False: 1 / 0.01})
+
+
 FLOATING = (
     f'<robot name="r">{{}}<link name="a">{BODY}</link><joint name="w" type="fixed">'
     '<parent link="root"/><child link="a"/></joint></robot>'

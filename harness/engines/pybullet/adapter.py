@@ -48,9 +48,12 @@ from physics_crosscheck.harness.engines.pybullet.settings import (
     DEFAULTS,
     DISABLED_EFFECTS,
     UNIT,
+    UNSCALED,
     changes_of,
     length_cause,
     long_axes,
+    scale_cause,
+    scaled_inertias,
 )
 from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper, link_places
 from physics_crosscheck.harness.engines.pybullet.whole import WHOLE_SETTINGS, PybulletWhole
@@ -306,6 +309,7 @@ class PybulletModel(LoadedModel):
         uses_file_inertias = self._setting("inertia_from_file")
         self._lost = lost_inertias(robot, held_inertias(self._body)) if uses_file_inertias else {}
         self._long = {} if self._setting("unit_axes") else long_axes(robot)
+        self._scales = scaled_inertias(robot) if self._setting("scaled_inertias") else []
         self._joints, self._joint_names, balls = self._moving_joints()
         floats = bool(self._setting("floating"))
         self._bare = bare_links(robot, floats=floats) if self._setting("bare_links") else []
@@ -352,6 +356,8 @@ class PybulletModel(LoadedModel):
         settings: dict[str, Mapping[str, object]] = {
             CAUSES[key]: {key: DISABLED_EFFECTS[key]} for key in self._left_on()
         }
+        if self._scales:
+            settings[scale_cause(self._scales)] = UNSCALED
         if self._bare:
             settings[bare_cause(self._bare, "PyBullet")] = BARE
         if self._long:

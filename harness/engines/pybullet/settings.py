@@ -1,12 +1,14 @@
-"""Settings of a URDF's sidecar for PyBullet, and joint axes that are not unit vectors.
+"""Settings of a URDF's sidecar for PyBullet, joint axes that are not unit vectors, and scales.
 
 PyBullet scales the motion by an axis' length: `btMultiBody::setupRevolute` and `setupPrismatic` use
 the axis as given. A slanted axis printed with six digits has a length that differs from 1 by 1e-7.
+It multiplies the inertia of a link by `<inertia_scaling>` in its `<contact>`, which no other engine
+reads (`ConvertURDF2BulletInternal`: `localInertiaDiagonal *= contactInfo.m_inertiaScaling`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -28,6 +30,12 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 
 UNIT: Mapping[str, object] = {"unit_axes": True}
 """The adapter's setting that normalizes the file's axes."""
+
+_NAMED = 3
+"""The most scales that a sentence names."""
+
+UNSCALED: Mapping[str, object] = {"scaled_inertias": False}
+"""The adapter's setting that leaves the file's inertias as they are."""
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -61,6 +69,29 @@ def length_cause(lengths: Mapping[str, float]) -> str:
     return f"PyBullet's own length of the axes of {', '.join(lengths)}, up to {worst:.1e} off 1"
 
 
+def scaled_inertias(robot: XmlElement) -> list[XmlElement]:
+    """Return each `<inertia_scaling>` that changes an inertia."""
+    scales = [link.find("contact/inertia_scaling") for link in robot.findall("link")]
+    return [
+        scale
+        for scale in scales
+        if scale is not None and finite_numbers(scale.get("value", "")) not in ([1.0], None)
+    ]
+
+
+def unscaled_inertias(robot: XmlElement) -> None:
+    """Set these scales to 1."""
+    for scale in scaled_inertias(robot):
+        scale.set("value", "1")
+
+
+def scale_cause(scales: Sequence[XmlElement]) -> str:
+    """Return the cause that a diagnosis reports."""
+    lines = [f"{scale.get('value', '')}, line {scale.place[1]}" for scale in scales]
+    shown = "; ".join(lines[:_NAMED]) + ("; ..." if len(lines) > _NAMED else "")
+    return f"PyBullet's own scale of inertias, <inertia_scaling> ({shown})"
+
+
 DISABLED_EFFECTS: Mapping[str, float | bool] = {
     # Linear and angular damping of every link; PyBullet's default is 0.04.
     "link_damping": 0.0,
@@ -80,6 +111,8 @@ DEFAULTS: Mapping[str, float | bool] = {
     "unit_axes": False,
     # Whether a link without an inertial has 1 kg and 1 kg m^2 (PyBullet's default), or no mass.
     "bare_links": True,
+    # Whether `<inertia_scaling>` multiplies the inertia of its link (PyBullet's default).
+    "scaled_inertias": True,
     # Whether contacts and joint limits are left out.
     "smooth": False,
     # Whether the root link moves freely.
@@ -91,6 +124,7 @@ REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("exact_axes", True, exact_axes),
     ("unit_axes", True, unit_axes),
     ("bare_links", False, zero_missing_inertials),
+    ("scaled_inertias", False, unscaled_inertias),
     ("smooth", True, without_shapes),
     ("smooth", True, without_limits),
 )

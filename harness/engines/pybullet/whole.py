@@ -42,6 +42,7 @@ WHOLE_SETTINGS = {
     "exact_axes": True,
     "unit_axes": True,
     "bare_links": False,
+    "scaled_inertias": False,
     "couplings": False,
 }
 """Settings of the adapter: with limits and shapes, and without PyBullet's rounding of the file."""
