@@ -51,6 +51,18 @@ def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options
     assert check.record.acted
 
 
+UNSTABLE = """<mujoco><worldbody><body pos="0 0 1"><freejoint/>
+<geom type="box" size=".01 .01 .01" mass="1"/><site name="s"/></body></worldbody>
+<actuator><motor site="s" gear="0 0 0 1 0 0" ctrlrange="-1e9 1e9"/></actuator></mujoco>"""
+
+
+def test_unstable_draws_leave_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catch a MUJOCO_LOG.TXT in the user's folder."""
+    monkeypatch.chdir(tmp_path)
+    checked(tmp_path, UNSTABLE)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.xml", "scene.xml"]
+
+
 LONE = """<mujoco><compiler angle="radian"/>
 <option timestep="0.003" gravity="0 0 0" integrator="RK4"/><worldbody><body>
 <joint name="q" axis="-0.1684 0.6545 0.737" pos="-0.005 -0.05 -0.087"/>

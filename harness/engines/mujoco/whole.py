@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.state import States
+from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
 from physics_crosscheck.reference.mechanism.laws import Contact
 
@@ -78,13 +79,19 @@ class MujocoWhole(WholeModel):
         import mujoco
 
         self._set(state, self._shipped)  # an exact solver would take most of the time
-        for _ in range(steps):
-            mujoco.mj_step(self._model, self._data)
+        # Without a callback, MuJoCo writes a log into the user's folder.
+        with Warnings().collecting():
+            for _ in range(steps):
+                mujoco.mj_step(self._model, self._data)
         z, m, activations = self._read(state.z)
         return WholeState(z, m, state.controls, activations)
 
     def evaluate(self, state: WholeState) -> EngineStep:
         """Return the accelerations, contacts and the next state."""
+        with Warnings().collecting():
+            return self._evaluated(state)
+
+    def _evaluated(self, state: WholeState) -> EngineStep:
         import mujoco
 
         m, d = self._model, self._data
