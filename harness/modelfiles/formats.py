@@ -57,6 +57,8 @@ def is_robot(file: Path) -> bool:
         return False
     if not kind.head:
         return True
+    if not file.is_file():  # opening a pipe could block
+        return False
     try:
         with file.open("rb") as opened:
             return re.search(kind.head, opened.read(HEAD_BYTES)) is not None

@@ -17,6 +17,7 @@ from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin, system_folders
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.harness.planning.model_plan import text_of
 from physics_crosscheck.reference.load import load_system
@@ -111,6 +112,13 @@ def test_what_a_model_names_and_is_no_file_is_not_opened(folder: Path, body: str
     assert f"{folder / 'm.xml'}: it names {folder / 'part'}: can't be read: it is a named pipe" in (
         told(folder)
     )
+
+
+def test_a_pipe_below_a_folder_of_robots_is_not_opened(tmp_path: Path) -> None:
+    """Catch a search for robot files that waits for the pipe's writer."""
+    os.mkfifo(tmp_path / "m.xml")
+    (tmp_path / "robot.xml").write_text("<mujoco/>")
+    assert robots_below(tmp_path) == [tmp_path / "robot.xml"]
 
 
 @pytest.mark.parametrize(("make", "_"), KINDS)
