@@ -15,6 +15,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.survey import ActingQuantity, Audit
+from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, rest_on
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.mechanics import Posture
@@ -203,9 +204,7 @@ def _rule(first: Surface, other: Surface) -> str:
 
 
 def _listed(names: Iterable[str]) -> str:
-    unique = list(dict.fromkeys(names))
-    more = len(unique) - NAMED
-    return ", ".join(unique[:NAMED]) + (f" and {more} more" if more > 0 else "")
+    return listed(list(dict.fromkeys(names)), NAMED)
 
 
 def _quantity(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
+from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 SEED = 20260101
@@ -311,7 +312,7 @@ class Compiled:
             yield finding(
                 "unresolved",
                 (kind, *unresolved),
-                f"the audit can't resolve {kind} of {_listed(unresolved)} without motion",
+                f"the audit can't resolve {kind} of {listed(unresolved, NAMED)} without motion",
                 severity="note",
             )
 
@@ -355,11 +356,6 @@ class Compiled:
             actual=here,
             severity="note" if is_explained else "finding",
         )
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = len(names) - NAMED
-    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _slopes(values: Array, steps: Array) -> Array:

@@ -178,13 +178,8 @@ class LawProblem:
         rows = []
         for sample in self.evaluated:
             acceleration, law = changed_step(model, laws, sample.solution)
-            after = self.comparison.predict(law, acceleration, sample.engine)
-            before = self.comparison.predict(
-                sample.solution.law, sample.acceleration, sample.engine
-            )
-            rows.append(after - before)
-        change: Array = np.array(rows) / self.compared.scale
-        return change
+            rows.append(self.comparison.predict(law, acceleration, sample.engine))
+        return self._change(rows)
 
     def _solved(self, laws: LawModel) -> Array:
         """Return the change of all components by other laws, (S, C)."""
@@ -196,13 +191,18 @@ class LawProblem:
             again = laws.solve(
                 posture, solved.controls, solved.states, solved.contacts, solved.acceleration
             )
-            after = other.predict(again.law, again.acceleration, sample.engine)
-            before = self.comparison.predict(
-                sample.solution.law, sample.acceleration, sample.engine
-            )
-            rows.append(after - before)
-        change: Array = np.array(rows) / self.compared.scale
+            rows.append(other.predict(again.law, again.acceleration, sample.engine))
+        return self._change(rows)
+
+    def _change(self, rows: Sequence[Array]) -> Array:
+        """Return components by other laws, (C,) at each state, minus those by the file's laws."""
+        change: Array = (np.array(rows) - self._expected) / self.compared.scale
         return change
+
+    @cached_property
+    def _expected(self) -> Array:
+        """Components by the file's laws, (S, C)."""
+        return np.array([self.comparison.expected(sample) for sample in self.evaluated])
 
 
 def diagnose_laws(problem: LawProblem) -> Ranking:

@@ -5,7 +5,7 @@ line.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from xml.parsers import expat
@@ -95,6 +95,11 @@ def temporary_file(root: XmlElement, path: Path) -> Iterator[Path]:
                 for one in error.args
             )
             raise
+
+
+def shortened(names: Sequence[str], limit: int = 6, separator: str = ", ") -> str:
+    """Return the first names of a cause, with `...` for the rest."""
+    return separator.join([*names[:limit], "..."] if len(names) > limit else names)
 
 
 def one_line(error: object) -> str:

@@ -16,16 +16,13 @@ from types import MappingProxyType
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.source import temporary_file
+from physics_crosscheck.harness.engines.source import shortened, temporary_file
 
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""
 
 SMALLEST_MASS = "1e-300"
 """A mass in kg that is too small to be visible in a motion."""
-
-_NAMED = 6
-"""The most links that a sentence names."""
 
 
 def bare_links(robot: XmlElement, *, floats: bool = False) -> list[XmlElement]:
@@ -56,7 +53,7 @@ def zero_missing_inertials(robot: XmlElement) -> None:
 def bare_cause(links: Sequence[XmlElement], title: str) -> str:
     """Return the cause that a diagnosis reports."""
     names = [f"{link.get('name', '')}, line {link.place[1]}" for link in links]
-    shown = "; ".join(names[:_NAMED]) + ("; ..." if len(names) > _NAMED else "")
+    shown = shortened(names, separator="; ")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
     return f"{title}'s own 1 kg and 1 kg m^2 of {count} without <inertial> ({shown})"
 

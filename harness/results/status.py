@@ -74,6 +74,12 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
+def listed(names: Sequence[str], limit: int) -> str:
+    """Return names in a sentence, up to a limit: `a, b and 3 more`."""
+    more = len(names) - limit
+    return ", ".join(names[:limit]) + (f" and {more} more" if more > 0 else "")
+
+
 def percent(share: float) -> str:
     """Return a share in percent with two digits: `0.50 %`, `12 %`, `210 %`.
 

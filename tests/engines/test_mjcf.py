@@ -35,7 +35,7 @@ def load(folder: Path, *change: str, **settings: object) -> LoadedModel:
     return engines()["mujoco"].load(ModelSpec(path, settings=settings))
 
 
-def told(model: LoadedModel) -> list[str]:
+def messages(model: LoadedModel) -> list[str]:
     z = np.zeros((1, 1))
     return [remark.message for remark in model.remarks(z, z)]
 
@@ -86,7 +86,7 @@ def test_a_dtd_or_a_pipe_is_not_hidden_by_an_include(tmp_path: Path) -> None:
 def test_what_mujoco_alone_reads_is_read(tmp_path: Path) -> None:
     model = load(tmp_path, "<worldbody>", "<!-- -- <!DOCTYPE x> -- -->\n<worldbody>")
     assert model.coordinates == ("q",)
-    assert not any("the file sets no gravity" in message for message in told(model))
+    assert not any("the file sets no gravity" in message for message in messages(model))
 
 
 @pytest.mark.parametrize(
@@ -96,19 +96,19 @@ def test_what_mujoco_alone_reads_is_read(tmp_path: Path) -> None:
 def test_what_a_sidecar_overrides_is_told(
     key: str, value: object, shown: str, tmp_path: Path
 ) -> None:
-    (note,) = [m for m in told(load(tmp_path, **{key: value})) if "overrides" in m]
+    (note,) = [m for m in messages(load(tmp_path, **{key: value})) if "overrides" in m]
     assert shown in note
     assert f"{key} = {value}" in note
     same = {"gravity": [0, 0, -1.62], "step": 0.002}[key]
-    assert not any("overrides" in m for m in told(load(tmp_path, **{key: same})))
+    assert not any("overrides" in m for m in messages(load(tmp_path, **{key: same})))
 
 
 def test_second_elements_and_crossed_ranges_are_told(tmp_path: Path) -> None:
     model = load(tmp_path, "</mujoco>", '<option timestep="0.01"/></mujoco>')
     assert model.step == 0.01
-    assert any("a second <option> at model.xml:7" in message for message in told(model))
+    assert any("a second <option> at model.xml:7" in message for message in messages(model))
     crossed = load(tmp_path, 'stiffness="3"', 'range="1 -1"')
-    assert any("the range [1, -1] of q has no effect" in message for message in told(crossed))
+    assert any("the range [1, -1] of q has no effect" in message for message in messages(crossed))
 
 
 def test_what_mujoco_warns_of_is_kept_and_no_log_file_is_left(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_what_mujoco_warns_of_is_kept_and_no_log_file_is_left(tmp_path: Path) ->
     assert np.isnan(z).all()
     (warning,) = model.warnings
     assert "QACC" in warning
-    assert any(f"MuJoCo warns: {warning}" == message for message in told(model))
+    assert any(f"MuJoCo warns: {warning}" == message for message in messages(model))
     assert os.listdir(tmp_path) == ["model.xml"]
 
 

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.documents.sdf.shapes import SIZES, WATER, has_au
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.sdf import number
 from physics_crosscheck.harness.engines.sdf_sidecar import VERSION, sdf_without_bounds_of
-from physics_crosscheck.harness.engines.source import refused, temporary_file
+from physics_crosscheck.harness.engines.source import refused, shortened, temporary_file
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 
 _PARSED_VERSIONS = ("1.4", "1.5", "1.6")
@@ -78,7 +78,7 @@ def turned_links(model: XmlElement) -> list[str]:
 
 def turned_cause(names: Sequence[str]) -> str:
     """Return the cause that a diagnosis reports."""
-    return f"DART's taking of <inertial>s that are turned as if they were not ({_listed(names)})"
+    return f"DART's taking of <inertial>s that are turned as if they were not ({shortened(names)})"
 
 
 def with_turned(model: XmlElement) -> None:
@@ -113,7 +113,7 @@ def automatic_links(model: XmlElement) -> list[str]:
 
 def automatic_cause(names: Sequence[str]) -> str:
     """Return the cause that a diagnosis reports."""
-    return f'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> ({_listed(names)})'
+    return f'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> ({shortened(names)})'
 
 
 def momentless_links(model: XmlElement) -> list[str]:
@@ -132,7 +132,7 @@ def momentless_links(model: XmlElement) -> list[str]:
 
 def momentless_cause(names: Sequence[str]) -> str:
     """Return the cause that a diagnosis reports."""
-    return f"DART's own moments, mass times 1 m^2, without <inertia> ({_listed(names)})"
+    return f"DART's own moments, mass times 1 m^2, without <inertia> ({shortened(names)})"
 
 
 def with_moments(model: XmlElement) -> None:
@@ -145,10 +145,6 @@ def with_moments(model: XmlElement) -> None:
             inertia = inertial.add("inertia")
             for key in TENSOR:
                 inertia.add(key, text="1" if key[1] == key[2] else "0")
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
 
 
 def with_automatic(model: XmlElement) -> None:

@@ -56,6 +56,7 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, load_sdf, sample_sdf
 from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, sdf_mimics_of, sdf_without_bounds
+from physics_crosscheck.harness.engines.source import shortened
 from physics_crosscheck.harness.engines.tree_model import FREE
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -109,8 +110,7 @@ def weightless_links(model: XmlElement) -> tuple[str, ...]:
 
 def weight_cause(names: Sequence[str]) -> str:
     """Return the cause that a diagnosis reports."""
-    listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-    return f"Drake's ignoring of <gravity>false</gravity> ({listed})"
+    return f"Drake's ignoring of <gravity>false</gravity> ({shortened(names)})"
 
 
 MIMICS = "Drake's leaving out of <mimic>"

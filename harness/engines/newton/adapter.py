@@ -39,7 +39,7 @@ from physics_crosscheck.harness.engines.protocol import (
     clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors
+from physics_crosscheck.harness.engines.source import engine_errors, shortened
 from physics_crosscheck.harness.engines.tree_model import SpringForces
 from physics_crosscheck.harness.engines.urdf import SETTINGS, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import with_changes, without_crossed_bounds
@@ -202,9 +202,6 @@ def read_urdf(model: UrdfModel) -> ParsedModel:
     )
 
 
-_NAMED = 6
-"""The most bodies that a sentence names."""
-
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
     # Whether Newton enlarges moments that are small compared with a body's others, its default.
@@ -310,9 +307,8 @@ class NewtonModel(LoadedModel):
     @property
     def _enlarged_cause(self) -> str:
         """The cause that a diagnosis reports; empty if no inertia was changed."""
-        names = ", ".join(self._corrected[:_NAMED])
-        more = ", ..." if len(self._corrected) > _NAMED else ""
-        return f"inertias that Newton enlarges ({names}{more})" if self._corrected else ""
+        names = shortened(self._corrected)
+        return f"inertias that Newton enlarges ({names})" if names else ""
 
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:

@@ -16,6 +16,7 @@ from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.protocol import ModelSpec, held_joints
 from physics_crosscheck.harness.engines.pybullet.inertias import exact_axes
+from physics_crosscheck.harness.engines.source import shortened
 from physics_crosscheck.harness.engines.urdf import ROUNDED
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
@@ -30,9 +31,6 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 
 UNIT: Mapping[str, object] = {"unit_axes": True}
 """The adapter's setting that normalizes the file's axes."""
-
-_NAMED = 3
-"""The most scales that a sentence names."""
 
 UNSCALED: Mapping[str, object] = {"scaled_inertias": False}
 """The adapter's setting that leaves the file's inertias as they are."""
@@ -88,7 +86,7 @@ def unscaled_inertias(robot: XmlElement) -> None:
 def scale_cause(scales: Sequence[XmlElement]) -> str:
     """Return the cause that a diagnosis reports."""
     lines = [f"{scale.get('value', '')}, line {scale.place[1]}" for scale in scales]
-    shown = "; ".join(lines[:_NAMED]) + ("; ..." if len(lines) > _NAMED else "")
+    shown = shortened(lines, 3, "; ")
     return f"PyBullet's own scale of inertias, <inertia_scaling> ({shown})"
 
 

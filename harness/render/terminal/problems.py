@@ -30,7 +30,7 @@ from physics_crosscheck.harness.results.issues import (
 from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
 from physics_crosscheck.harness.results.places import placed, shown_line, shown_path
-from physics_crosscheck.harness.results.status import counted, percent
+from physics_crosscheck.harness.results.status import counted, listed, percent
 
 MAX_PROBLEMS = 40
 """Maximum number of problems to print; the report lists all."""
@@ -299,9 +299,8 @@ def _tie_notes(explanation: Explanation, model: Model) -> list[Note]:
     if any(_is_same(finding, cause) for finding in model.findings for cause in causes):
         return []
     tied = [str(one) for one in explanation.tied_with if one.kind in NUMBERS]
-    more = f" and {len(tied) - NUMBERS_NAMED} more" if len(tied) > NUMBERS_NAMED else ""
-    names = ", ".join(tied[:NUMBERS_NAMED])
-    return [("or", f"{names}{more}: the same effect on these motions")] if tied else []
+    names = listed(tied, NUMBERS_NAMED)
+    return [("or", f"{names}: the same effect on these motions")] if tied else []
 
 
 def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:
