@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 import re
 import sys
 import traceback
@@ -45,9 +46,8 @@ def load_declaration(folder: Path) -> System | MultibodySystem:
     """
     path = folder / "system.py"
     if not path.is_file():
-        raise DeclarationError(
-            f"{path}: no such file; a system folder needs it to declare the physics"
-        )
+        what = "not a file" if os.path.lexists(path) else "no such file"
+        raise DeclarationError(f"{path}: {what}; a system folder needs it to declare the physics")
     digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
     name = f"_crosscheck_system_{digest}"
     module = types.ModuleType(name)

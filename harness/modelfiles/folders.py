@@ -99,7 +99,7 @@ def _resolve(name: str) -> list[Path]:
         raise FolderError(
             f"{visible(name)}: no such folder; the built-in systems are {builtin_names}"
         )
-    folders = [path] if _declares(path) else _inside(path)
+    folders = [path] if is_system(path) else _inside(path)
     if not folders:
         raise FolderError(f"{visible(name)}: neither it nor any folder in it has a system.py")
     for folder in folders:
@@ -112,7 +112,7 @@ def expected_folder(file: Path) -> str:
     """Return the message about a file in place of a system folder."""
     name = visible(str(file))
     wanted = f"{name}: a file; expected a system folder"
-    if _declares(file.parent):
+    if is_system(file.parent):
         return f"{wanted}; name its folder, {visible(str(file.parent))}"
     if file.suffix not in FORMATS:
         return f"{wanted}; name a folder with a system.py"
@@ -124,12 +124,12 @@ def expected_folder(file: Path) -> str:
 
 
 def _inside(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.is_dir() and _declares(path))
+    return sorted(path for path in folder.iterdir() if path.is_dir() and is_system(path))
 
 
-def _declares(folder: Path) -> bool:
-    """Return whether it has a `system.py`, or a broken link of that name: reading it reports the
-    problem.
+def is_system(folder: Path) -> bool:
+    """Return whether it has a `system.py`, or a folder or a broken link of that name: reading it
+    reports the problem.
     """
     return os.path.lexists(folder / "system.py")
 

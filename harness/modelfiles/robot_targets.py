@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, is_robot
 from physics_crosscheck.harness.results.visible import odd_name, visible
 
@@ -106,7 +106,7 @@ def _below(here: Path) -> tuple[list[Path], list[Path]]:
     """Return the system folders and the robot files below a folder."""
     folders, files = list[Path](), list[Path]()
     for base, names in _walk(here):
-        if "system.py" in names:
+        if is_system(base):
             folders.append(base)
         files += [base / name for name in names if is_robot(base / name)]
     return folders, files
@@ -116,7 +116,7 @@ def _walk(here: Path) -> Iterator[tuple[Path, list[str]]]:
     """Yield folders and the names of their files, none below a system folder."""
     for base, folders, names in os.walk(here):
         depth = len(Path(base).relative_to(here).parts)
-        deeper = depth < MAX_DEPTH and "system.py" not in names
+        deeper = depth < MAX_DEPTH and not is_system(Path(base))
         folders[:] = sorted(
             name for name in folders if deeper and not name.startswith(".") and name not in SKIPPED
         )

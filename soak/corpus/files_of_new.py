@@ -45,8 +45,7 @@ PLACES = {
 }
 """A text, and the attributes in which the same name stands."""
 
-AS_BODIES = ("joint type floating", "no limit", "a link that mimics itself", "a mesh of nothing",
-             "a free joint", "joint type ball")  # fmt: skip
+AS_BODIES = ("no limit", "a mesh of nothing", "a free joint", "joint type ball")
 """What no energies describe, or no visual geometry needs: `new` declares bodies."""
 
 

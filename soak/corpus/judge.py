@@ -39,6 +39,9 @@ LONGEST = 1200
 MEMORY = 12 << 30
 """Bytes of address space for everything that an entry starts: a bomb must not take the machine."""
 
+_ELSEWHERE = "/nowhere"
+"""A folder of the Python path that holds nothing."""
+
 _PLUGINS = ("-p", "no:cacheprovider", "-p", "physics_crosscheck.pytest_plugin")
 ROOT = Path(__file__).parents[2]
 
@@ -174,15 +177,21 @@ def _tested(place: Path, given: Sequence[str]) -> tuple[int | None, str, float]:
 @contextlib.contextmanager
 def _without(names: Sequence[str]) -> Iterator[None]:
     """Some packages are not to be found meanwhile."""
+    if not names:
+        yield
+        return
     find = importlib.util.find_spec
 
     def found(name: str, package: str | None = None) -> ModuleSpec | None:
         return None if name in names else find(name, package)
 
     importlib.util.find_spec = found
+    # Versions are kept for each Python path: earlier commands of this process have read them.
+    sys.path.append(_ELSEWHERE)
     try:
         yield
     finally:
+        sys.path.remove(_ELSEWHERE)
         importlib.util.find_spec = find
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from physics_crosscheck.harness.documents import reading
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.interfaces.pytest_plugin.session import targets_under
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin, system_folders
 from physics_crosscheck.harness.modelfiles.locations import find
@@ -126,8 +127,21 @@ def test_a_system_that_is_no_file_is_not_opened(
     tmp_path: Path, make: Callable[[Path], None], _: str
 ) -> None:
     make(tmp_path / "system.py")
-    with pytest.raises(ValueError, match=r"system\.py: no such file"):
+    with pytest.raises(ValueError, match=r"system\.py: not a file"):
         load_system(tmp_path)
+
+
+@pytest.mark.parametrize(("make", "_"), KINDS)
+def test_a_folder_whose_system_is_no_file_stays_a_system_folder(
+    tmp_path: Path, make: Callable[[Path], None], _: str
+) -> None:
+    """Catch robot files that are checked alone, with no word about the unreadable system.py."""
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "arm" / "m.xml").write_text(XML)
+    make(tmp_path / "arm" / "system.py")
+    for named in (tmp_path, tmp_path / "arm"):
+        assert robots_below(named) == []
+        assert targets_under(str(named), ()) == [tmp_path / "arm"]
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.interfaces.pytest_plugin.runner import (
     run_settings,
 )
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.folders import FolderError, system_folders
+from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, system_folders
 from physics_crosscheck.harness.modelfiles.formats import is_robot
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.robot_targets import (
@@ -60,13 +60,13 @@ def targets_under(name: str, unwanted: Sequence[str]) -> list[Path]:
     path = Path(os.path.abspath(name))
     if path.name == DECLARATION and path.is_file():
         path = path.parent
-    if os.path.lexists(path / DECLARATION):  # also a dangling link, which reading reports
+    if is_system(path):
         return [path]
     if not path.is_dir():
         return _named(name)
     folders, files = list[Path](), list[Path]()
     for here, inner, names in os.walk(path):
-        if DECLARATION in names:
+        if is_system(Path(here)):
             folders.append(Path(here))
             inner.clear()
         files += [Path(here, file) for file in names if is_robot(Path(here, file))]
