@@ -2,7 +2,6 @@
 
 `python -m campaigns.laws files FILE...` compares MJCFs in MuJoCo and URDFs in PyBullet, roots fixed
 (`--floating`: free), with their laws.
-`python -m campaigns.laws scenes --count 2000` draws bodies on a plane and on each other.
 `python -m campaigns.laws faults FILE... --each 8` changes numbers by 1e-6 and 1 %.
 `python -m campaigns.laws tested FILE...` counts the tested numbers, without and with whole steps.
 """
@@ -10,7 +9,6 @@
 from __future__ import annotations
 
 import argparse
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
@@ -77,90 +75,6 @@ def files(paths: Iterable[Path], *, floating: bool = False) -> Counter[str]:
         outcome, text = line(path, floating=floating)
         counts[outcome] += 1
         print(text, flush=True)
-    return counts
-
-
-def scene(rng: np.random.Generator) -> str:
-    """Draw a scene: bodies on a plane and on each other, and an arm at its limits."""
-    numbers = " ".join
-    pick = rng.choice
-
-    def soft() -> str:
-        reference = (
-            f"{-rng.uniform(200, 3000):.6g} {-rng.uniform(5, 80):.6g}"
-            if rng.uniform() < 0.3
-            else f"{rng.uniform(0.004, 0.1):.6g} {rng.uniform(0.3, 1.5):.6g}"
-        )
-        impedance = numbers(
-            f"{x:.6g}"
-            for x in (*np.sort(rng.uniform(0.1, 0.99, 2)), rng.uniform(0, 0.02),
-                      rng.uniform(0.1, 0.9), rng.uniform(1, 4))
-        )  # fmt: skip
-        return f'solref="{reference}" solimp="{impedance}"'
-
-    def surface() -> str:
-        friction = (
-            f"{rng.uniform(0, 1.2):.6g} {rng.uniform(0, 0.05):.6g} {rng.uniform(0, 0.02):.6g}"
-        )
-        margin = rng.uniform(0, 0.003) * (rng.uniform() < 0.5)
-        priority, mix = pick([0, 0, 0, 1]), rng.uniform(0, 3)
-        return (
-            f'condim="{pick([1, 3, 4, 6])}" friction="{friction}" margin="{margin:.6g}"'
-            f' priority="{priority}" solmix="{mix:.6g}" {soft()}'
-        )
-
-    def body(k: int) -> str:
-        kind = pick(["sphere", "box", "capsule"])
-        size = rng.uniform(0.04, 0.12, {"sphere": 1, "box": 3, "capsule": 2}[kind])
-        height = {"sphere": size[0], "box": size[-1], "capsule": size.sum()}[kind]
-        place = rng.uniform(-0.15, 0.15, 2)
-        up = height + 0.15 * (k // 2) - rng.uniform(0, 0.004)
-        return (
-            f'<body pos="{place[0]:.6g} {place[1]:.6g} {up:.6g}"><freejoint/>'
-            f'<geom type="{kind}" size="{numbers(f"{x:.6g}" for x in size)}"'
-            f' mass="{rng.uniform(0.2, 3):.6g}" {surface()}/></body>'
-        )
-
-    limit = soft().replace("solref", "solreflimit").replace("solimp", "solimplimit")
-    arm = (
-        f'<body pos="0.6 0 0.3"><joint name="a" axis="0 1 0" range="-20 {rng.uniform(0, 30):.6g}"'
-        f' frictionloss="{rng.uniform(0, 1):.6g}" damping="{rng.uniform(0, 1):.6g}" {limit}/>'
-        f'<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="1" {surface()}/></body>'
-    )
-    integrator = pick(["Euler", "implicitfast", "implicit"])
-    options = (
-        f'timestep="{pick([0.001, 0.002, 0.005])}" integrator="{integrator}"'
-        f' cone="{pick(["pyramidal", "elliptic"])}" impratio="{pick([1, 1, 3, 10])}"'
-    )
-    servo = (
-        f'<position joint="a" kp="{rng.uniform(5, 80):.6g}" kv="{rng.uniform(0, 5):.6g}"'
-        f' forcerange="-{rng.uniform(1, 9):.6g} 5" ctrlrange="-1 1"/>'
-    )
-    bodies = "".join(body(k) for k in range(int(rng.integers(1, 5))))
-    return (
-        f"<mujoco><option {options}/><worldbody>"
-        f'<geom type="plane" size="5 5 .1" {surface()}/>{bodies}{arm}</worldbody>'
-        f"<actuator>{servo}</actuator></mujoco>"
-    )
-
-
-def scenes(count: int, seed: int) -> Counter[str]:
-    """Compare random scenes; print those that do not agree, and the largest E/U that counts."""
-    rng, counts, largest = np.random.default_rng(seed), Counter[str](), 0.0
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "scene.xml"
-        for k in range(count):
-            file.write_text(scene(rng))
-            check = check_whole_step(file, ModelSpec(file), "mujoco", RESOLUTION)
-            assert check is not None
-            judged = check.judgement
-            assert judged is not None
-            counts[str(judged.outcome)] += 1
-            largest = max(largest, judged.largest_discrepancy)
-            if judged.outcome is not Outcome.AGREES:
-                print(k, check.record.component, judged, flush=True)
-                Path(f"scene-{seed}-{k}.xml").write_text(file.read_text())
-    print(f"largest E {largest:.1e}")
     return counts
 
 
@@ -311,18 +225,15 @@ def tested(paths: Iterable[Path]) -> None:
 def main() -> None:
     """Run one of the campaigns."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("files", "scenes", "faults", "tested"))
+    parser.add_argument("what", choices=("files", "faults", "tested"))
     parser.add_argument("paths", nargs="*", type=Path)
     parser.add_argument("--floating", action="store_true")
-    parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--each", type=int, default=4)
     parser.add_argument("--kind", action="append", help="attributes whose numbers are changed")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if options.what == "files":
         print(dict(files(options.paths, floating=options.floating)))
-    elif options.what == "scenes":
-        print(dict(scenes(options.count, options.seed)))
     elif options.what == "tested":
         tested(options.paths)
     else:

@@ -279,7 +279,9 @@ class Constraints:
             parameters=parameters,
             jacobian=jacobian[: parameters.dimension],
             violation=violation,
-            position=float(np.abs(contact.position).sum()),
+            # The distance is the detector's; the arms are differences of positions.
+            position=abs(contact.distance) + parameters.margin,
+            arms=np.abs(contact.position).sum() * (np.abs(angular) + np.abs(angular_2)).sum(0),
             weight=float(self.weights.bodies[first, 0] + self.weights.bodies[other, 0]),
         )
         friction = np.maximum(LEAST_FRICTION, parameters.friction)[: parameters.dimension - 1]
@@ -301,13 +303,15 @@ class _ContactRows:
     jacobian: Array
     violation: float
     position: float
+    arms: Array
     weight: float
 
     def add(self, kind: Kind, row: Array, weight: float) -> None:
         """Add a row that resists the violation."""
         self.rows.add(
-            kind, row, self.parameters.softness, self.violation, weight, position=self.position
-        )
+            kind, row, self.parameters.softness, self.violation, weight,
+            position=self.position, arms=self.arms,
+        )  # fmt: skip
 
     def add_pyramid(self, friction: Array, ratio: float) -> None:
         """Add two edges for each direction of friction."""
@@ -326,7 +330,8 @@ class _ContactRows:
         softness = replace(softness, reference=sliding) if any(sliding) else softness
         for row, mu in zip(self.jacobian[1:], friction, strict=True):
             weight = self.weight / ratio * float(friction[0] / mu) ** 2
-            self.rows.add(Kind.CONE, row, softness, 0.0, weight, depth=self.violation)
+            self.rows.add(Kind.CONE, row, softness, 0.0, weight, depth=self.violation,
+                          arms=self.arms)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

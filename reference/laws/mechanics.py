@@ -138,6 +138,35 @@ class Posture:
         """The inverse of M, (nv, nv)."""
         return np.asarray(np.linalg.inv(self.mass), dtype=np.float64)
 
+    @cached_property
+    def loads(self) -> Array:
+        """Bounds of the terms that cancel in the weight and inertial forces, (nv,).
+
+        Of each link its force and moment by weight and rotation, with those of the links on it.
+        """
+        links, count = self.parent.tree.links, len(self.poses)
+        force, moment, spins, speeds = np.zeros((4, count + 1))  # the last is the world
+        arms = np.zeros(count)
+        for i, (link, motion) in enumerate(zip(links, self.motions, strict=True)):
+            carrier = np.zeros(3) if link.parent == WORLD else self.poses[link.parent].origin
+            arms[i] = np.linalg.norm(self.poses[i].origin - carrier)
+            spin, turning, linear = (float(np.linalg.norm(one)) for one in motion)
+            rate = np.linalg.norm(link.motion[1] @ self.m[self.parent.tree.velocities[i]])
+            spins[i], speeds[i] = spin, speeds[link.parent] + spins[link.parent] * arms[i] + rate
+            center, inertia = np.linalg.norm(link.center), np.linalg.norm(link.inertia)
+            moved = linear + (turning + spin**2) * center + spin * (speeds[i] + spin * center)
+            force[i] = link.mass * moved
+            place = np.linalg.norm(self.poses[i].origin)  # from which engines take arms
+            moment[i] = (center + place) * force[i] + inertia * (turning + spin**2)
+        result = np.zeros(len(self.m))
+        for i in reversed(range(count)):
+            turns, slides = links[i].motion
+            there, parent = self.parent.tree.velocities[i], links[i].parent
+            result[there] = moment[i] * turns.any(axis=0) + force[i] * slides.any(axis=0)
+            force[parent] += force[i]
+            moment[parent] += moment[i] + arms[i] * force[i]
+        return result
+
     def body(self, index: int) -> Placement:
         """Return a body's frame in the world."""
         link, place = self.parent.bodies[index]

@@ -34,7 +34,8 @@ def changed_step(model: LawModel, other: LawModel, solved: LawSolution) -> tuple
     for laws, sign in ((first, -1.0), (second, 1.0)):
         rows = model.under(laws).rows(solved.posture, contacts)
         if rows.kinds:
-            problem = rows.problem(solved.law.problem.mass, solved.law.problem.free)
+            given = solved.law.problem
+            problem = rows.problem(given.mass, given.free, given.loads)
             force += sign * problem.jacobian.T @ problem.forces(solved.acceleration)[0]
     driven = solved.law.driven
     if second.drives:

@@ -96,6 +96,7 @@ class Rows:
         safe: whether time constants are at least two steps.
         velocities: stored, (nv,).
         limits: number of rows of limits.
+        magnitudes: of the terms of each row, (nv,).
     """
 
     step: float
@@ -109,6 +110,7 @@ class Rows:
     sizes: list[float] = field(default_factory=list)
     cones: list[Cone] = field(default_factory=list)
     limits: int = 0
+    magnitudes: list[Array] = field(default_factory=list)
 
     def add(
         self,
@@ -122,6 +124,7 @@ class Rows:
         depth: float | None = None,
         bias: float = 0.0,
         bound: float = 0.0,
+        arms: Array | float = 0.0,
     ) -> None:
         """Add a row.
 
@@ -135,11 +138,14 @@ class Rows:
             depth: violation that determines the impedance; None for r itself.
             bias: J-dot v.
             bound: of a friction force.
+            arms: magnitudes of the positions whose differences are arms in the row, (nv,).
         """
         d, full = impedance(softness, violation if depth is None else depth)
         k, b = gains(softness.reference, full, self.step, safe=self.safe)
         rate = float(row @ self.velocities)
-        size = b * float(np.abs(row) @ np.abs(self.velocities)) + abs(bias)
+        magnitude = np.abs(row) + arms
+        size = b * float(magnitude @ np.abs(self.velocities)) + abs(bias)
+        self.magnitudes.append(magnitude)
         self.kinds.append(kind)
         self.jacobian.append(row)
         self.reference.append(-b * rate - k * d * violation - bias)
@@ -147,12 +153,14 @@ class Rows:
         self.sizes.append(size + k * d * (abs(violation) + position))
         self.bounds.append(bound)
 
-    def problem(self, mass: Array, free: Array) -> Problem:
-        """Return the problem of these rows; `free` are the accelerations without them, (nv,)."""
+    def problem(self, mass: Array, free: Array, loads: Array) -> Problem:
+        """Return the problem of these rows; arguments as its attributes."""
         return Problem(
             mass=mass,
             free=free,
+            loads=loads,
             jacobian=np.array(self.jacobian).reshape(-1, len(free)),
+            magnitudes=np.array(self.magnitudes).reshape(-1, len(free)),
             reference=np.array(self.reference),
             softness=np.array(self.softness),
             kinds=np.array([kind.value for kind in self.kinds], dtype=int),
@@ -169,7 +177,9 @@ class Problem:
     Attributes:
         mass: M, (nv, nv).
         free: a0, (nv,).
+        loads: sums of the magnitudes in the smooth forces, (nv,).
         jacobian: J, (K, nv).
+        magnitudes: sums of the magnitudes in J, (K, nv).
         reference: aref, (K,).
         softness: R, (K,).
         kinds: values of `Kind`, (K,).
@@ -180,7 +190,9 @@ class Problem:
 
     mass: Array
     free: Array
+    loads: Array
     jacobian: Array
+    magnitudes: Array
     reference: Array
     softness: Array
     kinds: NDArray[np.int_]
@@ -268,9 +280,9 @@ class Problem:
     def rounding(self, a: Array) -> Array:
         """Return the effect of a last digit of every term on the minimizer, relative to epsilon."""
         force, slope = self.forces(a)
-        size = np.abs(self.jacobian) @ np.abs(a) + self.sizes
-        loose = np.abs(self.mass) @ (np.abs(a) + np.abs(self.free))
-        loose = loose + np.abs(self.jacobian).T @ (np.abs(force) + np.abs(slope) @ size)
+        size = self.magnitudes @ np.abs(a) + self.sizes
+        loose = np.abs(self.mass) @ (np.abs(a) + np.abs(self.free)) + self.loads
+        loose = loose + self.magnitudes.T @ (np.abs(force) + np.abs(slope) @ size)
         hessian = self.mass + self.jacobian.T @ slope @ self.jacobian
         result: Array = np.abs(np.linalg.inv(hessian)) @ loose
         return result

@@ -146,7 +146,7 @@ class LawModel(Constraints):
         rows = self.rows(posture, contacts)
         return LawStep(
             posture=posture,
-            problem=rows.problem(posture.mass, free),
+            problem=rows.problem(posture.mass, free, posture.loads),
             driven=driven,
             limits=rows.limits,
             contacts=len(contacts),

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from campaigns.laws import planted, scene
+from campaigns.laws import planted
+from campaigns.scenes import mujoco_result, mujoco_scene
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
@@ -144,13 +145,24 @@ def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     assert "noslip_iterations=0" in record.edits
 
 
+@pytest.mark.parametrize("seed", [0, 6, 11])
+def test_no_error_exceeds_its_uncertainty(tmp_path: Path, seed: int) -> None:
+    """Catch rounding of inertial forces and arms that is not bounded, and a bound of solvers."""
+    file = tmp_path / "scene.xml"
+    file.write_text(mujoco_scene(np.random.default_rng(seed)))
+    result = mujoco_result(file)
+    assert result.outcome == Outcome.AGREES
+    assert max(result.ratios.values()) <= 1
+    assert result.ratios["own"] > 0.01  # the file's own solver stops early
+
+
 @pytest.mark.slow
 def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> None:
     """Catch a campaign that draws nothing that acts, or plants nothing that is seen."""
     rng = np.random.default_rng(7)
     file = tmp_path / "scene.xml"
     for _ in range(3):
-        file.write_text(scene(rng))
+        file.write_text(mujoco_scene(rng))
         check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
         assert check is not None
         assert check.record.outcome is Outcome.AGREES

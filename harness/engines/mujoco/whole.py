@@ -39,13 +39,18 @@ def _uncovered(model: Any) -> Iterator[str]:
 
 
 class MujocoWhole(WholeModel):
-    """A compiled model as its file states it, with an exact solver."""
+    """A compiled model as its file states it, with an exact solver.
+
+    Attributes:
+        solver: options of the solver of `evaluate`, by name; the file's are `shipped`.
+    """
 
     def __init__(self, model: Any) -> None:
         import mujoco
 
         self.uncovered = tuple(_uncovered(model))
-        self._shipped = {name: getattr(model.opt, name) for name in _EXACT}
+        self.solver: Mapping[str, object] = _EXACT
+        self.shipped = {name: getattr(model.opt, name) for name in _EXACT}
         flags = mujoco.mjtDisableBit
         model.opt.disableflags |= int(flags.mjDSBL_WARMSTART) | int(flags.mjDSBL_AUTORESET)
         model.opt.disableflags |= int(getattr(flags, "mjDSBL_ISLAND", 0))
@@ -78,7 +83,7 @@ class MujocoWhole(WholeModel):
         """Return the state after some steps."""
         import mujoco
 
-        self._set(state, self._shipped)  # an exact solver would take most of the time
+        self._set(state, self.shipped)  # an exact solver would take most of the time
         # Without a callback, MuJoCo writes a log into the user's folder.
         with Warnings().collecting():
             for _ in range(steps):
@@ -95,13 +100,13 @@ class MujocoWhole(WholeModel):
         import mujoco
 
         m, d = self._model, self._data
-        self._set(state)
+        self._set(state, self.solver)
         mujoco.mj_forward(m, d)
         moved = np.zeros(m.nv)
         mujoco.mj_mulM(m, d, moved, d.qacc)
         acceleration, contacts = d.qacc.copy(), tuple(self._contacts())
         unbalanced = d.qfrc_smooth + d.qfrc_constraint - moved
-        self._set(state)
+        self._set(state, self.solver)
         mujoco.mj_step(m, d)
         z, velocity, activations = self._read(state.z)
         return EngineStep(
@@ -121,7 +126,7 @@ class MujocoWhole(WholeModel):
                 frame=np.array(contact.frame).reshape(3, 3),
             )
 
-    def _set(self, state: WholeState, options: Mapping[str, object] = _EXACT) -> None:
+    def _set(self, state: WholeState, options: Mapping[str, object]) -> None:
         import mujoco
 
         for name, value in options.items():
