@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
+from msgspec.structs import replace as replace_fields
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.checks.findings import format_omission
@@ -32,6 +33,11 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.misread import (
+    MisreadNumber,
+    ReadingCheck,
+    check_reading,
+)
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
@@ -97,18 +103,26 @@ class WholeStepCheck:
         record: for the results.
         judgement: of accelerations and the next state; None if nothing was compared.
         resolution: relative discrepancy that it resolves.
-        locations: none, since a law has no single line.
+        misread: numbers that the compiler of the file resolves otherwise than its text.
         kind: kind of a case that differs by it.
     """
 
     record: WholeStep
     judgement: LimitVerdict | None = None
     resolution: float = 0.0
-    locations: tuple[SourceLine, ...] = ()
+    misread: tuple[MisreadNumber, ...] = ()
     kind: CaseKind = "whole step"
+
+    @property
+    def locations(self) -> tuple[SourceLine, ...]:
+        """Lines of misread numbers; a law has no single line."""
+        places = dict.fromkeys((one.file, one.line) for one in self.misread if one.line)
+        return tuple(SourceLine(file=str(file), line=line) for file, line in places)
 
     def combined(self, verdict: CaseJudgement) -> CaseJudgement:
         """Combine the verdict on a motion with this one: a difference in either counts."""
+        if self.misread and verdict.outcome is not Outcome.DIFFERS:
+            return self._misread(verdict)
         judged, record = self.judgement, self.record
         if judged is None or judged.outcome is not Outcome.DIFFERS:
             return verdict
@@ -128,6 +142,25 @@ class WholeStepCheck:
             ),
             resolution=self.resolution,
         )
+
+    def _misread(self, verdict: CaseJudgement) -> CaseJudgement:
+        """Return the verdict of numbers that the engine compiles otherwise."""
+        first, unsure = self.misread[0], np.finfo(float).eps
+        off = max(one.discrepancy for one in self.misread)
+        more = f", and {len(self.misread) - 1} more" if len(self.misread) > 1 else ""
+        return decided(
+            verdict,
+            LimitVerdict(
+                outcome=Outcome.DIFFERS, unresolved_reason=None, segment=0, component=0,
+                discrepancy=off, uncertainty=unsure, below_resolution=False,
+                largest_discrepancy=off, largest_uncertainty=unsure,
+            ),
+            by="whole steps",
+            kind=self.kind,
+            component=first.subject,
+            reason=f"{first.sentence}{more}; {motions_in_words(verdict)}",
+            resolution=self.resolution,
+        )  # fmt: skip
 
 
 S = TypeVar("S", LawSolution, ImpulseStep)
@@ -460,20 +493,39 @@ def check_whole_step(
             return None
         if model.rules is not None:
             return _check_impulses(file, spec, model, model.rules, resolution)
-        reader = compiler(file.suffix)
-        assert reader is not None  # it read the file before
-        compiled = reader.compiled(file)
-        laws = law_model(compiled)
-        if laws is None or laws.laws.uncovered:
-            uncovered = () if laws is None else laws.laws.uncovered
-            return WholeStepCheck(record=WholeStep(uncovered=uncovered))
+        return _check_laws(file, model, resolution)
+    except (TreeError, EngineError) as error:
+        return WholeStepCheck(record=WholeStep(uncovered=(str(error),)))
+
+
+def _check_laws(file: Path, model: WholeModel, resolution: float) -> WholeStepCheck:
+    """Compare steps by convex laws, and the numbers of these with the text of the file."""
+    reader = compiler(file.suffix)
+    assert reader is not None  # it read the file before
+    compiled = reader.compiled(file)
+    laws = law_model(compiled)
+    if laws is None:
+        return WholeStepCheck(record=WholeStep())
+    reading = check_reading(file, compiled, laws)
+    if laws.laws.uncovered:
+        check = WholeStepCheck(record=WholeStep(uncovered=laws.laws.uncovered))
+    else:
         covered = tuple(
             format_omission(Omission(what=what, count=count, where=()))
             for what, count in compiled.besides
         )
-        return _check(LawComparison(laws, model), covered, resolution)
-    except (TreeError, EngineError) as error:
-        return WholeStepCheck(record=WholeStep(uncovered=(str(error),)))
+        check = _check(LawComparison(laws, model), covered, resolution)
+    return _with_reading(check, reading)
+
+
+def _with_reading(check: WholeStepCheck, reading: ReadingCheck) -> WholeStepCheck:
+    record = replace_fields(
+        check.record,
+        stated=reading.compared,
+        misread=tuple(one.sentence for one in reading.misread),
+        unread=reading.unread,
+    )
+    return replace(check, record=record, misread=reading.misread)
 
 
 def _check_impulses(

@@ -425,6 +425,9 @@ class WholeStep(Record, frozen=True, kw_only=True):
         edits: Options of the file that were changed, as `name=value`.
         covered: Parts of the file that only this check compares, with their counts.
         uncovered: Features without a law here; if any act on the bodies, nothing was compared.
+        stated: Number of attributes whose compiled values were compared with the file's text.
+        misread: Attributes that the compiler resolves otherwise, one sentence each.
+        unread: Numbers of the laws that only the compiler read.
     """
 
     outcome: Outcome | None = None
@@ -438,11 +441,14 @@ class WholeStep(Record, frozen=True, kw_only=True):
     edits: tuple[str, ...] = ()
     covered: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
+    stated: Count = 0
+    misread: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
     @property
     def differs(self) -> bool:
         """True if it differs."""
-        return self.outcome is Outcome.DIFFERS
+        return self.outcome is Outcome.DIFFERS or bool(self.misread)
 
 
 class Case(Record, frozen=True, kw_only=True):

@@ -264,9 +264,19 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
 
 def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
     """Return facts about steps with limits, friction, contacts and drives."""
-    uncovered = (("without a law here", ", ".join(steps.uncovered)),) if steps.uncovered else ()
+    stated = (f"{steps.stated} attributes",) if steps.stated else ()
+    besides = tuple(
+        (label, "; ".join(sentences))
+        for label, sentences in (
+            ("without a law here", steps.uncovered),
+            ("read from the text", stated),
+            ("compiled otherwise", steps.misread),
+            ("not read from the text", steps.unread),
+        )
+        if sentences
+    )
     if steps.outcome is None:
-        return uncovered
+        return besides
     acted = ", ".join(f"{one.name} {one.count}" for one in steps.acted)
     return (
         ("by the engine's law", f"{steps.outcome} ({steps.component})"),
@@ -276,7 +286,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
         ("acted", acted or NOTHING),
         ("compared", "accelerations, next state" if steps.next_state else "accelerations"),
         ("changed options", ", ".join(steps.edits)),
-        *uncovered,
+        *besides,
     )
 
 

@@ -1,0 +1,125 @@
+"""Attributes of MJCF elements, with the classes of defaults that they belong to.
+
+Each element of a class overwrites the first numbers of an attribute, as many as it states. So
+`friction="1"` keeps the torsional friction of its class.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from physics_crosscheck.harness.documents.document import finite_numbers
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.mjcf_defaults import MAIN
+from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+
+Value = float | str
+Values = tuple[Value, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedClasses:
+    """Classes of defaults.
+
+    Attributes:
+        main: name of the outermost one.
+        chains: for each class the elements that it consists of, outermost first.
+    """
+
+    main: str
+    chains: Mapping[str, Sequence[XmlElement]]
+
+    @staticmethod
+    def from_source(source: MjcfSource) -> StatedClasses:
+        """Read the classes of a file."""
+        chains: dict[str, list[XmlElement]] = {}
+        main = MAIN
+        for top in source.root.findall("default"):
+            main = top.get("class", MAIN)
+            _add_class(chains, top, chains.get(main, []), main)
+        return StatedClasses(main=main, chains=chains)
+
+    def chain(self, element: XmlElement, inherited: str, tags: Collection[str]) -> Chain:
+        """Return an element with the defaults of its class for some tags.
+
+        Args:
+            element: of the file.
+            inherited: class of its bodies; empty for none.
+            tags: of its defaults.
+        """
+        above = self.chains.get(element.get("class") or inherited or self.main, ())
+        return Chain((*(one for one in above if one.tag in tags), element))
+
+
+def _add_class(
+    chains: dict[str, list[XmlElement]],
+    default: XmlElement,
+    above: Sequence[XmlElement],
+    name: str,
+) -> None:
+    chains[name] = [*above, *(one for one in default if one.tag != "default")]
+    for nested in default.findall("default"):
+        _add_class(chains, nested, chains[name], nested.get("class", ""))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """An element of a file after the defaults that it overwrites, which come first."""
+
+    elements: Sequence[XmlElement]
+
+    def word(self, key: str, default: str = "") -> str:
+        """Return the last text of an attribute."""
+        texts = (one.attributes[key] for one in reversed(self.elements) if key in one.attributes)
+        return next(texts, default)
+
+    def states(self, key: str) -> bool:
+        """Return whether an element states an attribute."""
+        return any(key in one.attributes for one in self.elements)
+
+    def numbers(self, key: str, default: Sequence[float]) -> tuple[float, ...]:
+        """Return an attribute's numbers; each element overwrites the first ones."""
+        values = list(default)
+        for element in self.elements:
+            overwrite(values, element, key)
+        return tuple(values)
+
+    def number(self, key: str, default: float) -> float:
+        """Return the number of an attribute."""
+        return self.numbers(key, [default])[0]
+
+    def limits(
+        self, prefix: str, *, automatic: bool, scale: float = 1.0
+    ) -> tuple[float, float] | None:
+        """Return a range if it limits.
+
+        Args:
+            prefix: of `range` and `limited`, such as `ctrl`.
+            automatic: whether a range alone limits.
+            scale: of its numbers.
+        """
+        low, high = self.numbers(f"{prefix}range", (0.0, 0.0))
+        return is_limit(self.word(f"{prefix}limited", "auto"), (low * scale, high * scale),
+                        automatic=automatic)  # fmt: skip
+
+
+def is_limit(
+    word: str, limits: tuple[float, float], *, automatic: bool
+) -> tuple[float, float] | None:
+    """Return a range if it limits, by the word of `limited`."""
+    on = word == "true" or (word == "auto" and automatic and limits[0] < limits[1])
+    return limits if on else None
+
+
+def overwrite(values: list[float], element: XmlElement, key: str) -> None:
+    """Overwrite the first numbers with those that an element states, not more than there are."""
+    stated = finite_numbers(element.get(key)) if key in element.attributes else None
+    for i, value in enumerate((stated or [])[: len(values)]):
+        values[i] = value
+
+
+def radians(source: MjcfSource) -> float:
+    """Return the unit of angles, rad."""
+    return 1.0 if source.stated("compiler", "angle") == "radian" else math.pi / 180

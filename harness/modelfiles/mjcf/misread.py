@@ -1,0 +1,312 @@
+"""Numbers of the laws that a compiler resolves otherwise than the text of the file states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.modelfiles.mjcf.classes import Value, Values
+from physics_crosscheck.harness.modelfiles.mjcf.stated import (
+    Key,
+    StatedLaws,
+    StatedRow,
+    surface_values,
+)
+from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import drive_values
+from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.laws import (
+    Drive,
+    DryFriction,
+    SoftEquality,
+    SoftLimit,
+    Softness,
+)
+
+ROUNDED, RESOLVED = 8 * float(np.finfo(float).eps), 1e-9
+"""Largest relative difference of a number, and of damping that follows from inertia."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MisreadNumber:
+    """A number that a compiler resolves otherwise.
+
+    Attributes:
+        subject: its attribute and element.
+        sentence: what differs.
+        discrepancy: relative; 1 for words and for what only one side has.
+        file, line: of the element.
+    """
+
+    subject: str
+    sentence: str
+    discrepancy: float
+    file: Path
+    line: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingCheck:
+    """The comparison of a file's text with its compiled laws.
+
+    Attributes:
+        compared: number of attributes that are equal in both, or differ.
+        misread: those that differ.
+        unread: what is not compared, in words.
+    """
+
+    compared: int
+    misread: tuple[MisreadNumber, ...]
+    unread: tuple[str, ...]
+
+
+def check_reading(path: Path, compiled: CompiledTree, model: LawModel) -> ReadingCheck:
+    """Compare the numbers that the text of a file states with those of its compiled laws.
+
+    Args:
+        path: of the file.
+        compiled: the same file in a compiler.
+        model: its laws, on its bodies.
+
+    """
+    try:
+        stated = StatedLaws(path)
+    except EngineError as error:
+        return ReadingCheck(compared=0, misread=(), unread=(f"all: {error.sentence}",))
+    skipped = tuple(_skipped(stated, compiled, model))
+    kinds = [kind for kind, _ in skipped]
+    expected = {key: row for key, row in stated.rows.items() if _kind(key) not in kinds}
+    actual = {
+        key: values
+        for key, values in _compiled_rows(compiled, model, stated)
+        if _kind(key) not in kinds
+    }
+    compared = sum(len(row.values) for row in expected.values())
+    return ReadingCheck(
+        compared=compared,
+        misread=tuple(_misread(path, expected, actual, model)),
+        unread=(*stated.unread, *(why for _, why in skipped)),
+    )
+
+
+def _kind(key: Key) -> str:
+    """Return the kind of elements that a table belongs to."""
+    return key[0].rpartition(" ")[2]
+
+
+_NOT_READ: Mapping[str, str] = {
+    "joint": "limits and friction of generated joints",
+    "geom": "contact parameters of generated or fused shapes",
+    "drive": "generated drives, and drives of other transmissions",
+    "tendon": "limits and friction of generated tendons",
+    "pair": "generated pairs of shapes",
+    "equality": "generated equalities, and equalities of other kinds",
+}
+
+
+def _skipped(
+    stated: StatedLaws, compiled: CompiledTree, model: LawModel
+) -> Iterator[tuple[str, str]]:
+    """Yield kinds of elements that do not correspond one to one, each with a phrase."""
+    laws = model.laws
+    joints = [joint.name for body in compiled.bodies for joint in body.joints]
+    geoms = [one.name.partition(":")[2] for one in compiled.placed if one.name.startswith("geom:")]
+    drives = [one.name for one in compiled.actuators]
+    for kind, names in (("joint", joints), ("geom", geoms), ("drive", drives)):
+        mine = stated.names(kind)
+        alike = len(mine) == len(names) and all(
+            not one or one == other for one, other in zip(mine, names, strict=True)
+        )
+        alike &= kind != "drive" or len(names) == len(laws.drives)
+        if not alike or (kind == "geom" and stated.fuses):
+            yield kind, _NOT_READ[kind]
+    for kind, count in (
+        ("tendon", len(compiled.paths) - len(laws.drives)),
+        ("pair", len(laws.pairs)),
+        ("equality", len(laws.equalities)),
+    ):
+        if len(stated.names(kind)) != count:
+            yield kind, _NOT_READ[kind]
+
+
+def _compiled_rows(
+    compiled: CompiledTree, model: LawModel, stated: StatedLaws
+) -> Iterator[tuple[Key, Mapping[str, Values]]]:
+    """Yield the rows of compiled laws."""
+    laws = model.laws
+    yield (
+        ("option", 0),
+        {
+            "timestep": (laws.step,),
+            "integrator": (laws.integrator,),
+            "cone": ("elliptic" if laws.elliptic else "pyramidal",),
+            "impratio": (laws.friction_ratio,),
+            "refsafe": (float(laws.safe),),
+        },
+    )
+    for limit in laws.limits:
+        values = {"range": (limit.lower, limit.upper), "margin": (limit.margin,)}
+        yield _place("limit", limit), {**values, **_softness(limit.softness, "limit")}
+    for friction in laws.frictions:
+        values = {"frictionloss": (friction.force,)}
+        yield _place("friction", friction), {**values, **_softness(friction.softness, "friction")}
+    for joint, (limits, lifts) in laws.joint_ranges.items():
+        yield ("force of joint", joint), {
+            "actuatorfrcrange": limits, "actuatorgravcomp": (float(lifts),)
+        }  # fmt: skip
+    tendons = [key[1] for key in stated.rows if key[0] == "force of tendon"]
+    for k, (_, limits) in enumerate(laws.sums):
+        index = tendons[k] if k < len(tendons) else -1 - k
+        yield ("force of tendon", index), {"actuatorfrcrange": limits}
+    for t, path in enumerate(compiled.paths[: len(compiled.paths) - len(laws.drives)]):
+        yield ("path of tendon", t), {"coef": _pairs(path.joints)}
+    for i, equality in enumerate(laws.equalities):
+        yield ("equality", i), _equality(equality)
+    for i, surface in enumerate(() if stated.overrides else laws.surfaces):
+        yield ("geom", i), surface_values(surface)
+    pairs = stated.pairs
+    for first, other, touch in () if stated.overrides else laws.pairs:
+        shapes = frozenset((first, other))
+        yield ("pair", pairs.index(shapes) if shapes in pairs else -1), {
+            "condim": (touch.dimension,), "friction": touch.friction, "margin": (touch.margin,),
+            **_softness(touch.softness), "solreffriction": touch.sliding,
+        }  # fmt: skip
+    for i, drive in enumerate(laws.drives):
+        yield ("drive", i), _drive(drive, compiled.paths[drive.path].joints)
+
+
+def _place(table: str, row: SoftLimit | DryFriction) -> Key:
+    kind, index = ("joint", row.joint) if row.joint >= 0 else ("tendon", row.path)
+    return f"{table} of {kind}", index
+
+
+def _softness(softness: Softness, suffix: str = "") -> Mapping[str, Values]:
+    return {f"solref{suffix}": softness.reference, f"solimp{suffix}": softness.impedance}
+
+
+def _equality(equality: SoftEquality) -> Mapping[str, Values]:
+    values = dict(_softness(equality.softness))
+    if equality.polynomial:
+        values["polycoef"] = equality.polynomial
+    if equality.anchors is not None:
+        weld = equality.turn_scale is not None
+        values["anchor"] = equality.anchors[weld].position
+    if equality.turn_scale is not None:
+        values["torquescale"] = (equality.turn_scale,)
+    return values
+
+
+_WORDS: Mapping[str, str] = {"exact filter": "filterexact"}
+
+
+def _drive(drive: Drive, joints: Sequence[tuple[int, float]]) -> Mapping[str, Values]:
+    kinds = [_WORDS.get(drive.dynamics, drive.dynamics), drive.gain, drive.bias]
+    return {
+        **drive_values(kinds, drive.constants, drive.gains, drive.biases),
+        "ctrlrange": drive.control_range or (),
+        "actrange": drive.state_range or (),
+        "forcerange": drive.force_range or (),
+        "actearly": (float(drive.early),),
+        "gear": _pairs(joints),
+    }
+
+
+def _pairs(joints: Sequence[tuple[int, float]]) -> Values:
+    return tuple(value for pair in sorted(joints) for value in pair)
+
+
+def _misread(
+    path: Path,
+    expected: Mapping[Key, StatedRow],
+    actual: Mapping[Key, Mapping[str, Values]],
+    model: LawModel,
+) -> Iterator[MisreadNumber]:
+    """Yield numbers that differ, and rows that only one side has."""
+    inertias = _RestInertias(model)
+    for key, row in expected.items():
+        for name, numbers, there in _different(row.values, actual.get(key), key[1], inertias):
+            file, line = row.element.place
+            yield MisreadNumber(
+                subject=f"{name} of {row.subject}",
+                sentence=f"{name} of {row.subject} is {_words(numbers)} by the file, and"
+                f" {_words(there)} as compiled",
+                discrepancy=_difference(numbers, there),
+                file=file or path,
+                line=line or 0,
+            )
+    for table, index in sorted(actual.keys() - expected.keys()):
+        if not table.startswith(("path", "drive")):
+            yield MisreadNumber(
+                subject=table,
+                sentence=f"{table} #{index} acts as compiled, and not by the file",
+                discrepancy=1.0,
+                file=path,
+                line=0,
+            )
+
+
+def _different(
+    values: Mapping[str, Values],
+    measured: Mapping[str, Values] | None,
+    index: int,
+    inertias: _RestInertias,
+) -> Iterator[tuple[str, Values, Values]]:
+    """Yield attributes whose numbers differ, by the file and as compiled."""
+    for name, numbers in values.items():
+        there = () if measured is None else measured.get(name)
+        if there is None or name == "dampratio":
+            continue
+        accepted, least = [numbers], ROUNDED
+        if name == "biasprm" and "dampratio" in values and len(there) > len(numbers):
+            gain, ratio = float(values["gainprm"][0]), float(values["dampratio"][0])
+            least = RESOLVED
+            accepted = [
+                (*numbers, -2 * ratio * float(np.sqrt(gain * inertia)))
+                for inertia in inertias.of_drive(index)
+            ]
+        if min(_difference(one, there) for one in accepted) > least:
+            yield name, accepted[0], there
+
+
+class _RestInertias:
+    """Inertias that drives feel in the drawn configuration."""
+
+    def __init__(self, model: LawModel) -> None:
+        self._model = model
+
+    @cached_property
+    def _posture(self) -> Posture:
+        home = self._model.home[None]
+        return next(self._model.tree.postures(home, np.zeros_like(home)))
+
+    def of_drive(self, index: int) -> Iterator[float]:
+        """Yield 1/(J M^-1 J^T); then the sum of M_jj/J_j^2, the rule before MuJoCo 3.15."""
+        posture = self._posture
+        row = posture.rows[self._model.laws.drives[index].path]
+        yield 1 / float(row @ posture.inverse @ row)
+        moved = np.flatnonzero(row**2 > 1e-15)
+        yield float(np.sum(np.diagonal(posture.mass)[moved] / row[moved] ** 2))
+
+
+def _difference(first: Values, other: Values) -> float:
+    """Return the largest relative difference; 1 for words, or for rows of other lengths."""
+    if len(first) != len(other):
+        return 1.0
+    return max((_apart(one, two) for one, two in zip(first, other, strict=True)), default=0.0)
+
+
+def _apart(first: Value, other: Value) -> float:
+    if isinstance(first, str) or isinstance(other, str):
+        return float(first != other)
+    size = max(abs(first), abs(other))
+    return abs(first - other) / size if size else 0.0
+
+
+def _words(values: Values) -> str:
+    return " ".join(one if isinstance(one, str) else f"{one:.12g}" for one in values) or "none"

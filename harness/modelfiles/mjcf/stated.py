@@ -1,0 +1,372 @@
+"""Numbers of the laws of an MJCF, read from its text by the documented rules of the format.
+
+The laws themselves take the numbers of an engine's compiler. This reader resolves classes of
+defaults, shortcuts, units and automatic limits without that compiler, so that no misreading is
+shared by the law and the engine. Source: MuJoCo's documentation, XML reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
+from physics_crosscheck.harness.modelfiles.mjcf.classes import (
+    Chain,
+    StatedClasses,
+    Values,
+    radians,
+)
+from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import SHORTCUTS, read_drive
+from physics_crosscheck.reference.mechanism.laws import Softness, Surface
+
+Key = tuple[str, int]
+"""A table of the laws, and the index of the joint, tendon, shape, drive or equality in its file."""
+
+REFERENCE, IMPEDANCE = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
+"""Defaults of `solref` and `solimp`."""
+
+FRICTION = 1.0, 0.005, 0.0001
+"""Default of a shape's `friction`."""
+
+MACROS = ("replicate", "composite", "flexcomp", "attach")
+"""Elements in bodies that generate others."""
+
+EQUALITIES = ("connect", "weld", "joint", "tendon")
+
+JOINTS = ("joint", "freejoint")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StatedRow:
+    """Numbers of one joint, tendon, shape, drive or equality.
+
+    Attributes:
+        element: of the file.
+        subject: its kind and name.
+        values: by attribute, as a compiler stores them: in radians, with defaults.
+    """
+
+    element: XmlElement
+    subject: str
+    values: Mapping[str, Values]
+
+
+_Row = tuple[Key, XmlElement, Mapping[str, Values]]
+
+
+class StatedLaws:
+    """The numbers of a file's laws.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        unread: what is not read, in words.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._source = read_source_mjcf(path)
+        self._classes = StatedClasses.from_source(self._source)
+        self._contents: dict[str, list[XmlElement]] = {"joint": [], "geom": []}
+        self._inherited: dict[XmlElement, str] = {}
+        self._macros = set[str]()
+        worlds = self._source.root.findall("worldbody")
+        self._collect([(one, one.get("childclass")) for one in worlds])
+        self.unread = tuple(self._unread())
+
+    def _collect(self, bodies: Sequence[tuple[XmlElement, str]]) -> None:
+        """Collect joints and shapes of one body, which may have several elements, then below."""
+        flat = [row for body, inherited in bodies for row in _flat(body, inherited)]
+        for element, inherited in flat:
+            self._inherited[element] = inherited
+            if element.tag in ("geom", *JOINTS):
+                self._contents["geom" if element.tag == "geom" else "joint"].append(element)
+            elif element.tag in MACROS:
+                self._macros.add(element.tag)
+        for element, inherited in flat:
+            if element.tag == "body":
+                self._collect([(element, element.get("childclass", inherited))])
+
+    def _unread(self) -> Iterator[str]:
+        yield from (f"content of <{tag}>" for tag in sorted(self._macros))
+        if self.overrides:
+            yield "contact parameters that options override"
+        tags = dict.fromkeys(one.tag for one in self._rows("actuator") if not self._is_read(one))
+        yield from (f"drives <{tag}>" for tag in tags)
+        if any(one.tag == "spatial" for one in self._rows("tendon")):
+            yield "lengths of tendons between sites"
+
+    @cached_property
+    def rows(self) -> Mapping[Key, StatedRow]:
+        """All rows."""
+        rows: dict[Key, StatedRow] = {}
+        for key, element, values in self._every():
+            subject = f"{element.tag} {element.get('name') or f'#{key[1]}'}"
+            subject = "options" if key[0] == "option" else subject
+            rows[key] = StatedRow(element=element, subject=subject, values=values)
+        return rows
+
+    @property
+    def overrides(self) -> bool:
+        """True if options replace the numbers of all contacts."""
+        return self._source.stated("option/flag", "override") == "enable"
+
+    @property
+    def fuses(self) -> bool:
+        """True if bodies that stand still become part of others, which reorders shapes."""
+        return self._source.stated("compiler", "fusestatic") == "true"
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        """Return the names of all elements of a kind in the compiler's order; some are empty.
+
+        Args:
+            kind: "joint", "geom", "tendon", "drive", "equality" or "pair".
+        """
+        return tuple(one.get("name") for one in self._elements[kind])
+
+    @property
+    def pairs(self) -> tuple[frozenset[int], ...]:
+        """Indices of the shapes of each pair; a compiler sorts pairs."""
+        names = self.names("geom")
+        keys = ("geom1", "geom2")
+        return tuple(
+            frozenset(names.index(one.get(key)) for key in keys if one.get(key) in names)
+            for one in self._elements["pair"]
+        )
+
+    @cached_property
+    def _elements(self) -> Mapping[str, Sequence[XmlElement]]:
+        return {
+            **self._contents,
+            "tendon": self._rows("tendon"),
+            "drive": self._rows("actuator"),
+            "equality": [one for one in self._rows("equality") if self._is_active(one)],
+            "pair": self._source.root.findall("contact/pair"),
+        }
+
+    def _rows(self, section: str) -> list[XmlElement]:
+        return self._source.root.findall(f"{section}/*")
+
+    def _is_active(self, equality: XmlElement) -> bool:
+        """Return whether an equality acts at the beginning, and has a law."""
+        if equality.tag not in EQUALITIES:
+            return False
+        return self._chain(equality, "equality").word("active", "true") == "true"
+
+    def _chain(self, element: XmlElement, *tags: str) -> Chain:
+        inherited = self._inherited.get(element, "")
+        return self._classes.chain(element, inherited, tags or (element.tag,))
+
+    @property
+    def _automatic(self) -> bool:
+        return self._source.stated("compiler", "autolimits", "true") == "true"
+
+    def _every(self) -> Iterator[_Row]:
+        off = self._source.disabled
+        yield ("option", 0), self._source.root, self._options()
+        yield from self._joint_rows()
+        yield from self._tendon_rows()
+        for i, element in enumerate(self._elements["equality"]):
+            if not off("constraint", "equality"):
+                yield ("equality", i), element, _equality(self._chain(element, "equality"))
+        if not self.overrides:
+            for i, element in enumerate(self._elements["geom"]):
+                yield ("geom", i), element, surface_values(_surface(self._chain(element)))
+            for i, element in enumerate(self._elements["pair"]):
+                yield ("pair", i), element, _pair(self._chain(element))
+        yield from self._drive_rows()
+
+    def _options(self) -> Mapping[str, Values]:
+        source = self._source
+        number = float(source.stated("option", "timestep", "0.002"))
+        ratio = float(source.stated("option", "impratio", "1"))
+        return {
+            "timestep": (number,),
+            "integrator": (source.stated("option", "integrator", "Euler").lower(),),
+            "cone": (source.stated("option", "cone", "pyramidal"),),
+            "impratio": (ratio,),
+            "refsafe": (float(not source.disabled("refsafe")),),
+        }
+
+    def _joint_rows(self) -> Iterator[_Row]:
+        for j, element in enumerate(self._elements["joint"]):
+            if element.tag == "freejoint":
+                continue
+            chain = self._chain(element)
+            turns = chain.word("type", "hinge") in ("hinge", "ball")
+            unit = radians(self._source) if turns else 1.0
+            yield from self._resistances("joint", j, element, chain, unit)
+
+    def _tendon_rows(self) -> Iterator[_Row]:
+        for t, element in enumerate(self._elements["tendon"]):
+            yield from self._resistances("tendon", t, element, self._chain(element, "tendon"), 1.0)
+            if element.tag == "fixed":
+                combination = self._combination(element)
+                if combination is not None:
+                    yield ("path of tendon", t), element, {"coef": _flat_pairs(combination)}
+
+    def _resistances(
+        self, kind: str, index: int, element: XmlElement, chain: Chain, unit: float
+    ) -> Iterator[_Row]:
+        """Yield the limit, the dry friction and the force range of a joint or tendon."""
+        off, automatic = self._source.disabled, self._automatic
+        limits = chain.limits("", automatic=automatic, scale=unit)
+        if limits is not None and not off("constraint", "limit"):
+            margin = (chain.number("margin", 0.0),)
+            values: dict[str, Values] = {
+                "range": limits,
+                "margin": margin,
+                **_softness(chain, "limit"),
+            }
+            yield (f"limit of {kind}", index), element, values
+        friction = chain.number("frictionloss", 0.0)
+        if friction and not off("constraint", "frictionloss"):
+            values = {"frictionloss": (friction,), **_softness(chain, "friction")}
+            yield (f"friction of {kind}", index), element, values
+        forces = chain.limits("actuatorfrc", automatic=automatic)
+        if forces is not None:
+            values = {"actuatorfrcrange": forces}
+            if kind == "joint":
+                lifts = chain.word("actuatorgravcomp", "false") == "true"
+                values["actuatorgravcomp"] = (float(lifts),)
+            yield (f"force of {kind}", index), element, values
+
+    def _combination(self, tendon: XmlElement) -> dict[int, float] | None:
+        """Return the coefficients of a tendon's joints, by index; None for an unknown joint."""
+        names, result = self.names("joint"), dict[int, float]()
+        for term in tendon.findall("joint"):
+            if term.get("joint") not in names:
+                return None
+            joint = names.index(term.get("joint"))
+            result[joint] = result.get(joint, 0.0) + Chain([term]).number("coef", 0.0)
+        return result
+
+    def _is_read(self, drive: XmlElement) -> bool:
+        return all(one.tag in SHORTCUTS for one in self._drive_chain(drive).elements)
+
+    def _drive_chain(self, element: XmlElement) -> Chain:
+        tags = {*SHORTCUTS, *(one.tag for one in self._rows("actuator"))}
+        return self._chain(element, *tags)
+
+    def _drive_rows(self) -> Iterator[_Row]:
+        for i, element in enumerate(self._elements["drive"]):
+            if not self._is_read(element):
+                continue
+            chain = self._drive_chain(element)
+            values = read_drive(chain, automatic=self._automatic, target=self._target(chain))
+            combination = self._driven(chain)
+            if combination is not None:
+                gear = chain.number("gear", 1.0)
+                shares = {joint: gear * share for joint, share in combination.items()}
+                values = {**values, "gear": _flat_pairs(shares)}
+            yield ("drive", i), element, values
+
+    def _driven(self, chain: Chain) -> dict[int, float] | None:
+        """Return the coefficients of the hinges and slides that a drive acts on, or None."""
+        joint = self._named("joint", chain.word("joint", chain.word("jointinparent")))
+        if joint is not None:
+            kind = "free" if joint.tag == "freejoint" else self._chain(joint).word("type", "hinge")
+            index = list(self._elements["joint"]).index(joint)
+            return {index: 1.0} if kind in ("hinge", "slide") else None
+        tendon = self._named("tendon", chain.word("tendon"))
+        return self._combination(tendon) if tendon is not None and tendon.tag == "fixed" else None
+
+    def _target(self, chain: Chain) -> tuple[float, float] | None:
+        """Return the range of the joint or tendon that a drive acts on; None without one."""
+        for kind in ("joint", "tendon"):
+            target = self._named(kind, chain.word(kind))
+            if target is not None:
+                limited = self._chain(target, kind)
+                turns = kind == "joint" and limited.word("type", "hinge") in ("hinge", "ball")
+                unit = radians(self._source) if turns else 1.0
+                return limited.limits("", automatic=self._automatic, scale=unit)
+        return None
+
+    def _named(self, kind: str, name: str) -> XmlElement | None:
+        return next((one for one in self._elements[kind] if name and one.get("name") == name), None)
+
+
+def _flat(parent: XmlElement, inherited: str) -> Iterator[tuple[XmlElement, str]]:
+    """Yield the content of a body and of its frames, each with its inherited class."""
+    for element in parent:
+        yield element, inherited
+        if element.tag == "frame":
+            yield from _flat(element, element.get("childclass", inherited))
+
+
+def _flat_pairs(combination: Mapping[int, float]) -> Values:
+    """Return indices and coefficients, by index."""
+    return tuple(value for pair in sorted(combination.items()) for value in pair)
+
+
+def _softness(chain: Chain, suffix: str = "") -> Mapping[str, Values]:
+    return {
+        f"solref{suffix}": chain.numbers(f"solref{suffix}", REFERENCE),
+        f"solimp{suffix}": chain.numbers(f"solimp{suffix}", IMPEDANCE),
+    }
+
+
+def _equality(chain: Chain) -> Mapping[str, Values]:
+    values, kind = dict(_softness(chain)), chain.elements[-1].tag
+    if kind in ("joint", "tendon"):
+        values["polycoef"] = chain.numbers("polycoef", (0.0, 1.0, 0.0, 0.0, 0.0))
+    if chain.states("anchor") or (kind == "weld" and not chain.states("site1")):
+        values["anchor"] = chain.numbers("anchor", (0.0, 0.0, 0.0))
+    if kind == "weld":
+        values["torquescale"] = (chain.number("torquescale", 1.0),)
+    return values
+
+
+def _surface(chain: Chain) -> Surface:
+    reference, impedance = _softness(chain).values()
+    sliding, spinning, rolling = chain.numbers("friction", FRICTION)
+    first, second = (_plain(reference)[0], _plain(reference)[1])
+    return Surface(
+        body=0,
+        dimension=int(chain.number("condim", 3)),
+        friction=(sliding, spinning, rolling),
+        priority=int(chain.number("priority", 0)),
+        mix=chain.number("solmix", 1.0),
+        margin=chain.number("margin", 0.0),
+        softness=Softness(reference=(first, second), impedance=_plain(impedance)),
+        masks=(int(chain.number("contype", 1)), int(chain.number("conaffinity", 1))),
+    )
+
+
+def _plain(values: Values) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def surface_values(surface: Surface) -> Mapping[str, Values]:
+    """Return the numbers of a surface by attribute."""
+    return {
+        "contype": (surface.masks[0],),
+        "conaffinity": (surface.masks[1],),
+        "condim": (surface.dimension,),
+        "friction": surface.friction,
+        "priority": (surface.priority,),
+        "solmix": (surface.mix,),
+        "margin": (surface.margin,),
+        "solref": surface.softness.reference,
+        "solimp": surface.softness.impedance,
+    }
+
+
+def _pair(chain: Chain) -> Mapping[str, Values]:
+    """Return the numbers of a pair; those of its shapes have no effect."""
+    sliding, spinning, rolling = FRICTION
+    friction = (sliding, sliding, spinning, rolling, rolling)
+    return {
+        "condim": (chain.number("condim", 3),),
+        "friction": chain.numbers("friction", friction),
+        "margin": (chain.number("margin", 0.0),),
+        **_softness(chain),
+        "solreffriction": chain.numbers("solreffriction", (0.0, 0.0)),
+    }

@@ -1,0 +1,132 @@
+"""Numbers of the laws, read from the text of a file, against a compiler that misreads them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.checks import whole_step
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.checks.whole_step import check_whole_step
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.misread import ReadingCheck, check_reading
+from physics_crosscheck.harness.records.outcome import Outcome
+from tests.laws.scenes import CONNECT, DRIVES, LIMITS, PAIR, TOUCH, WELD
+
+pytest.importorskip("mujoco")
+
+CLASSES = """<mujoco><compiler autolimits="false"/><option timestep="0.002" cone="elliptic"/>
+<default><geom friction=".8 .02 .003" solimp=".8 .9 .01"/><position kp="30" kv="2"/>
+<default class="arm"><joint range="-60 40" limited="true" frictionloss=".1" margin=".01"/>
+<geom friction=".6" condim="4"/><position forcerange="-9 9" forcelimited="true"/>
+<default class="hand"><joint range="-10 20" solreflimit=".03"/></default></default></default>
+<worldbody><geom type="plane" size="3 3 .1"/><body childclass="arm" pos="0 0 1">
+<joint name="a" axis="0 1 0"/><geom size=".1" friction=".5"/><frame childclass="hand">
+<body pos="0 0 .3"><joint name="b" axis="1 0 0" range="-15 30"/><geom size=".08"/>
+<body pos="0 0 .2"><joint name="c" type="slide" class="main"/><geom size=".05" class="main"/>
+</body></body></frame></body></worldbody><contact><exclude body1="world" body2="world"/></contact>
+<actuator><position class="arm" joint="a"/><position class="arm" joint="b" kp="50"/>
+<position joint="a" kp="40" dampratio="1.2"/><position joint="b" inheritrange=".8"
+ ctrllimited="true"/><position joint="c" timeconst=".05"/><motor joint="c" gear="3"/></actuator>
+</mujoco>""".replace('<contact><exclude body1="world" body2="world"/></contact>', "")
+
+SCENES = {
+    "classes": CLASSES, "drives": DRIVES, "limits": LIMITS, "connect": CONNECT, "weld": WELD,
+    "pair": PAIR, **{f"touch {dimension}": scene for dimension, scene in TOUCH.items()},
+}  # fmt: skip
+
+
+def compiled(tmp_path: Path, text: str) -> CompiledTree:
+    """Compile a text."""
+    copy = tmp_path / "copy.xml"
+    copy.write_text(text)
+    return engines()["mujoco"].compiled(copy)
+
+
+def reading(tmp_path: Path, text: str, loaded: str = "") -> ReadingCheck:
+    """Compare a text with the numbers that another text compiles to."""
+    file, tree = tmp_path / "scene.xml", compiled(tmp_path, loaded or text)
+    file.write_text(text)
+    model = law_model(tree)
+    assert model is not None
+    return check_reading(file, tree, model)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_file_states_what_it_compiles_to(tmp_path: Path, scene: str) -> None:
+    """Catch a rule of the format that is read wrong, and false alarms."""
+    check = reading(tmp_path, SCENES[scene].format('integrator="implicitfast"'))
+    assert check.misread == ()
+    assert check.compared > 30
+    assert not [one for one in check.unread if "between sites" not in one]
+
+
+MISREAD = {
+    "degrees": (CLASSES, "<compiler ", '<compiler angle="radian" ', "range of joint a"),
+    "nested class": (CLASSES, 'solreflimit=".03"', 'solreflimit=".02"', "solreflimit of joint b"),
+    "range over class": (CLASSES, "-15 30", "-15 31", "range of joint b"),
+    "first numbers of a class": (CLASSES, '".5"', '".5 .005"', "friction of geom #1"),
+    "class of a frame": (CLASSES, ' childclass="hand">', ">", "solreflimit of joint b"),
+    "class of nothing": (CLASSES, '"main"/><geom', '"arm"/><geom', "limit of joint"),
+    "automatic limit": (CLASSES, ' limited="true" f', ' limited="false" f', "range of joint a"),
+    "shortcut of a class": (CLASSES, 'kp="30"', 'kp="31"', "gainprm of position #0"),
+    "damping ratio": (CLASSES, "1.2", "1.3", "biasprm of position #2"),
+    "inherited range": (CLASSES, '".8"\n ctrl', '".7"\n ctrl', "ctrlrange of position #3"),
+    "time constant": (CLASSES, '.05"/><motor', '.06"/><motor', "dynprm of position #4"),
+    "gear": (CLASSES, 'gear="3"', 'gear="-3"', "gear of motor #5"),
+    "cone": (CLASSES, "elliptic", "pyramidal", "cone of options"),
+    "friction": (TOUCH[3], 'friction=".7', 'friction=".7000001', "friction of geom floor"),
+    "condim": (TOUCH[3], 'condim="3"', 'condim="4"', "condim of geom floor"),
+    "frictionloss": (LIMITS, 'frictionloss=".4"', "", "frictionloss of joint a"),
+    "tendon range": (LIMITS, "-.02 .02", "-.02 .03", "range of fixed f"),
+    "polycoef": (CONNECT, ".1 .5", ".1 .6", "polycoef of joint #0"),
+    "muscle": (DRIVES, 'force="30"', 'force="31"', "gainprm of muscle #7"),
+    "pair": (PAIR, 'solref=".03 .9"', "", "solref of pair #0"),
+}
+
+
+@pytest.mark.parametrize("fault", MISREAD)
+def test_a_misread_number_is_named_with_its_line(tmp_path: Path, fault: str) -> None:
+    """Catch a misreading that the compiler's law and the engine share."""
+    scene, right, wrong, subject = MISREAD[fault]
+    scene = scene.format("")
+    assert right in scene
+    check = reading(tmp_path, scene, scene.replace(right, wrong, 1))
+    lines = {one.subject: one.line for one in check.misread}
+    assert subject in lines
+    tag = subject.partition(" of ")[2].partition(" ")[0]
+    place = scene.splitlines()[lines[subject] - 1] if lines[subject] else ""
+    assert f"<{tag}" in place or tag in ("options", "joint")
+
+
+def test_a_misreading_that_both_sides_share_differs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catch a verdict that trusts the compiler, which the engine and its law share."""
+    file, wrong = tmp_path / "scene.xml", LIMITS.format("").replace("-5 10", "-5 11")
+    file.write_text(LIMITS.format(""))
+    tree = compiled(tmp_path, wrong)
+
+    class Misreading:
+        def compiled(self, _: Path) -> CompiledTree:
+            return tree
+
+    monkeypatch.setattr(whole_step, "compiler", lambda suffix: Misreading())
+    check = check_whole_step(file, ModelSpec(tmp_path / "copy.xml"), "mujoco", 1e-9)
+    assert check is not None
+    assert check.record.outcome is Outcome.AGREES  # the steps
+    assert check.record.differs
+    (sentence,) = check.record.misread
+    assert sentence.startswith("range of joint a is -0.0872664625997 0.174532925199 by the file")
+    (task,) = [model_task(prepare(file, states=4), "mujoco")]
+    monkeypatch.setattr(whole_step, "engines", engines)
+    case = run_case(task)
+    assert case.outcome is Outcome.DIFFERS
+    assert "range of joint a" in case.reason
+    assert [place.line for place in case.locations] == [1]
