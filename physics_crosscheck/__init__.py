@@ -42,6 +42,13 @@ if TYPE_CHECKING:
         t,
     )
     from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
+    from physics_crosscheck.reference.mechanism.interactions import (
+        Buffer,
+        CoulombFriction,
+        JointLimit,
+        RigidContact,
+        SaturatedDrive,
+    )
     from physics_crosscheck.reference.mechanism.kinematics import Frame, ground, rotation
     from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
     from physics_crosscheck.reference.mechanism.pose import Pose
@@ -64,6 +71,9 @@ _FROM = {
     "physics_crosscheck.reference.mechanism.force_paths": (
         "CablePath", "FrameForce", "JointForce",
     ),
+    "physics_crosscheck.reference.mechanism.interactions": (
+        "Buffer", "CoulombFriction", "JointLimit", "RigidContact", "SaturatedDrive",
+    ),
     "physics_crosscheck.reference.mechanism.multibody": ("MultibodySystem",),
     "physics_crosscheck.reference.mechanism.pose": ("Pose",),
     "physics_crosscheck.reference.mechanism.system": ("System",),
@@ -72,12 +82,14 @@ _FROM = {
 }  # fmt: skip
 
 __all__ = [
+    "Buffer",
     "CablePath",
     "CheckResults",
     "CompareError",
     "Comparison",
     "Constant",
     "Coordinate",
+    "CoulombFriction",
     "Coupling",
     "DeclarationError",
     "Equilibrium",
@@ -88,6 +100,7 @@ __all__ = [
     "Input",
     "Joint",
     "JointForce",
+    "JointLimit",
     "MotionError",
     "MultibodySystem",
     "Output",
@@ -95,6 +108,8 @@ __all__ = [
     "PublishedEquation",
     "Quantity",
     "RigidBody",
+    "RigidContact",
+    "SaturatedDrive",
     "Scenario",
     "Site",
     "System",

@@ -21,6 +21,7 @@ TOP = {
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
     "Fluid", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
     "ForceElement", "Quantity", "RigidBody", "Scenario", "Site", "System", "Trajectory", "check",
+    "Buffer", "CoulombFriction", "JointLimit", "RigidContact", "SaturatedDrive",
     "CheckResults", "compare", "ground", "rotation", "simulate", "solve", "t",
 }  # fmt: skip
 SKETCH = {"Angle", "Body", "Link"}

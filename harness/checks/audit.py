@@ -79,9 +79,9 @@ def audit_declared(task: SystemTask) -> Audit:
     engine = engines()[task.engine]
     model, coordinates = task.load()
     rounded = max((abs(b.error) for b in declared if b.rounded), default=0.0)
-    compiled = [
-        _explained(one, rounded) for one in Compiled.prepare(task, model, coordinates).findings()
-    ]
+    # Terms of motions that switch have no single value at a state.
+    measured = () if task.target.system.interactions else _compiled(task, model, coordinates)
+    compiled = [_explained(one, rounded) for one in measured]
     z, w = coordinates.to_engine(task.target.visited)
     remarks = (*model.remarks(z, w), *engine.file_remarks(task.declared.model))
     compiled = _without_lost_digits(compiled, remarks, task)
@@ -90,6 +90,12 @@ def audit_declared(task: SystemTask) -> Audit:
     poses, elsewhere = _poses(task, model, coordinates)
     signs = negative_findings(task.declared.model)
     return Audit(findings=(*literals, *compiled, *elsewhere, *signs, *defaults), poses=poses)
+
+
+def _compiled(
+    task: SystemTask, model: LoadedModel, coordinates: CoordinateMap
+) -> Iterator[AuditFinding]:
+    return Compiled.prepare(task, model, coordinates).findings()
 
 
 def _poses(

@@ -48,6 +48,7 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.events.motion import solve_events
 from physics_crosscheck.reference.load import load_declaration, load_system, with_location
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
@@ -170,7 +171,7 @@ class PreparedSystem(Prepared):
         amplitude: largest magnitude over all scenarios, (2n,); nowhere zero.
         push: largest input over all scenarios, (inputs,).
         numeric_power: (energy, supplied, dissipated) of (q, v, u, (t,)).
-        steps: the equations in the form for integrators; None if they depend on time.
+        steps: the equations in the form for integrators; None if they depend on time, or switch.
         variants: the equations with every constant and some missing terms free.
     """
 
@@ -243,9 +244,9 @@ class PreparedSystem(Prepared):
 
         return mechanics
 
-    def motion(self, scenario: str) -> Motion:
-        """Return the motion of the scenario itself."""
-        return self.motions[scenario]
+    def motion(self, scenario: str) -> Motion | None:
+        """Return the motion of the scenario itself; None if contacts or drives switch in it."""
+        return None if self.system.interactions else self.motions[scenario]
 
     def amplitude_of(self, motion: Motion) -> Array:
         """Return its amplitude, with a share of that of all scenarios as lower bound."""
@@ -596,7 +597,8 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
     equations = derive(system)
     with with_location(folder):
         linear = tuple(linearize(equations, e) for e in system.equilibria)
-        motions = scaled({s.name: solve(equations, s) for s in system.scenarios})
+        follow = solve_events if system.interactions else solve
+        motions = scaled({s.name: follow(equations, s) for s in system.scenarios})
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
     push = np.where(push > 0, push, 1.0)
@@ -623,6 +625,6 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
             )
             for e in linear
         ),
-        steps=stepped_equations(equations),
+        steps=None if system.interactions else stepped_equations(equations),
         variants=variants(equations, amplitude),
     )

@@ -22,6 +22,10 @@ RUNGS = (2, 3, 5, 7, 11, 17, 29, 41, 61)
 that share a grid. Their gaps keep the sum of the weights' magnitudes
 at 44.1 for eight rungs, 59.4 for nine, with the exponents 1, 2, 3, ..."""
 
+ODD_RUNGS = (3, 5, 7, 11, 17, 29, 49, 81)
+"""Odd step counts for segments with an event in their middle: each rung meets it in the middle of
+a step."""
+
 FIRST_JUDGED = 6
 """Rungs needed before a limit has an uncertainty. Up to the fifth, two small increments in a row
 may still be chance."""

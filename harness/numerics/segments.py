@@ -18,6 +18,7 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import (
     EPSILON,
     FIRST_JUDGED,
+    ODD_RUNGS,
     RUNGS,
     Limit,
     largest,
@@ -41,6 +42,38 @@ class BlownUpError(RuntimeError):
     """An engine returned values that are not finite."""
 
     kind = "not finite"
+
+
+class MisplacedEventError(RuntimeError):
+    """An event within a segment, but not in its middle: coarse rungs miss it and agree falsely."""
+
+    kind = "event"
+
+
+CENTRED = 1e-9
+"""Largest distance of an event from the middle of its segment, relative to the segment."""
+
+
+def check_events(segments: Segments, coarsest: int) -> None:
+    """Check that each event is in the middle of a segment, or a coarsest step away from all.
+
+    Args:
+        segments: the segments.
+        coarsest: smallest number of steps of a segment.
+
+    Raises:
+        MisplacedEventError: naming the event and the segment.
+    """
+    for event in segments.events:
+        offset = np.abs(event - segments.t - segments.lengths / 2) / segments.lengths
+        near = (offset > CENTRED) & (offset < 0.5 + (1 - 1e-9) / coarsest)
+        if near.any():
+            row = int(np.argmax(near))
+            raise MisplacedEventError(
+                f"the segment at t = {segments.t[row]:.6g} s has an event off its middle, at "
+                f"t = {event:.6g} s; coarse steps would agree falsely; centre it, or keep "
+                f"{segments.lengths[row] / coarsest:.2g} s away"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,12 +133,17 @@ def extrapolate(
 ) -> Extrapolated:
     """Run every segment on one rung after another, and take the limit.
 
+    Segments with events take odd numbers of steps, which meet an event in the middle of a step.
     With a resolution, only as many rungs are run as it needs. Segments that are not finite only
     lose their own limit if `partial`.
 
     Raises:
         BlownUpError: if the engine returns values that are not finite.
+        MisplacedEventError: if an event is elsewhere in a segment.
     """
+    if segments.events:
+        rungs = ODD_RUNGS if rungs == RUNGS else rungs
+        check_events(segments, min(rungs))
     positions = coordinates.to_engine(segments.start)
     starts = with_companions(*positions, model.epsilon, every=segments.nonsmooth)
     residuals: list[Array] = []

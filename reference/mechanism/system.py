@@ -12,21 +12,28 @@ import sympy as sp
 
 from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario
 from physics_crosscheck.reference.mechanism.frames import check_frames
+from physics_crosscheck.reference.mechanism.interactions import Interaction, check_interactions
 from physics_crosscheck.reference.mechanism.validation import check
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class System(Declaration):
     """A mechanism: the complete data of its equations of motion.
+
+    Attributes:
+        interactions: forces that switch: contacts, joint limits, dry friction, buffers, drives.
 
     Raises:
         DeclarationError: with one sentence that names the missing or wrong entry.
     """
 
+    interactions: tuple[Interaction, ...] = ()
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self)
+        check(self, equilibria=not self.interactions)
         check_frames(self)
+        check_interactions(self, self.interactions)
 
     def forces(self) -> tuple[sp.Expr, ...]:
         """Return the generalized forces Q of the inputs, one per coordinate."""

@@ -57,15 +57,19 @@ _NONSMOOTH_FUNCTIONS = (
 )  # fmt: skip
 
 
-def check(system: Declaration) -> None:
+def check(system: Declaration, *, equilibria: bool = True) -> None:
     """Check that a system is complete and consistent.
+
+    Args:
+        system: the system.
+        equilibria: whether it needs an equilibrium.
 
     Raises:
         DeclarationError: with one sentence that names the missing or wrong entry.
     """
     where = f"system {system.name!r}"
     _check_texts(system, where)
-    _check_names(system, where)
+    _check_names(system, where, equilibria=equilibria)
     _check_values(system, where)
     _check_smooth(system, where)
     _check_units(system, where)
@@ -87,8 +91,9 @@ def _check_texts(part: object, where: str) -> None:
             _check_texts(getattr(part, field.name), where)
 
 
-def _check_names(system: Declaration, where: str) -> None:
-    for kind in ("coordinates", "outputs", "equilibria", "scenarios"):
+def _check_names(system: Declaration, where: str, *, equilibria: bool) -> None:
+    needed = ("coordinates", "outputs", "scenarios", *(("equilibria",) if equilibria else ()))
+    for kind in needed:
         if not getattr(system, kind):
             raise DeclarationError(f"{where} declares no {kind}")
     _check_symbol_names(system, where)
@@ -182,8 +187,8 @@ def _check_units(system: Declaration, where: str) -> None:
         raise DeclarationError(f"{where}: {error}") from None
     wanted = {"T": (system.T, ENERGY), "V": (system.V, ENERGY), "D": (system.D, POWER)}
     for name, (expression, expected) in wanted.items():
-        _check_symbols(expression, symbols, f"{where}: {name}")
-        _check_dimension(expression, expected, symbols, f"{where}: {name}")
+        check_symbols(expression, symbols, f"{where}: {name}")
+        check_dimension(expression, expected, symbols, f"{where}: {name}")
     for pushed in system.inputs:
         if not pushed.on:
             raise DeclarationError(f"{where}: the input {pushed.name} acts on no coordinate")
@@ -193,8 +198,8 @@ def _check_units(system: Declaration, where: str) -> None:
                 raise DeclarationError(f"{place} acts on an unknown coordinate {coordinate}")
             expected = ENERGY / symbols[coordinate.q]
             expression = sp.sympify(factor) * pushed.symbol
-            _check_symbols(expression, symbols, place)
-            _check_dimension(expression, expected, symbols, f"{place} on {coordinate.name}")
+            check_symbols(expression, symbols, place)
+            check_dimension(expression, expected, symbols, f"{place} on {coordinate.name}")
     for output in system.outputs:
         _check_formula(output, symbols, f"{where}: the output {output.name}")
     for quantity in system.quantities:
@@ -206,23 +211,25 @@ def _check_formula(
 ) -> None:
     """Check that a formula has its declared unit."""
     expression = sp.sympify(item.expression)
-    _check_symbols(expression, symbols, place)
+    check_symbols(expression, symbols, place)
     try:
         expected = parse_unit(item.unit)
     except UnitError as error:
         raise DeclarationError(f"{place}: {error}") from None
-    _check_dimension(expression, expected, symbols, place)
+    check_dimension(expression, expected, symbols, place)
 
 
-def _check_symbols(expression: sp.Expr, declared: Container[sp.Symbol], place: str) -> None:
+def check_symbols(expression: sp.Expr, declared: Container[sp.Symbol], place: str) -> None:
+    """Check that an expression uses declared symbols only."""
     for symbol in sorted(expression.free_symbols, key=str):
         if symbol not in declared:
             raise DeclarationError(f"{place} uses {symbol}, which is not declared")
 
 
-def _check_dimension(
+def check_dimension(
     expression: sp.Expr, expected: Dimension, symbols: Mapping[sp.Symbol, Dimension], place: str
 ) -> None:
+    """Check the dimension of an expression."""
     try:
         dimension = dimension_of(expression, symbols)
     except UnitError as error:
@@ -356,7 +363,7 @@ def _check_sketch(system: Declaration, where: str) -> None:
         except (TypeError, ValueError, sp.SympifyError) as error:
             raise DeclarationError(f"{place}: a point must be a pair (x, y): {error}") from None
         for name, expression in entries.items():
-            _check_symbols(expression, symbols, f"{place}, {name},")
+            check_symbols(expression, symbols, f"{place}, {name},")
             for part in sp.preorder_traversal(expression):
                 if not isinstance(part, SKETCH_TYPES):
                     raise DeclarationError(f"{place}, {name}: {part} can't be drawn")

@@ -84,6 +84,8 @@ class Segments:
         name: name of the scenario, for messages.
         nonsmooth: whether forces are not smooth, as a drag quadratic in the velocity. Rounding
             then differs much between segments.
+        events: times of impacts and other changes of the equations, s; each is in the middle of
+            a segment or outside of all.
     """
 
     start: Array
@@ -97,6 +99,7 @@ class Segments:
     fastest: float = float("nan")
     name: str = ""
     nonsmooth: bool = False
+    events: tuple[float, ...] = ()
 
     @staticmethod
     def unsolved(
@@ -173,6 +176,7 @@ class Segments:
             fastest=self.fastest,
             name=self.name,
             nonsmooth=self.nonsmooth,
+            events=self.events,
         )
 
     def informative(self, count: int) -> Rows:

@@ -345,13 +345,13 @@ def test_the_faultless_system_passes() -> None:
 
 
 # No motion is computed from a sketch, from a quantity of published equations, or from a frame (that
-# none is declared is said): a system may do without.
+# none is declared is said): a system may do without. Smooth systems have no interactions.
 @pytest.mark.parametrize(
     "field",
     [
         f.name
         for f in dataclasses.fields(System)
-        if f.name not in ("sketch", "quantities", "frames")
+        if f.name not in ("sketch", "quantities", "frames", "interactions")
     ],
 )
 def test_no_field_of_a_system_has_a_default(field: str) -> None:

@@ -1,0 +1,1 @@
+"""Motions with events: modes of contacts, friction and drives, and the transitions between them."""

@@ -1,0 +1,513 @@
+"""Motions with events: smooth stretches between impacts, changes of friction and of drives.
+
+Each stretch has the equations of its mode, and is solved as a smooth motion is. Events are roots of
+the modes' guards. At an impact velocities jump by Newton's restitution, with friction that sticks
+where the needed impulse is inside the cone (Pfeiffer and Glocker 1996, chapter 8).
+
+Segments are laid by the events: each is free of events, or has one in its middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+import sympy as sp
+
+from physics_crosscheck.reference.dynamics.derive import Equations
+from physics_crosscheck.reference.events.modes import (
+    FREE,
+    Contacting,
+    ModeEquations,
+    Modes,
+    Part,
+    mode_equations,
+    parts_of,
+)
+from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario, about
+from physics_crosscheck.reference.mechanism.interactions import SoftLaw
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
+from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs, pieces
+from physics_crosscheck.reference.solving.bounds import with_bounds
+from physics_crosscheck.reference.solving.collocation import collocate
+from physics_crosscheck.reference.solving.integrate import (
+    ReferenceError,
+    by_runge_kutta,
+    checked_bound,
+    field_of,
+    solve_numerically,
+)
+from physics_crosscheck.reference.solving.segments import Motion, Span
+from physics_crosscheck.reference.solving.solve import (
+    SEGMENTS_A_PERIOD,
+    SEGMENTS_AT_LEAST,
+    fastest_rate,
+    start_of,
+)
+
+TOUCH = 1e-9
+"""Largest value of an expression that counts as zero when a mode begins, relative to the state."""
+
+SOON_SHARE = 1e-4
+"""Share of a segment after which the guards of a new mode must be positive."""
+
+LEAST_SHARE = 1e-2
+"""Smallest length of segments near close events, relative to those of a smooth motion."""
+
+MOST_EVENTS = 200
+
+
+class EventError(ReferenceError):
+    """An event that has no unique continuation; the message names the configuration."""
+
+    kind = "event"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """One event of a motion.
+
+    Attributes:
+        time: s.
+        part: names of the interactions whose mode changes.
+        before, after: states, (2n,).
+    """
+
+    time: float
+    part: str
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A smooth stretch of a motion: its mode, start and stop (s), and the state at its start."""
+
+    mode: ModeEquations
+    start: float
+    stop: float
+    state: Array
+
+
+@dataclass(kw_only=True)
+class Hybrid:
+    """A system with interactions: its modes, and the transitions between them.
+
+    Attributes:
+        equations: without interactions.
+        parts: the interactions.
+        signal: the inputs.
+    """
+
+    equations: Equations
+    parts: tuple[Part, ...]
+    signal: SignalPiece
+    derived: dict[Modes, ModeEquations | None] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.equations.system.coordinates)
+
+    def mode(self, modes: Modes) -> ModeEquations | None:
+        """Return the equations of a mode; None if its closed rows are dependent."""
+        if modes not in self.derived:
+            try:
+                self.derived[modes] = mode_equations(self.equations, self.parts, modes)
+            except ZeroDivisionError:
+                self.derived[modes] = None
+        return self.derived[modes]
+
+    def evaluate(self, function: NumericFunction, time: Array, states: Array) -> Array:
+        """Return a function of (q, v, u, (t,)) at states (B, 2n)."""
+        u = self.signal.numeric(time[:, None])
+        return function(states[:, : self.n], states[:, self.n :], u, time[:, None])
+
+    def flow(self, mode: ModeEquations, time: float, state: Array, length: float) -> Array:
+        """Return the states at the Chebyshev nodes of a stretch, (NODES, 2n)."""
+        field = field_of(mode.equations, self.signal)
+        nodes: Array = collocate(field, np.array([time]), state[None], length)[1][0]
+        return nodes
+
+    def end(self, mode: ModeEquations, time: float, state: Array, length: float) -> Array:
+        """Return the state after a stretch, (2n,); `length` may be negative."""
+        end: Array = self.flow(mode, time, state, length)[-1]
+        return end
+
+    def begins(self, modes: Modes, time: float, state: Array, soon: float) -> bool:
+        """Return whether a mode can begin: its guards are positive soon, and its zeros are zero."""
+        mode = self.mode(modes)
+        if mode is None:
+            return False
+        times, here = np.array([time]), state[None]
+        if np.any(
+            np.abs(self.evaluate(mode.zeros, times, here)) > TOUCH * (1 + np.abs(state).max())
+        ):
+            return False
+        if np.any(self.evaluate(mode.guards, times, here) < -TOUCH * self.sizes(mode, time, state)):
+            return False
+        later = self.end(mode, time, state, soon)
+        return bool(np.all(self.evaluate(mode.guards, times + soon, later[None]) > 0))
+
+    def sizes(self, mode: ModeEquations, time: float, state: Array) -> Array:
+        """Return magnitudes of a mode's guards near a state, (G,)."""
+        size = np.abs(self.evaluate(mode.guards, np.array([time]), 1.01 * state[None]))
+        sizes: Array = np.maximum(1.0, size[0])
+        return sizes
+
+    def next_mode(
+        self, time: float, state: Array, changing: Mapping[int, tuple[str, ...]],
+        now: Modes, soon: float,
+    ) -> ModeEquations:  # fmt: skip
+        """Return the one mode that can begin, where some parts may change.
+
+        Raises:
+            EventError: if none, or more than one, can.
+        """
+        choices = [changing.get(i, (mode,)) for i, mode in enumerate(now)]
+        fitting = [m for m in product(*choices) if self.begins(m, time, state, soon)]
+        if len(fitting) == 1 and (mode := self.mode(fitting[0])) is not None:
+            return mode
+        if len(fitting) > 1:
+            raise EventError(
+                f"at t = {time:.6g} s the motion is not unique (a Painleve configuration, or "
+                f"dependent contacts): {' or '.join(map(str, fitting))}"
+            )
+        raise EventError(
+            f"at t = {time:.6g} s no mode of {self.names(changing)} can begin (a Painleve "
+            "configuration, or more closed contacts than the equations determine)"
+        )
+
+    def names(self, parts: Mapping[int, object] | Sequence[int]) -> str:
+        """Return the names of parts."""
+        return ", ".join(self.parts[i].name for i in parts)
+
+
+def solve_events(
+    equations: Equations, scenario: Scenario, laws: Mapping[str, SoftLaw] | None = None
+) -> Motion:
+    """Return the motion of a system with interactions; its segments avoid or centre its events.
+
+    Args:
+        equations: of the energies.
+        scenario: of the system.
+        laws: soft laws in place of rigid contacts and friction, by name.
+
+    Raises:
+        EventError: for a motion that is not unique, and for events too close to compare.
+        DeclarationError, ReferenceError: as `solve`.
+    """
+    with about("Scenario", scenario.name):
+        hybrid = hybrid_of(equations, scenario, laws or {})
+        stretches, events, fastest = march(hybrid, scenario)
+        return lay_segments(hybrid, stretches, events, fastest)
+
+
+def hybrid_of(equations: Equations, scenario: Scenario, laws: Mapping[str, SoftLaw]) -> Hybrid:
+    """Return a system's modes under the inputs of a scenario.
+
+    Raises:
+        DeclarationError: if an input has breaks.
+    """
+    system = equations.system
+    signals = pieces(system, scenario)
+    if len(signals) > 1:
+        raise DeclarationError(
+            f"system {system.name!r}, scenario {scenario.name!r}: inputs with breaks are not "
+            "supported beside contacts, friction or drives; use one scenario for each inputs"
+        )
+    home = dict.fromkeys(system.q, sp.Integer(0))
+    parts = parts_of(equations, system.interactions, laws, home)
+    return Hybrid(equations=equations, parts=parts, signal=signals[0])
+
+
+def march(hybrid: Hybrid, scenario: Scenario) -> tuple[list[Stretch], list[Event], float]:
+    """Follow a motion from event to event; return its stretches, events and fastest rate, rad/s.
+
+    Raises:
+        EventError: as `solve_events`.
+    """
+    duration = float(scenario.duration)
+    state, time = start_of(hybrid.equations.system, scenario), 0.0
+    soon = SOON_SHARE * duration / SEGMENTS_AT_LEAST
+    every = {i: part.modes for i, part in enumerate(hybrid.parts)}
+    mode = hybrid.next_mode(time, state, every, tuple(FREE for _ in every), soon)
+    stretches, events = list[Stretch](), list[Event]()
+    fastest = 0.0
+    while True:
+        rate = _rate(hybrid, mode, time, state)
+        fastest = max(fastest, rate)
+        step = _step(rate, duration)
+        stop, before, crossed = _until_event(hybrid, mode, time, state, step, duration)
+        stretches.append(Stretch(mode=mode, start=time, stop=stop, state=state))
+        if not crossed:
+            return stretches, events, fastest
+        check_room(stop - time, step, time)
+        if len(events) == MOST_EVENTS:
+            raise EventError(f"more than {MOST_EVENTS} events before t = {stop:.6g} s")
+        after, changing = _jump(hybrid, mode, stop, before, crossed)
+        mode = hybrid.next_mode(stop, after, changing, mode.modes, SOON_SHARE * step)
+        events.append(Event(time=stop, part=hybrid.names(crossed), before=before, after=after))
+        time, state = stop, after
+
+
+def _rate(hybrid: Hybrid, mode: ModeEquations, time: float, state: Array) -> float:
+    inputs = replace(hybrid.signal, start=0.0, stop=max(hybrid.signal.stop, time))
+    return fastest_rate(mode.equations, (inputs,), np.array([time]), state[None])
+
+
+def _step(rate: float, duration: float) -> float:
+    """Return the length of a segment, s."""
+    wanted = max(SEGMENTS_A_PERIOD * rate / (2 * np.pi), SEGMENTS_AT_LEAST / duration)
+    return 1 / wanted
+
+
+def _until_event(
+    hybrid: Hybrid, mode: ModeEquations, time: float, state: Array, step: float, duration: float
+) -> tuple[float, Array, list[int]]:
+    """Return the time and state of the next event, and its parts; at the duration, none."""
+    from physics_crosscheck.reference.solving.segments import chebyshev_nodes
+
+    while time < duration:
+        length = min(step, duration - time)
+        inside = hybrid.flow(mode, time, state, length)
+        values = hybrid.evaluate(mode.guards, time + length * chebyshev_nodes(), inside)
+        below = (values[1:] <= 0).any(axis=1)
+        if below.any():
+            node = int(np.argmax(below)) + 1
+            share = chebyshev_nodes()
+            low = share[node - 1] * length if node > 1 else SOON_SHARE * length / 2
+            roots = {
+                g: _root(hybrid, mode, time, state, g, (low, float(share[node]) * length))
+                for g in np.flatnonzero(values[node] <= 0).tolist()
+            }
+            first = min(roots.values())
+            together = [g for g, root in roots.items() if root - first <= 1e-12 * length]
+            crossed = sorted({mode.owners[g] for g in together})
+            return time + first, hybrid.end(mode, time, state, first), crossed
+        time, state = time + length, inside[-1]
+    return duration, state, []
+
+
+def _root(
+    hybrid: Hybrid, mode: ModeEquations, time: float, state: Array, guard: int,
+    bracket: tuple[float, float],
+) -> float:  # fmt: skip
+    """Return the time after `time` at which a guard crosses zero, to the last digits."""
+    from scipy.optimize import brentq  # slow import
+
+    def value(length: float) -> float:
+        there = hybrid.end(mode, time, state, length)
+        return float(hybrid.evaluate(mode.guards, np.array([time + length]), there[None])[0, guard])
+
+    low, high = bracket
+    if value(low) <= 0:
+        raise EventError(
+            f"an event at t = {time + low:.6g} s follows the last one within {low:.1e} s; "
+            f"impacts that accumulate have no end; end the motion before t = {time:.6g} s"
+        )
+    return float(brentq(value, low, high, xtol=1e-16, rtol=4 * np.finfo(float).eps))
+
+
+def _jump(
+    hybrid: Hybrid, mode: ModeEquations, time: float, state: Array, crossed: Sequence[int]
+) -> tuple[Array, dict[int, tuple[str, ...]]]:
+    """Return the state after an event, and the modes that its parts can take.
+
+    Raises:
+        EventError: for simultaneous impacts that act on each other.
+    """
+    changing = {i: hybrid.parts[i].modes for i in crossed}
+    hits = [
+        part
+        for i in crossed
+        if isinstance(part := hybrid.parts[i], Contacting)
+        and part.law is None
+        and mode.modes[i] == FREE
+    ]
+    if not hits:
+        return state, changing
+    closed = [
+        part
+        for part, now in zip(hybrid.parts, mode.modes, strict=True)
+        if isinstance(part, Contacting) and part.law is None and (now != FREE or part in hits)
+    ]
+    after = impact(hybrid, time, state, hits, closed)
+    return after, changing
+
+
+def impact(
+    hybrid: Hybrid, time: float, state: Array, hits: Sequence[Contacting],
+    closed: Sequence[Contacting],
+) -> Array:  # fmt: skip
+    """Return the state after impacts, (2n,), by Newton's restitution and Coulomb's friction.
+
+    Raises:
+        EventError: if several contacts act on each other at once.
+    """
+    n, times, here = hybrid.n, np.array([time]), state[None]
+    mass = hybrid.evaluate(hybrid.equations.numeric_mass, times, here).reshape(n, n)
+
+    def rows(part: Contacting) -> tuple[Array, float, Array, float, float, float]:
+        slip = part.slip or replace(part.rate, value=sp.Integer(0), row=sp.zeros(1, n))
+        values = [*part.rate.row, part.rate.value, *slip.row, slip.value, part.mu, part.e]
+        numbers = hybrid.evaluate(hybrid.equations.compile(values), times, here)[0]
+        return (numbers[:n], numbers[n], numbers[n + 1 : 2 * n + 1], *numbers[2 * n + 1 :])
+
+    velocity = state[n:].copy()
+    for i, part in enumerate(closed):
+        for other in closed[:i]:
+            coupling = rows(part)[0] @ np.linalg.solve(mass, rows(other)[0])
+            if abs(coupling) > TOUCH * np.abs(np.linalg.inv(mass)).max():
+                raise EventError(
+                    f"at t = {time:.6g} s {part.name} and {other.name} act at once; simultaneous "
+                    "impacts have no unique outcome; separate them"
+                )
+    for part in hits:
+        normal, approach, across, slip, mu, e = rows(part)
+        velocity += np.linalg.solve(
+            mass, _impulse(mass, normal, across, approach, slip, mu=mu, e=e)
+        )
+    return np.concatenate([state[:n], velocity])
+
+
+def _impulse(
+    mass: Array, normal: Array, across: Array, approach: float, slip: float, *, mu: float, e: float
+) -> Array:
+    """Return the generalized impulse of one impact, (n,)."""
+    if mu > 0 and np.any(across):
+        both = np.stack([normal, across])
+        sticking = np.linalg.solve(
+            both @ np.linalg.solve(mass, both.T), [-(1 + e) * approach, -slip]
+        )
+        if abs(sticking[1]) <= mu * sticking[0]:
+            return np.asarray(both.T @ sticking)
+        direction = normal + np.sign(sticking[1]) * mu * across
+    else:
+        direction = normal
+    share = normal @ np.linalg.solve(mass, direction)
+    if share <= 0:
+        raise EventError("an impact against friction jams (a Painleve configuration)")
+    return np.asarray(-(1 + e) * approach / share * direction)
+
+
+def lay_segments(
+    hybrid: Hybrid, stretches: Sequence[Stretch], events: Sequence[Event], fastest: float
+) -> Motion:
+    """Return the motion in segments that are free of events or have one in their middle.
+
+    Raises:
+        EventError: if two events are nearer than the shortest segment.
+    """
+    duration = stretches[-1].stop
+    length = segment_length(stretches, events, _step(fastest, duration))
+    half = length / 2
+    motions = list[Motion]()
+    for k, stretch in enumerate(stretches):
+        start = stretch.start + (half if k else 0.0)
+        stop = stretch.stop - (half if k < len(events) else 0.0)
+        motions.append(_smooth(hybrid, stretch, start, stop, length))
+        if k < len(events):
+            motions.append(_centred(hybrid, stretch, stretches[k + 1], events[k], half))
+    return _chained(motions, tuple(event.time for event in events), fastest)
+
+
+def segment_length(stretches: Sequence[Stretch], events: Sequence[Event], usual: float) -> float:
+    """Return the length of segments, s: each stretch between events has room for two.
+
+    Raises:
+        EventError: naming the event that is too near to the last one.
+    """
+    for stretch in stretches:
+        check_room(stretch.stop - stretch.start, usual, stretch.start)
+    return min(usual, *((stretch.stop - stretch.start) / 2 for stretch in stretches))
+
+
+def check_room(room: float, usual: float, last: float) -> None:
+    """Check that two events are far enough apart.
+
+    Args:
+        room: time between them, s.
+        usual: length of the segments of a smooth motion, s.
+        last: time of the first of them, s.
+
+    Raises:
+        EventError: if they are not.
+    """
+    if room / 2 < LEAST_SHARE * usual:
+        raise EventError(
+            f"two events are {room:.2e} s apart, nearer than a coarsest step; end the motion "
+            f"before t = {last:.6g} s, until which it can be compared"
+        )
+
+
+def _smooth(hybrid: Hybrid, stretch: Stretch, start: float, stop: float, length: float) -> Motion:
+    """Return the segments of a stretch that keep away from its events."""
+    count = max(1, int(np.ceil((stop - start) / length * (1 - 1e-9))))
+    span = Span(
+        start=start,
+        length=(stop - start) / count,
+        count=count,
+        constant_input=hybrid.signal.constant,
+    )
+    state = stretch.state
+    if start > stretch.start:
+        state = hybrid.end(stretch.mode, stretch.start, state, start - stretch.start)
+    signal = replace(hybrid.signal, start=start, stop=stop)
+    equations = stretch.mode.equations
+    motion = solve_numerically(equations, state, (signal,), (span,))
+    return with_bounds(equations, (signal,), motion, exact=False, along=False)
+
+
+def _centred(hybrid: Hybrid, before: Stretch, after: Stretch, event: Event, half: float) -> Motion:
+    """Return one segment with an event in its middle."""
+    start = hybrid.end(before.mode, event.time, event.before, -half)
+    end = hybrid.end(after.mode, event.time, event.after, half)
+    middle = [event.before[None], event.after[None]]
+    checks = []
+    for stretch, state, length in zip((before, after), middle, (-half, half), strict=True):
+        rates = field_of(stretch.mode.equations, hybrid.signal)
+        reached = by_runge_kutta(_backward(rates, event.time, length), np.zeros(1), state, half)
+        checks.append(reached)
+    bound = checked_bound(np.stack([start, end]), np.concatenate(checks))
+    inner = np.stack([start, *[event.before] * 9, end])[None]
+    span = Span(
+        start=event.time - half, length=2 * half, count=1, constant_input=hybrid.signal.constant
+    )
+    return Motion.join(
+        (span,),
+        numeric_inputs((hybrid.signal,)),
+        start=start[None],
+        end=end[None],
+        nodes=inner,
+        bound=JUMPS * bound,
+        method="",
+    )
+
+
+JUMPS = 4.0
+"""Factor of the bound of a segment with an event: both halves, and the jump between them."""
+
+
+def _backward(
+    rates: Callable[[Array, Array], Array], time: float, length: float
+) -> Callable[[Array, Array], Array]:
+    """Return dy/ds for s = |t - time|."""
+    sign = float(np.sign(length))
+    return lambda s, y: sign * rates(time + sign * s, y)
+
+
+def _chained(motions: Sequence[Motion], events: tuple[float, ...], fastest: float) -> Motion:
+    first = motions[0]
+    motion = Motion.join(
+        tuple(span for m in motions for span in m.spans),
+        first.inputs,
+        start=np.concatenate([m.start for m in motions]),
+        end=np.concatenate([m.end for m in motions]),
+        nodes=np.concatenate([m.nodes for m in motions]),
+        bound=np.max([m.bound for m in motions], axis=0),
+        method=f"{first.method}; events by root finding",
+    )
+    return replace(motion, fastest=fastest, events=events)

@@ -1,0 +1,195 @@
+"""Forces that switch: contacts, joint limits, dry friction, buffers and saturated drives.
+
+A system folder declares them beside its energies. Gaps and slips are expressions of the
+coordinates, as energies are. `reference.events.modes` derives the equations of each mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from typing import TypeAlias
+
+import sympy as sp
+
+from physics_crosscheck.reference.mechanism.declaration import (
+    Coordinate,
+    Declaration,
+    DeclarationError,
+    about,
+)
+from physics_crosscheck.reference.mechanism.laws import Softness
+from physics_crosscheck.reference.mechanism.real import check_real, expression_of
+from physics_crosscheck.reference.mechanism.units import TIME, Dimension
+from physics_crosscheck.reference.mechanism.validation import (
+    check_dimension,
+    check_symbols,
+    dimensions,
+)
+
+Expression: TypeAlias = sp.Expr | float
+
+
+@dataclass(frozen=True)
+class RigidContact:
+    """A contact of two bodies that cannot overlap, with Coulomb friction and Newton's restitution.
+
+    Attributes:
+        name: unique among the interactions.
+        gap: distance of the bodies, m; the bodies touch at zero.
+        slip: sliding velocity along the contact, m/s; 0 for a contact without friction.
+        mu: friction coefficient.
+        e: restitution: speed of separation over speed of approach.
+    """
+
+    name: str
+    _: KW_ONLY
+    gap: Expression
+    slip: Expression
+    mu: Expression
+    e: Expression
+
+
+@dataclass(frozen=True)
+class JointLimit:
+    """A range of a coordinate, with restitution `e` at both ends; None for an open end."""
+
+    name: str
+    _: KW_ONLY
+    on: Coordinate
+    lower: Expression | None
+    upper: Expression | None
+    e: Expression
+
+    @property
+    def contacts(self) -> tuple[RigidContact, ...]:
+        """The limits as contacts without friction."""
+        gaps: dict[str, sp.Expr] = {}
+        if self.lower is not None:
+            gaps["lower"] = self.on.q - self.lower
+        if self.upper is not None:
+            gaps["upper"] = self.upper - self.on.q
+        return tuple(
+            RigidContact(f"{self.name} {side}", gap=gap, slip=0, mu=0, e=self.e)
+            for side, gap in gaps.items()
+        )
+
+
+@dataclass(frozen=True)
+class CoulombFriction:
+    """Dry friction against a sliding velocity `slip`, up to `force` (N or N m)."""
+
+    name: str
+    _: KW_ONLY
+    slip: Expression
+    force: Expression
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """A spring with damper that pushes, and never pulls, where the gap is negative.
+
+    Attributes:
+        gap: distance to the undeformed buffer, m or rad.
+        stiffness: N/m or N m/rad.
+        damping: N s/m or N m s/rad.
+    """
+
+    name: str
+    _: KW_ONLY
+    gap: Expression
+    stiffness: Expression
+    damping: Expression
+
+
+@dataclass(frozen=True)
+class SaturatedDrive:
+    """A drive whose force is limited.
+
+    Attributes:
+        on: factors of the force on each coordinate.
+        force: force without the limit, an expression of the state and of `t`.
+        limit: largest magnitude of the force.
+    """
+
+    name: str
+    _: KW_ONLY
+    on: Mapping[Coordinate, Expression] = field(hash=False)
+    force: Expression
+    limit: Expression
+
+
+Interaction: TypeAlias = RigidContact | JointLimit | CoulombFriction | Buffer | SaturatedDrive
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftLaw:
+    """A documented law of soft rows, in place of a rigid contact or of dry friction.
+
+    While a row acts, its acceleration is (1 - d) a0 + d aref, where a0 is the one without the row,
+    and aref = -b v - k d r. Source: `reference.laws.soft`.
+
+    Attributes:
+        softness: k, b and d.
+        friction_ratio: of the softness of normal forces to that of friction.
+        points: number of equal points that share the contact.
+        weight: inverse inertia that scales the softness, 1/kg; None for the one along the row.
+    """
+
+    softness: Softness
+    friction_ratio: float = 1.0
+    points: int = 1
+    weight: float | None = None
+
+
+def check_interactions(system: Declaration, interactions: tuple[Interaction, ...]) -> None:
+    """Check names, symbols and units of a system's interactions.
+
+    Raises:
+        DeclarationError: with one sentence that names the wrong entry.
+    """
+    symbols, names = dimensions(system), set[str]()
+    for item in interactions:
+        place = f"system {system.name!r}: the interaction {item.name}"
+        with about(type(item).__name__, item.name):
+            if item.name in names:
+                raise DeclarationError(f"{place} is declared twice")
+            names.add(item.name)
+            for label, (value, unit) in _quantities(item, symbols).items():
+                where = f"{place}: {label}"
+                expression = expression_of(value, where)
+                check_real(expression, where)
+                check_symbols(expression, symbols, where)
+                if expression != 0 and unit is not None:
+                    check_dimension(expression, unit, symbols, where)
+
+
+def _quantities(
+    item: Interaction, symbols: Mapping[sp.Symbol, Dimension]
+) -> dict[str, tuple[Expression, Dimension | None]]:
+    """Return the expressions of an interaction, each with its dimension; None for any."""
+    number = TIME / TIME
+    if isinstance(item, RigidContact):
+        return {
+            "gap": (item.gap, None),
+            "slip": (item.slip, None),
+            "mu": (item.mu, number),
+            "e": (item.e, number),
+        }
+    if isinstance(item, JointLimit):
+        unit = symbols[item.on.q]
+        ends = {"lower": item.lower, "upper": item.upper}
+        return {
+            "e": (item.e, number),
+            **{side: (end, unit) for side, end in ends.items() if end is not None},
+        }
+    if isinstance(item, CoulombFriction):
+        return {"slip": (item.slip, None), "force": (item.force, None)}
+    if isinstance(item, Buffer):
+        return {
+            "gap": (item.gap, None),
+            "stiffness": (item.stiffness, None),
+            "damping": (item.damping, None),
+        }
+    factors = {f"the factor of {c.name}": (f, None) for c, f in item.on.items()}
+    return {"force": (item.force, None), "limit": (item.limit, None), **factors}

@@ -1,0 +1,43 @@
+"""Segments with events: odd ladders, and events that are misplaced."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.harness.numerics.ladder import ODD_RUNGS, RUNGS
+from physics_crosscheck.harness.numerics.segments import MisplacedEventError, check_events
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.events.motion import solve_events
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.solving.segments import Segments
+
+BALL = Path(__file__).parents[2] / "models" / "events" / "bouncing_ball"
+
+
+@pytest.fixture(scope="module")
+def drop() -> Segments:
+    """Return the segments of a ball that drops."""
+    system = load_system(BALL)
+    return solve_events(derive(system), system.scenario("drop"))
+
+
+def test_the_laid_segments_are_accepted(drop: Segments) -> None:
+    check_events(drop, min(ODD_RUNGS))
+
+
+@pytest.mark.parametrize("share", [0.37, 0.501, 0.999, 1.2])
+def test_an_event_elsewhere_in_a_segment_is_refused(drop: Segments, share: float) -> None:
+    row = 7  # free of events
+    planted = float(drop.t[row] + share * drop.lengths[row])
+    with pytest.raises(MisplacedEventError, match="coarse steps would agree falsely"):
+        check_events(replace(drop, events=(planted,)), min(ODD_RUNGS))
+
+
+def test_every_rung_meets_a_centred_event_in_the_middle_of_a_step() -> None:
+    assert all(rung % 2 for rung in ODD_RUNGS)
+    assert not all(rung % 2 for rung in RUNGS)
+    assert np.all(np.diff(ODD_RUNGS) > 0)

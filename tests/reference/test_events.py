@@ -1,0 +1,269 @@
+"""Event-driven motions against closed forms, and the configurations that are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+import sympy as sp
+
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.events.motion import EventError, solve_events
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.mechanism.declaration import (
+    Constant,
+    Coordinate,
+    DeclarationError,
+    Output,
+    Scenario,
+)
+from physics_crosscheck.reference.mechanism.interactions import (
+    CoulombFriction,
+    Interaction,
+    RigidContact,
+)
+from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.solving.segments import Motion
+
+EVENTS = Path(__file__).parents[2] / "models" / "events"
+DIGITS = 3e-14
+"""Largest error of a state or of the time of an event, relative to its size."""
+
+
+@cache
+def built_in(name: str) -> tuple[System, dict[str, float]]:
+    """Return a built-in system and its constants."""
+    system = load_system(EVENTS / name)
+    return system, {c.name: c.value for c in system.constants}
+
+
+@cache
+def motion(name: str, scenario: str) -> Motion:
+    """Return a motion of a built-in system."""
+    system, _ = built_in(name)
+    return solve_events(derive(system), system.scenario(scenario))
+
+
+def assert_close(values: object, expected: object) -> None:
+    """Compare with the digits of doubles."""
+    np.testing.assert_allclose(np.asarray(values), np.asarray(expected), rtol=DIGITS, atol=DIGITS)
+
+
+def test_a_ball_bounces_at_the_times_of_newtons_restitution() -> None:
+    _, c = built_in("bouncing_ball")
+    impact = np.sqrt(2 * 0.5 / c["g"])
+    speed = c["g"] * impact
+    flights = [2 * speed * c["e"] ** n / c["g"] for n in range(1, 3)]
+    assert_close(motion("bouncing_ball", "drop").events, np.cumsum([impact, *flights]))
+
+
+def test_a_pendulum_reaches_its_limit_at_the_time_of_the_elliptic_integral() -> None:
+    _, c = built_in("pendulum_stop")
+    swing = motion("pendulum_stop", "swing")
+    w = mp.sqrt(mp.mpf(c["g"]) / c["l"])
+    k = mp.sin(mp.mpf(-1.1) / 2)
+    quarter = mp.ellipk(k**2)
+    rising = mp.ellipf(mp.asin(mp.sin(mp.mpf(c["limit"]) / 2) / abs(k)), k**2)
+    assert_close(swing.events[0], float((quarter + rising) / w))
+    # It rebounds with e times its speed, and returns with that speed.
+    fast = mp.sqrt(2 * w**2 * (mp.cos(c["limit"]) - mp.cos(1.1)))
+    turned = mp.acos(mp.cos(c["limit"]) - (c["e"] * fast) ** 2 / (2 * w**2))
+    k = mp.sin(turned / 2)
+    there = mp.ellipk(k**2)
+    side = mp.ellipf(mp.asin(mp.sin(mp.mpf(c["limit"]) / 2) / k), k**2)
+    assert_close(swing.events[1] - swing.events[0], float(2 * (there + side) / w))
+
+
+def test_dry_friction_shortens_each_half_cycle_by_two_deadbands() -> None:
+    _, c = built_in("coulomb_oscillator")
+    release = motion("coulomb_oscillator", "release")
+    half = np.pi * np.sqrt(c["m"] / c["k"])
+    assert_close(release.events, half * np.arange(1, 4))
+    band = c["F"] / c["k"]
+    assert_close(release.end[-1], [-(0.115 - 6 * band), 0])  # the third turn is within the band
+
+
+@pytest.mark.parametrize("scenario", ["slide", "uphill"])
+def test_a_block_slides_on_an_incline(scenario: str) -> None:
+    _, c = built_in("incline_block")
+    down = c["g"] * (np.sin(c["th"]) - c["mu"] * np.cos(c["th"]))
+    up = c["g"] * (np.sin(c["th"]) + c["mu"] * np.cos(c["th"]))
+    sliding = motion("incline_block", scenario)
+    if scenario == "slide":
+        assert sliding.events == ()
+        assert_close(sliding.end[-1], [down / 2, 0, down, 0])
+        return
+    turn = 2.0 / up
+    assert_close(sliding.events, [turn])
+    rest = 1.0 - turn
+    assert_close(sliding.end[-1], [down * rest**2 / 2 - 2.0**2 / (2 * up), 0, down * rest, 0])
+
+
+def test_a_block_sticks_on_a_flat_slope() -> None:
+    system, _ = built_in("incline_block")
+    steep = replace(
+        system,
+        constants=tuple(replace(c, value=0.6) if c.name == "mu" else c for c in system.constants),
+    )
+    still = solve_events(derive(steep), steep.scenario("slide"))
+    assert still.events == ()
+    assert np.all(still.end == 0)
+
+
+def test_a_block_stops_after_its_stopping_distance() -> None:
+    _, c = built_in("stopping_block")
+    stop = motion("stopping_block", "stop")
+    assert_close(stop.events, [2.0 / (c["mu"] * c["g"])])
+    assert_close(stop.end[-1], [2.0**2 / (2 * c["mu"] * c["g"]), 0, 0, 0])
+
+
+@pytest.mark.parametrize(("scenario", "spin"), [("skid", 0.0), ("back spin", -30.0)])
+def test_a_ball_skids_until_it_rolls(scenario: str, spin: float) -> None:
+    _, c = built_in("skidding_ball")
+    skid = motion("skidding_ball", scenario)
+    slip = 1.0 - c["R"] * spin
+    assert_close(skid.events, [2 * slip / (7 * c["mu"] * c["g"])])
+    speed = (5 * 1.0 + 2 * c["R"] * spin) / 7
+    assert_close(skid.end[-1][[3, 5]], [speed, speed / c["R"]])
+
+
+def test_a_ball_rolls_down_a_slope() -> None:
+    _, c = built_in("slope_ball")
+    rolling = motion("slope_ball", "roll")
+    a = 5 / 7 * c["g"] * np.sin(c["th"])
+    assert rolling.events == ()
+    assert_close(rolling.end[-1][[0, 3, 5]], [a / 2, a, a / c["R"]])
+
+
+def test_a_ball_slides_down_a_steep_slope() -> None:
+    system, c = built_in("slope_ball")
+    smooth = replace(
+        system,
+        constants=tuple(replace(x, value=0.1) if x.name == "mu" else x for x in system.constants),
+    )
+    sliding = solve_events(derive(smooth), smooth.scenario("roll"))
+    a = c["g"] * (np.sin(c["th"]) - 0.1 * np.cos(c["th"]))
+    turn = 5 / 2 * 0.1 * c["g"] * np.cos(c["th"]) / c["R"]
+    assert_close(sliding.end[-1][[0, 3, 5]], [a / 2, a, turn])
+
+
+def test_a_belt_drags_until_the_spring_exceeds_the_friction() -> None:
+    _, c = built_in("belt_oscillator")
+    drag = motion("belt_oscillator", "drag")
+    w, shift = np.sqrt(c["k"] / c["m"]), c["F"] / c["k"]
+    # Slipping backward, friction drags forward: a cosine about +F/k.
+    reach = -shift
+    first = np.arcsin(c["V_belt"] / (-reach * w)) / w
+    place = shift + reach * np.cos(w * first)
+    lets_go = first + (shift - place) / c["V_belt"]
+    assert_close(drag.events[:2], [first, lets_go])
+
+
+def test_a_buffer_holds_a_cart_until_its_force_is_zero() -> None:
+    _, c = built_in("buffered_cart")
+    bump = motion("buffered_cart", "bump")
+    w0 = np.sqrt(c["k"] / c["m"])
+    z = c["c"] / (2 * np.sqrt(c["k"] * c["m"]))
+    s = np.sqrt(1 - z**2)
+    touch = c["x0"] / 1.5
+    contact = np.arctan2(2 * z * s, 2 * z**2 - 1) / (s * w0)
+    assert_close(bump.events, [touch, touch + contact])
+    assert_close(bump.end[-1][1], -1.5 * np.exp(-z * w0 * contact))
+
+
+def test_balls_collide_in_the_order_of_their_gaps() -> None:
+    _, c = built_in("ball_train")
+    hit = motion("ball_train", "hit")
+    m1, m2, m3, e = (c[name] for name in ("m1", "m2", "m3", "e"))
+    v1, v2 = (m1 - e * m2) / (m1 + m2), (1 + e) * m1 / (m1 + m2)
+    second = 0.2 + 0.1 / v2
+    v2, v3 = (m2 - e * m3) / (m2 + m3) * v2, (1 + e) * m2 / (m2 + m3) * v2
+    assert_close(hit.events[:2], [0.2, second])
+    assert_close(hit.end[-1][5], v3)
+    assert v2 < v1
+    assert len(hit.events) == 3  # the first ball hits the second one again
+
+
+def test_a_servo_leaves_its_limit_on_a_parabola() -> None:
+    _, c = built_in("saturated_servo")
+    a = c["F"] / c["m"]
+    # kp (target - a t^2 / 2) - kd a t = F
+    leaves = (-c["kd"] * a + np.sqrt(
+        (c["kd"] * a) ** 2 + 2 * c["kp"] * a * (c["kp"] * c["target"] - c["F"])
+    )) / (c["kp"] * a)  # fmt: skip
+    assert_close(motion("saturated_servo", "move").events[0], leaves)
+
+
+def test_segments_centre_each_event_or_keep_a_coarsest_step_away() -> None:
+    for name, scenario in [("bouncing_ball", "drop"), ("belt_oscillator", "drag")]:
+        laid = motion(name, scenario)
+        for event in laid.events:
+            offset = np.abs(event - laid.t - laid.lengths / 2) / laid.lengths
+            assert np.sum(offset < 1e-12) == 1
+            assert np.all((offset < 1e-12) | (offset > 0.5 + 1 / 3 - 1e-9))
+
+
+x, y, angle = (Coordinate(name, unit, name) for name, unit in
+               (("x", "m"), ("y", "m"), ("angle", "rad")))  # fmt: skip
+MASS = Constant("m", 1.0, "kg", "mass", "test")
+HALF = Constant("half", 1.0, "m", "half of the rod", "test")
+INERTIA = Constant("J", 1 / 3, "kg*m^2", "moment of inertia", "test")
+GRAVITY = Constant("g", 9.81, "m/s^2", "gravity", "test")
+
+
+def planar(interactions: tuple[Interaction, ...], scenario: Scenario) -> System:
+    """Return a planar rod with interactions."""
+    return System(
+        name="rod", title="rod", source="test", coordinates=(x, y, angle),
+        constants=(MASS, HALF, INERTIA, GRAVITY), inputs=(),
+        outputs=(Output("x", x.q, "m", "x"),),
+        T=MASS * (x.v**2 + y.v**2) / 2 + INERTIA * angle.v**2 / 2,
+        V=MASS * GRAVITY * y.q, D=0, equilibria=(), scenarios=(scenario,), published=(),
+        interactions=interactions,
+    )  # fmt: skip
+
+
+def test_a_rod_that_jams_is_refused() -> None:
+    tip = y.q - HALF * sp.sin(angle.q)
+    slip = x.v + HALF * sp.sin(angle.q) * angle.v
+    start = Scenario("jam", "slides on its tip", q={x: 0, y: sp.sin(1.1), angle: 1.1},
+                     v={x: -1.0, y: 0, angle: 0}, inputs={}, duration=0.5)  # fmt: skip
+    rod = planar((RigidContact("tip", gap=tip, slip=slip, mu=2.5, e=0),), start)
+    with pytest.raises(EventError, match="Painleve"):
+        solve_events(derive(rod), rod.scenarios[0])
+    # Sliding the other way lifts no weight from the tip, so it is not refused.
+    back = replace(start, v={x: 1.0, y: 0, angle: 0}, duration=0.05)
+    dragged = replace(rod, scenarios=(back,))
+    assert solve_events(derive(dragged), back).events == ()
+
+
+def test_simultaneous_impacts_are_refused() -> None:
+    ends = [
+        RigidContact(f"end {sign}", gap=y.q + sign * HALF * sp.sin(angle.q), slip=0, mu=0, e=0.5)
+        for sign in (1, -1)
+    ]
+    start = Scenario("drop", "falls flat", q={x: 0, y: 0.5, angle: 0},
+                     v={x: 0, y: 0, angle: 0}, inputs={}, duration=0.5)  # fmt: skip
+    falling = planar(tuple(ends), start)
+    with pytest.raises(EventError, match="end -1 and end 1 act at once"):
+        solve_events(derive(falling), falling.scenarios[0])
+
+
+def test_an_interaction_with_an_unknown_symbol_is_refused() -> None:
+    stray = sp.Symbol("stray", real=True)
+    start = Scenario("s", "s", q=dict.fromkeys((x, y, angle), 0), v=dict.fromkeys((x, y, angle), 0),
+                     inputs={}, duration=0.5)  # fmt: skip
+    with pytest.raises(DeclarationError, match=r"friction: force uses stray"):
+        planar((CoulombFriction("friction", slip=x.v, force=stray),), start)
+
+
+def test_impacts_that_accumulate_are_refused_with_the_time_until_which_to_compare() -> None:
+    system, c = built_in("bouncing_ball")
+    rest = np.sqrt(1 / c["g"]) * (1 + c["e"]) / (1 - c["e"])
+    long = replace(system.scenario("drop"), duration=1.1 * rest)
+    with pytest.raises(EventError, match=r"end the motion before t = 2\.\d+ s"):
+        solve_events(derive(system), long)
