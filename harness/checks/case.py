@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
 from msgspec import structs
 
 from physics_crosscheck.harness.checks.by_steps import StepsVerdict, decide_by_steps
@@ -23,6 +24,7 @@ from physics_crosscheck.harness.checks.case_record import (
 )
 from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
+from physics_crosscheck.harness.checks.scene import errors_record
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
 from physics_crosscheck.harness.checks.verdict import (
     CaseJudgement,
@@ -43,10 +45,15 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
 from physics_crosscheck.harness.numerics.full_run import CompleteRun, why_no_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
-from physics_crosscheck.harness.numerics.stepping import StepComparison, step_engine
+from physics_crosscheck.harness.numerics.stepping import (
+    StepComparison,
+    StepDefects,
+    step_engine,
+)
 from physics_crosscheck.harness.records.base import Record, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseKind, SkippedCheck, Stepping
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.scene import StateErrors
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.solving.segments import Motion
 
@@ -164,11 +171,27 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         verdict=verdict_record(verdict, judged.limits, judged.order, judged.steps_taken),
         full_run=full_run,
         series=series,
+        by_state=_by_state(task, judged),
         stepping=judged.stepping_record(task.target.components),
         forward_dynamics=dynamics_record(judged.dynamics, tuple(judged.model.coordinates)),
         skipped=() if task.thorough else tuple(_skipped(judged, study)),
         seconds=time.perf_counter() - began,
     )
+
+
+def _by_state(task: ModelTask[Prepared], judged: _Judgement) -> StateErrors | None:
+    """Return the errors of bodies at each state, for pictures; None for declared energies."""
+    target = task.target
+    if not isinstance(target, PreparedTree):
+        return None
+    segments = target.segments(task.scenario)
+    if judged.limits is None:
+        assert judged.stepping is not None  # single steps decide
+        return errors_record(target.tree, segments, target.names, judged.stepping.defects, None)
+    apart = judged.limits.limit.value - segments.end
+    uncertainty = (judged.limits.limit.uncertainty + segments.bound) / segments.unit
+    defects = StepDefects(defect=np.abs(apart) / segments.unit, uncertainty=uncertainty)
+    return errors_record(target.tree, segments, target.names, defects, apart)
 
 
 def judge(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +25,7 @@ from physics_crosscheck.harness.checks.findings import (
     sidecar_beside,
 )
 from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.checks.system_record import system_record, tree_record
 from physics_crosscheck.harness.checks.verdict import component_scale, nonzero_scale
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
@@ -50,6 +51,7 @@ from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.events.motion import solve_events
 from physics_crosscheck.reference.load import load_declaration, load_system, with_location
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
@@ -468,8 +470,10 @@ def prepare_tree(
     except ReferenceError as error:
         raise RobotError(f"{file}: {error}") from None
     left_out = (*(format_omission(one) for one in robot.left_out), *sidecar_beside(file))
+    links = (part.link for part in robot.parts)
     prepared = replace(
         prepared,
+        record=_drawn(prepared, links, robot.placed),
         settings=settings_of(robot),
         left_out=left_out,
         findings=robot_findings(robot),
@@ -494,9 +498,18 @@ def _from_bodies(
 ) -> PreparedTree:
     try:
         limits = declared.assembled.limits
-        return _solved(folder, declared.tree_system, limits, SCENARIO, motion, states)
+        solved = _solved(folder, declared.tree_system, limits, SCENARIO, motion, states)
+        return replace(solved, record=_drawn(solved, declared.bodies))
     except ReferenceError as error:
         raise ReferenceError(f"{folder / 'system.py'}: {error}") from None
+
+
+def _drawn(
+    solved: PreparedTree, bodies: Iterable[RigidBody], shapes: Sequence[PlacedShape] = ()
+) -> records.SystemResult:
+    """Return the record with the scene of the bodies."""
+    scene = scene_record(solved.tree, solved.samples, bodies, shapes)
+    return msgspec.structs.replace(solved.record, scene=scene)
 
 
 def _solved(

@@ -98,11 +98,15 @@ class CompiledShape:
         name: its place, as in `Model.shapes`.
         frame: its frame, as the file states it.
         size: the numbers that give its extent, m; empty for a mesh.
+        kind: its form.
+        visual: whether it touches nothing.
     """
 
     name: str
     frame: CompiledFrame
     size: Numbers
+    kind: str
+    visual: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

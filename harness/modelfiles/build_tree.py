@@ -18,6 +18,7 @@ from physics_crosscheck.harness.modelfiles.robot import (
     BodyModel,
     LinkPart,
     Omission,
+    PlacedShape,
     Robot,
     home_of,
 )
@@ -217,6 +218,7 @@ def robot_of(
     left_out: tuple[Omission, ...],
     gravity: Triple,
     floats: bool,
+    placed: tuple[PlacedShape, ...] = (),
     stated: Mapping[str, object] = MappingProxyType({}),
 ) -> Robot:
     """Return the robot of a tree; the arguments are its attributes."""
@@ -236,6 +238,7 @@ def robot_of(
         ),
         held=still,
         floats=floats,
+        placed=placed,
         joint_lines=build.joint_lines,
         stated=dict(stated),  # a proxy can't be sent between processes
     )

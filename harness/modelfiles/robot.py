@@ -75,6 +75,8 @@ class PlacedShape:
         place: its frame in the body's.
         size: the numbers that give its extent, in the order of the format, m.
         file, line: of its element; line 0 if unknown.
+        kind: its form.
+        visual: whether it is drawn only.
     """
 
     name: str
@@ -83,6 +85,8 @@ class PlacedShape:
     size: tuple[float, ...]
     file: Path
     line: int = 0
+    kind: str = "mesh"
+    visual: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,6 +63,7 @@ class StepComparison:
         long: the same in last digits after `LONG_RUN_STEPS` steps, from a few of the states; nan if
             not requested.
         rounding: rounding of a step that all states share, (2n,).
+        defects: differences of the steps.
     """
 
     rule: StepRule
@@ -73,6 +74,7 @@ class StepComparison:
     later: LaterSteps
     long: float
     rounding: Array
+    defects: StepDefects
 
 
 def is_linear(coordinates: CoordinateMap, states: Array) -> bool:
@@ -145,6 +147,7 @@ def step_engine(
         later=run.later(rule, stepped, LATER_STEPS),
         long=_long(run, rule, stepped) if long else float("nan"),
         rounding=rounding,
+        defects=defects,
     )
 
 

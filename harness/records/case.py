@@ -19,6 +19,7 @@ from physics_crosscheck.harness.records.base import (
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, contradiction
 from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.scene import StateErrors
 
 CaseKind = Literal[
     "",
@@ -472,6 +473,7 @@ class Case(Record, frozen=True, kw_only=True):
         verdict: Verdict on the motion; None if the case was not judged.
         full_run: Errors at the model's own time step; None if the case was not judged.
         series: Data for plots; None if the case was not judged.
+        by_state: Errors at each compared state of bodies; None for declared energies.
         stepping: Check of the next state; None without a known step rule.
         forward_dynamics: Check of the accelerations; None if the engine reports none.
         poses: Check of the poses of bodies; None for declared energies.
@@ -496,6 +498,7 @@ class Case(Record, frozen=True, kw_only=True):
     verdict: Verdict | None = None
     full_run: FullRun | None = None
     series: Series | None = None
+    by_state: StateErrors | None = None
     stepping: Stepping | None = None
     forward_dynamics: ForwardDynamics | None = None
     poses: Poses | None = None

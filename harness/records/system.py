@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from physics_crosscheck.harness.records.base import Count, Number, Numbers, Record, Rows
+from physics_crosscheck.harness.records.scene import Scene
 
 SketchTree = float | list[Any]
 """A number, `["q", i]` for the i-th position, or an operation (+ * ^ sin cos tan) with operands."""
@@ -338,6 +339,7 @@ class SystemResult(Record, frozen=True, kw_only=True):
         scenarios: Declared scenarios.
         derivation: Derived formulas; None if not requested.
         sketch: Drawing of the mechanism; None if none is declared.
+        scene: Bodies at the compared states; None for declared energies.
         seconds: Time for deriving and solving, seconds.
     """
 
@@ -353,4 +355,5 @@ class SystemResult(Record, frozen=True, kw_only=True):
     scenarios: tuple[ReferenceMotion, ...]
     derivation: Derivation | None = None
     sketch: Sketch | None = None
+    scene: Scene | None = None
     seconds: float = 0.0

@@ -16,10 +16,15 @@ from physics_crosscheck.harness.engines.compiled import CompiledFrame, CompiledS
 from physics_crosscheck.harness.engines.mujoco.pulls import numbers_of
 from physics_crosscheck.harness.engines.protocol import Array
 
-_SIZES = {0: 3, 2: 1, 3: 2, 4: 3, 5: 2, 6: 3}
-"""Count of the numbers of a size, by the type of a geom: plane, sphere, capsule, ellipsoid,
-cylinder, box.
-"""
+_FORMS = {
+    0: ("plane", 3),
+    2: ("sphere", 1),
+    3: ("capsule", 2),
+    4: ("ellipsoid", 3),
+    5: ("cylinder", 2),
+    6: ("box", 3),
+}
+"""Form of a geom and count of the numbers of its size, by its type."""
 
 _CORNERS = [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]
 _FACES = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]
@@ -74,14 +79,15 @@ def placed_shapes(m: Any) -> Iterator[CompiledShape]:
         frame = _frame(m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])
         if (mesh := mesh_of(m, i)) >= 0:
             frame = _without(frame, *mesh_offset(m, mesh))
-        size = m.geom_size[i][: _SIZES.get(int(m.geom_type[i]), 0)]
-        name = shape_name("geom", m.geom(i).name, i)
-        yield CompiledShape(name=name, frame=frame, size=numbers_of(size))
+        kind, count = _FORMS.get(int(m.geom_type[i]), ("mesh", 0))
+        name, size = shape_name("geom", m.geom(i).name, i), numbers_of(m.geom_size[i][:count])
+        visual = not (m.geom_contype[i] or m.geom_conaffinity[i])
+        yield CompiledShape(name=name, frame=frame, size=size, kind=kind, visual=visual)
     for i in range(m.nsite):
         frame = _frame(m.site_bodyid[i], m.site_pos[i], m.site_quat[i])
-        size = m.site_size[i][: _SIZES.get(int(m.site_type[i]), 0)]
-        name = shape_name("site", m.site(i).name, i)
-        yield CompiledShape(name=name, frame=frame, size=numbers_of(size))
+        count = _FORMS.get(int(m.site_type[i]), ("", 0))[1]
+        name, size = shape_name("site", m.site(i).name, i), numbers_of(m.site_size[i][:count])
+        yield CompiledShape(name=name, frame=frame, size=size, kind="site", visual=True)
 
 
 def mesh_of(m: Any, i: int) -> int:

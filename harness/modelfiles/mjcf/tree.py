@@ -171,6 +171,8 @@ def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
             size=shape.size,
             file=lines.get(shape.name, (path, 0))[0],
             line=lines.get(shape.name, (path, 0))[1],
+            kind=shape.kind,
+            visual=shape.visual,
         )
 
 

@@ -25,6 +25,7 @@ from physics_crosscheck.harness.modelfiles.build_tree import (
     part_of,
     robot_of,
 )
+from physics_crosscheck.harness.modelfiles.link_shapes import placed_in
 from physics_crosscheck.harness.modelfiles.robot import (
     FREE_MIMIC,
     Note,
@@ -189,7 +190,7 @@ def read_document(document: Document, chosen: str = "") -> Robot:
     stated = {**file.stated, **({"model": chosen} if chosen else {})}
     return robot_of(
         build, name=name, file=path, parts=parts, left_out=left_out, gravity=file.gravity,
-        floats=file.floats, stated=stated,
+        placed=placed_in(file.links, path), floats=file.floats, stated=stated,
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from physics_crosscheck.harness.modelfiles.build_tree import (
     part_of,
     robot_of,
 )
+from physics_crosscheck.harness.modelfiles.link_shapes import placed_in
 from physics_crosscheck.harness.modelfiles.robot import (
     FREE_MIMIC,
     Note,
@@ -195,7 +196,7 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
     return robot_of(
         build, name=name, file=path, parts=parts, left_out=left_out, gravity=gravity,
-        floats=floating,
+        placed=placed_in(file.links, path), floats=floating,
     )  # fmt: skip
 
 

@@ -35,7 +35,10 @@ from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "figures", "motion")
 """Files of `script/` that draw plots, omitted from a page without plots."""
 
-SCRIPTS = ("packs", "parts", *PLOTTING, "overview", "copying", "routes", "start")
+SCENES = ("kinematics", "outlines", "solids", "scene")
+"""Files of `script/` that draw bodies, omitted from a page without bodies."""
+
+SCRIPTS = ("packs", "parts", *PLOTTING, *SCENES, "overview", "copying", "routes", "start")
 """Files of `script/`, in the order in which they are joined into one function."""
 
 ROWS = 500
@@ -107,14 +110,14 @@ def _page(view: Report, places: str = "") -> str:
         view: view of the report.
         places: JSON with the file of each case; empty if the page contains all cases.
     """
-    script = _inline(_script(plots=bool(view.packs)))
+    script = _inline(_script(plots=bool(view.packs), scenes=view.has_scenes))
     elsewhere: set[str] = set()
     if places:
-        elsewhere = {case.pack for case in view.cases}
+        elsewhere = {name for case in view.cases for name in case.packs}
         elsewhere.update(name for group in view.groups for name in group.packs)
     return template(
         "report.html",
-        [script],
+        [script, *([view.code] if view.code else [])],
         bool(places),
         report=view,
         packs=((name, view.packs[name]) for name in view.packs if name not in elsewhere),
@@ -171,9 +174,10 @@ def unbroken(text: object) -> Markup:
     return Markup(re.sub(r"\d(?:\.\d+)?e[-+]\d+", kept, str(escape(text))))
 
 
-def _script(plots: bool) -> str:
-    """Return the page's script, with or without the plotting code."""
-    names = [name for name in SCRIPTS if plots or name not in PLOTTING]
+def _script(plots: bool, scenes: bool) -> str:
+    """Return the page's script, with or without the code for plots and for bodies."""
+    omitted = (*(() if plots else PLOTTING), *(() if scenes else SCENES))
+    names = [name for name in SCRIPTS if name not in omitted]
     parts = "\n".join(_resource(f"script/{name}.js") for name in names)
     return f'"use strict";\n(() => {{\n{parts}\n}})();\n'
 

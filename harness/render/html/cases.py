@@ -15,6 +15,7 @@ from physics_crosscheck.harness.records.case import (
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import ReferenceMotion
+from physics_crosscheck.harness.render.html.scenes import SceneView
 from physics_crosscheck.harness.render.html.text import (
     NOTHING,
     agreeing_digits,
@@ -58,6 +59,7 @@ class CaseView:
         cost: cost of its time step, in one sentence.
         steps: (error, time step for it).
         pack: id of its numbers and plots; empty without series.
+        scene: its bodies; None for declared energies.
         sorts: sort keys of digits, E, U, global error and step.
     """
 
@@ -82,7 +84,14 @@ class CaseView:
     steps: tuple[Fact, ...]
     step: str
     pack: str
+    scene: SceneView | None
     sorts: tuple[str, ...]
+
+    @property
+    def packs(self) -> tuple[str, ...]:
+        """Ids of its packs."""
+        states = "" if self.scene is None else self.scene.states
+        return tuple(filter(None, (self.pack, states)))
 
 
 def severity(case: Case) -> tuple[int, float]:
@@ -91,13 +100,20 @@ def severity(case: Case) -> tuple[int, float]:
     return -case.outcome.severity, -(discrepancy or 0.0)
 
 
-def case_view(case: Case, identity: str, pack: str, scenario: ReferenceMotion | None) -> CaseView:
+def case_view(
+    case: Case,
+    identity: str,
+    pack: str,
+    scene: SceneView | None,
+    scenario: ReferenceMotion | None,
+) -> CaseView:
     """Return the view of one case.
 
     Args:
         case: its record.
         identity: its permalink.
         pack: id of its numbers and plots; empty without series.
+        scene: its bodies; None for declared energies.
         scenario: the system's record of its scenario; None if the system could not be read.
     """
     verdict, full_run = case.verdict, case.full_run
@@ -137,6 +153,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: ReferenceMotion | 
         steps=() if full_run is None else _steps_for(full_run),
         step=quantity(None if full_run is None else full_run.time_step, "s", 3),
         pack=pack,
+        scene=scene,
         sorts=_sorts(verdict, full_run, judged),
     )
 

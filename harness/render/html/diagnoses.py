@@ -97,7 +97,7 @@ def diagnosis_view(
         explained=diagnosis is not None and diagnosis.explained,
         audit_first=bool(model.unexplained_findings),
         explanations=() if diagnosis is None else tuple(map(_explanation, diagnosis.explanations)),
-        files=_files(model, list(_blamed(model))),
+        files=_files(model, list(blamed_lines(model))),
         audit=tuple(
             (
                 shown(one.kind),
@@ -136,7 +136,7 @@ def named(causes: Iterable[Cause]) -> str:
     return " and ".join(shown(cause) for cause in causes)
 
 
-def _blamed(model: Model) -> Iterator[SourceLine]:
+def blamed_lines(model: Model) -> Iterator[SourceLine]:
     """Yield lines of the explaining cause and of audit findings."""
     if model.diagnosis is not None and model.diagnosis.explained:
         for explanation in model.diagnosis.explanations[:1]:
@@ -183,11 +183,13 @@ def _files(
 ) -> tuple[tuple[str, tuple[Line | None, ...]], ...]:
     """Return the model file and its sidecar, if they contain blamed lines."""
     texts = {model.model: model.text, f"{model.model}.toml": model.sidecar}
-    marked_files = ((file, _lines(text, _marked(blamed, file))) for file, text in texts.items())
+    marked_files = (
+        (file, _lines(text, marked_lines(blamed, file))) for file, text in texts.items()
+    )
     return tuple((shown(file), lines) for file, lines in marked_files if lines)
 
 
-def _marked(blamed: Sequence[SourceLine], file: str) -> set[int]:
+def marked_lines(blamed: Sequence[SourceLine], file: str) -> set[int]:
     """Return the blamed line numbers of a file."""
     return {
         where.line

@@ -70,7 +70,8 @@ def divided(groups: Iterable[FolderView]) -> Iterator[tuple[ShownCase, ...]]:
 
 def part_of_cases(cases: Sequence[ShownCase], html: str, packs: Mapping[str, str]) -> CaseFile:
     """Return the file of some cases: their pages as HTML, and their packs."""
-    own_packs = {one.case.pack: packs[one.case.pack] for one in cases if one.case.pack}
+    names = (name for one in cases for name in one.case.packs)
+    own_packs = {name: packs[name] for name in names}
     return _part(html, own_packs, [one.case.id for one in cases])
 
 

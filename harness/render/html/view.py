@@ -15,6 +15,7 @@ from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.scene import Scene
 from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.render.html.case_charts import OVERLAID, case_charts
 from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView, case_view, severity
@@ -38,6 +39,13 @@ from physics_crosscheck.harness.render.html.overview import (
 from physics_crosscheck.harness.render.html.packs import Chart, Column, Pack
 from physics_crosscheck.harness.render.html.past_charts import by_case, case_history, run_history
 from physics_crosscheck.harness.render.html.runs import CaseRun, largest, runs
+from physics_crosscheck.harness.render.html.scenes import (
+    THREE,
+    SceneView,
+    case_states,
+    scene_about,
+    three_code,
+)
 from physics_crosscheck.harness.render.html.systems import SystemView, system_view
 from physics_crosscheck.harness.render.html.text import quantity, shown, slug
 from physics_crosscheck.harness.render.terminal.table import summary
@@ -111,11 +119,18 @@ class Content:
                 self._linear[model.key] = responses(pack, model, system)
                 self._store_pack(pack, ())
         self._system_packs: dict[str, str] = {}
+        self._scene_packs: dict[str, str] = {}
         for place, system in enumerate(results.systems):
             pack = Pack(f"pack-system-{place}")
             self._system_packs[system.folder] = pack.id
             self._folder_packs.setdefault(system.folder, []).append(pack.id)
             self._store_pack(pack, reaches(pack, system), sketch=system.sketch)
+            if system.scene is not None:
+                self._keep_scene(system.folder, Pack(f"pack-scene-{place}"), system.scene)
+        self._scenes = [
+            self._scene(place, case, results.model_of(case))
+            for place, case in enumerate(results.cases)
+        ]
         self._history = by_case(history)
         self._keep_cases(_magnitudes(results.cases))
         self.history_pack = self._kept_history(results, history)
@@ -127,6 +142,33 @@ class Content:
         """Return the pack id of a case; empty without series."""
         run = self._runs[place]
         return "" if run is None else run.pack.id
+
+    def scene(self, place: int) -> SceneView | None:
+        """Return the scene of a case; None for declared energies."""
+        return self._scenes[place]
+
+    @property
+    def code(self) -> str:
+        """Code of three.js, if a page has a scene."""
+        return three_code() if self._scene_packs else ""
+
+    def _keep_scene(self, folder: str, pack: Pack, scene: Scene) -> None:
+        self._scene_packs[folder] = pack.id
+        self._folder_packs.setdefault(folder, []).append(pack.id)
+        self._store_pack(pack, (), scene=scene)
+        if self.code:
+            self._store_pack(Pack(THREE), (), code=self.code)
+
+    def _scene(self, place: int, case: Case, model: Model | None) -> SceneView | None:
+        system = self._systems.get(case.folder)
+        if system is None or system.scene is None:
+            return None
+        states, about = "", scene_about(system.scene, ())
+        if case.by_state is not None:
+            content = case_states(system.scene, case, case.by_state, model)
+            states, about = f"pack-states-{place}", scene_about(system.scene, content.lit)
+            self._store_pack(Pack(states), (), **vars(content))
+        return SceneView(scene=self._scene_packs[case.folder], states=states, about=about)
 
     def system_pack(self, folder: str) -> str:
         """Return the pack id of a folder's system."""
@@ -260,6 +302,7 @@ class ModelGroup:
 
     model: str
     engine: str
+    scene: SceneView | None
     diagnosis: DiagnosisView | None
     cases: tuple[tuple[CaseView, RelatedCase], ...]
 
@@ -273,6 +316,7 @@ class FolderView:
         name: name of the system, with its folder if another system has the same name.
         models: one per model file and engine.
         about: the system itself; None if it could not be read.
+        scene: scene of its worst case; None for declared energies.
         packs: packs of the system, its models and its diagnoses.
     """
 
@@ -280,6 +324,7 @@ class FolderView:
     name: str
     models: tuple[ModelGroup, ...]
     about: SystemView | None
+    scene: SceneView | None
     packs: tuple[str, ...]
 
 
@@ -300,6 +345,8 @@ class Report:
         cases: every case, worst first.
         groups: folders in the order of the run.
         history: pack id of past runs; empty without past runs.
+        scene: scene of the only system; None for several systems.
+        code: code of three.js, which the page may run; empty without scenes.
         packs: numbers and plots, by the ids of their elements.
     """
 
@@ -320,7 +367,14 @@ class Report:
     systems: tuple[str, ...]
     groups: tuple[FolderView, ...]
     history: str
+    scene: SceneView | None
+    code: str
     packs: Mapping[str, str]
+
+    @property
+    def has_scenes(self) -> bool:
+        """True if a page shows bodies."""
+        return any(group.scene is not None for group in self.groups)
 
 
 def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> Report:
@@ -338,6 +392,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     issues = issue_views(results, {id(case): view for case, view in pairs}, diagnoses)
     shown_names = {folder: name for folder, (_, name) in names.items()}
     baseline = results.baseline
+    groups = _groups(results, pages, shown_names, pairs, diagnoses, content)
     return Report(
         title=f"{counts[Outcome.AGREES]} of {counted(len(views), 'case')} agree",
         verdict=verdict(results, issues),
@@ -360,8 +415,10 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
         cases=tuple(view for _, view in worst_first),
         engines=tuple(sorted({view.engine for view in views})),
         systems=tuple(dict.fromkeys(view.system for view in views)),
-        groups=_groups(results, pages, shown_names, pairs, diagnoses, content),
+        groups=groups,
         history=content.history_pack,
+        scene=groups[0].scene if len(groups) == 1 else None,
+        code=content.code,
         packs=content.packs(),
     )
 
@@ -403,10 +460,18 @@ def _groups(
             name=names[folder],
             models=_model_groups(cases[folder], diagnoses),
             about=abouts.get(folder),
+            scene=_worst_scene(cases[folder]),
             packs=content.folder_packs(folder),
         )
         for folder, page in pages.items()
     )
+
+
+def _worst_scene(pairs: Sequence[Pair]) -> SceneView | None:
+    """Return the scene of the worst case with errors by state."""
+    worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
+    scenes = [view.scene for _, view in worst_first if view.scene is not None]
+    return next((one for one in scenes if one.states), scenes[0] if scenes else None)
 
 
 class _Ids:
@@ -435,6 +500,7 @@ def _views(
             case,
             ids.new(f"case-{slug(case.system, case.model, case.engine, case.scenario)}"),
             content.case_pack(place),
+            content.scene(place),
             scenarios.get((case.folder, case.scenario)),
         )
         for place, case in enumerate(cases)
@@ -489,6 +555,7 @@ def _model_groups(
             ModelGroup(
                 model=mine[0][1].model,
                 engine=mine[0][1].engine,
+                scene=_worst_scene(mine),
                 diagnosis=diagnoses.get(key),
                 cases=tuple(cases),
             )

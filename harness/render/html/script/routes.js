@@ -46,6 +46,7 @@ async function route() {
 }
 
 function opened(view) {
+  for (const box of view.querySelectorAll("[data-scene]")) buildScene(box);
   for (const box of view.querySelectorAll("[data-pack]")) {
     if (box.dataset.built) drawRest(box); else build(box);
   }

@@ -1,0 +1,195 @@
+"""Scenes of the report: bodies in 3-D, and the lines of the file that belong to each of them."""
+
+from __future__ import annotations
+
+import importlib.util
+import zipfile
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
+from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.records.base import Rows
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.scene import Scene, StateErrors
+from physics_crosscheck.harness.render.html.diagnoses import blamed_lines, marked_lines
+from physics_crosscheck.harness.render.html.text import shown
+from physics_crosscheck.harness.results.status import counted
+
+THREE = "pack-three"
+"""Id of the pack with the code of three.js."""
+
+LARGEST_TEXT = 400_000
+"""Characters of a model file beyond which its source is not shown beside the scene."""
+
+Spans = tuple[tuple[int, int], ...]
+"""First and last lines, from 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneView:
+    """The scene of a page.
+
+    Attributes:
+        scene: id of the pack with the bodies.
+        states: id of the pack with the errors of a case; empty without any.
+        about: description in words.
+    """
+
+    scene: str
+    states: str
+    about: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseStates:
+    """The states of a case, and the lines of its bodies.
+
+    Attributes:
+        coordinates, error, uncertainty, accelerations, worst: as in `StateErrors`.
+        bodies: index of the first body that each coordinate moves; -1 for none.
+        lit: indices of the bodies that the cause names.
+        lines: lines of each body in the file.
+        marked: lines that the cause names.
+        text: the file; empty if it is too long.
+        file: its absolute path.
+    """
+
+    coordinates: tuple[str, ...]
+    error: Rows
+    uncertainty: Rows
+    accelerations: Rows
+    worst: int
+    bodies: tuple[int, ...]
+    lit: tuple[int, ...]
+    lines: tuple[Spans, ...]
+    marked: tuple[int, ...]
+    text: str
+    file: str
+
+
+@cache
+def three_code() -> str:
+    """Return the code of three.js that trimesh's viewer carries; empty without it.
+
+    The template is internal to trimesh, so that a version without it leaves the drawn projection.
+    """
+    spec = importlib.util.find_spec("trimesh")
+    if spec is None or not spec.submodule_search_locations:
+        return ""
+    path = Path(spec.submodule_search_locations[0], "resources", "templates", "viewer.zip")
+    try:
+        with zipfile.ZipFile(path) as file:
+            text = file.read(file.namelist()[0]).decode("utf-8")
+    except (OSError, IndexError, UnicodeDecodeError, zipfile.BadZipFile):
+        return ""
+    code = text.partition("<script>")[2].partition("\n(function()")[0]
+    return code if "Three.js Authors" in code and ".THREE={}" in code else ""
+
+
+def scene_about(scene: Scene, lit: Sequence[int]) -> str:
+    """Describe a scene in words."""
+    names = ", ".join(scene.bodies[i].name for i in lit)
+    what = f"{counted(len(scene.bodies), 'body', 'bodies')} in 3-D"
+    return shown(f"{what}; the cause names {names}." if names else f"{what}.")
+
+
+def case_states(scene: Scene, case: Case, errors: StateErrors, model: Model | None) -> CaseStates:
+    """Return the errors of a case, the bodies that its cause names, and the lines of each body."""
+    text = "" if model is None or len(model.text) > LARGEST_TEXT else model.text
+    lines = body_lines(text, case.model, [body.name for body in scene.bodies])
+    blamed = [*case.locations, *(() if model is None else blamed_lines(model))]
+    marked = sorted(marked_lines(blamed, case.model))
+    joints = [joint.name for joint in scene.joints]
+    carried = {body.joint: i for i, body in reversed(list(enumerate(scene.bodies)))}
+    rows = (name.partition(":")[0] for name in errors.coordinates)
+    return CaseStates(
+        coordinates=errors.coordinates,
+        error=errors.error,
+        uncertainty=errors.uncertainty,
+        accelerations=errors.accelerations,
+        worst=errors.worst,
+        bodies=tuple(
+            carried.get(joints.index(name), -1) if name in joints else -1 for name in rows
+        ),
+        lit=tuple(sorted({*_bodies_at(lines, marked), *_named(scene, model)})),
+        lines=lines,
+        marked=tuple(marked),
+        text=text,
+        file=_path_of(case),
+    )
+
+
+def _path_of(case: Case) -> str:
+    """Return the absolute path of a case's file, for a link to an editor."""
+    folder = Path(case.folder)
+    return str((folder if folder.name == case.model else folder / case.model).absolute())
+
+
+def _bodies_at(lines: Sequence[Spans], marked: Iterable[int]) -> Iterator[int]:
+    """Yield the bodies whose lines include a marked one."""
+    for line in marked:
+        for body, spans in enumerate(lines):
+            if any(first <= line <= last for first, last in spans):
+                yield body
+
+
+def _named(scene: Scene, model: Model | None) -> Iterator[int]:
+    """Yield bodies by the joints and bodies that an explaining cause names."""
+    diagnosis = None if model is None else model.diagnosis
+    if diagnosis is None or not diagnosis.explained:
+        return
+    causes = (cause for one in diagnosis.explanations[:1] for cause in one.causes)
+    names = {name.partition("@")[0] for cause in causes for name in cause.subject}
+    for i, body in enumerate(scene.bodies):
+        joint = scene.joints[body.joint].name if body.joint >= 0 else ""
+        if body.name in names or joint in names:
+            yield i
+
+
+def body_lines(text: str, name: str, bodies: Sequence[str]) -> tuple[Spans, ...]:
+    """Return the lines of each body in the text of a URDF, an SDFormat file or an MJCF.
+
+    Args:
+        text: content of the file.
+        name: its name.
+        bodies: names of the bodies, in the order of an MJCF.
+    """
+    source = SourceFile(Path(name), text.encode())
+    try:
+        root = read_elements(source)[0]
+    except (LocationError, IndexError):
+        return ((),) * len(bodies)
+    stated = _nested(root, source) if root.tag == "mujoco" else _flat(root, source)
+    spans: dict[str, list[tuple[int, int]]] = {}
+    for body, span in stated:
+        spans.setdefault(body, []).append(span)
+    return tuple(tuple(spans.get(body, ())) for body in bodies)
+
+
+def _flat(root: XmlElement, source: SourceFile) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Yield links, and each joint with its child link."""
+    for element in root.iter():
+        if element.tag == "link" and element.get("name"):
+            yield element.get("name"), _span(element, source)
+        elif element.tag == "joint" and (child := element.find("child")) is not None:
+            yield child.get("link") or child.text.strip(), _span(element, source)
+
+
+def _nested(root: XmlElement, source: SourceFile) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Yield bodies with their lines before the first body in them."""
+    for i, element in enumerate(root.iter("body"), start=1):
+        first, last = _span(element, source)
+        inner = next((one for one in element.iter("body") if one is not element), None)
+        if inner is not None:
+            last = max(first, source.line(inner.start) - 1)
+        yield element.get("name") or f"body_{i}", (first, last)
+
+
+def _span(element: XmlElement, source: SourceFile) -> tuple[int, int]:
+    closed = source.data[element.end : element.end + 2] == b"</"
+    return source.line(element.start), source.line(element.end - (not closed))

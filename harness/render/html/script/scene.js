@@ -1,0 +1,284 @@
+const LOOP = 2600;
+
+/** Bodies at a state: the equations' motion from it, and the engine's with an amplified difference. */
+class Viewer {
+  constructor(element, scene, states, drawing) {
+    Object.assign(this, { element, data: scene, states, drawing, chosen: -1, listeners: new Set(), playing: false, inertia: false });
+    this.mechanism = new Mechanism(scene, states);
+    this.lit = new Set(states?.lit ?? []);
+    this.hovered = new Set();
+    this.open(states?.worst ?? 0);
+    const points = this.#points();
+    const [low, high] = [Math.min, Math.max].map((end) => [0, 1, 2].map((i) => end(...points.map((point) => point[i]))));
+    const center = low.map((value, i) => (value + high[i]) / 2);
+    this.camera = new Camera(center, Math.max(...points.map((point) => Math.hypot(...point.map((value, i) => value - center[i]))), 1e-3));
+  }
+
+  /** Show the start of a state, with a visible difference. */
+  open(state) {
+    this.state = Math.min(Math.max(state, 0), this.mechanism.count - 1);
+    this.horizon = this.mechanism.horizon(this.state);
+    this.power = this.mechanism.visiblePower(this.state);
+    this.time = this.mechanism.differs ? this.horizon : 0;
+    this.changed();
+  }
+
+  set(changes) {
+    Object.assign(this, changes);
+    this.changed();
+  }
+
+  /** Redraw once before the next frame. */
+  changed() {
+    for (const listener of this.listeners) listener();
+    this.request ??= requestAnimationFrame(() => { this.request = null; this.draw(); });
+  }
+
+  /** Return the poses of all bodies: by the equations, and in the engine. */
+  poses() {
+    const { mechanism, state, time } = this;
+    const engine = mechanism.differs ? [mechanism.poses(state, time, 10 ** this.power)] : [];
+    return [mechanism.poses(state, time), ...engine];
+  }
+
+  draw() {
+    const glow = this.playing ? Math.sin((performance.now() * Math.PI) / 600) : 0;
+    const mark = (body) => (this.hovered.has(body) || body === this.chosen ? "chosen" : this.lit.has(body) ? "lit" : null);
+    const [expected, engine] = this.poses();
+    const layers = [{ poses: expected, ghost: false, glow, tone: (body) => mark(body) ?? "body" }];
+    if (engine) layers.push({ poses: engine, ghost: true, glow, tone: (body) => mark(body) ?? "engine" });
+    this.drawing.draw(this.camera, layers, this.inertia);
+    this.#label(expected);
+    this.element.dataset.frames = Number(this.element.dataset.frames ?? 0) + 1;
+  }
+
+  /** Put the names of the wrong bodies at their places. */
+  #label(poses) {
+    const { canvas } = this.drawing;
+    const project = this.camera.projection(canvas.clientWidth, canvas.clientHeight);
+    this.element.querySelectorAll(".label").forEach((label) => {
+      const body = Number(label.dataset.body);
+      const [x, y] = project(this.#middle(body, poses));
+      label.style.transform = `translate(${Math.min(Math.max(x, 4), canvas.clientWidth - label.offsetWidth - 14)}px, ${Math.min(Math.max(y, 20), canvas.clientHeight - 8)}px)`;
+    });
+  }
+
+  #middle(body, poses) {
+    const { shapes, ellipsoid } = this.data.bodies[body];
+    return placedPoint(poses[body], ellipsoid.length ? ellipsoid.slice(0, 3) : shapes[0]?.place.slice(0, 3) ?? [0, 0, 0]);
+  }
+
+  #points() {
+    const [poses] = this.poses();
+    const points = poses.flatMap((pose, body) => outlines(formsOf(this.data, body)).flat().map((point) => placedPoint(pose, point)));
+    return points.length ? points : [[0, 0, 0]];
+  }
+
+  /** Return the body nearest to a pixel; -1 if there is none. */
+  pick(x, y) {
+    const { canvas } = this.drawing;
+    const project = this.camera.projection(canvas.clientWidth, canvas.clientHeight);
+    let [best, least] = [-1, 30];
+    this.poses()[0].forEach((pose, body) => {
+      const seen = outlines(formsOf(this.data, body)).flat().map((point) => project(placedPoint(pose, point)));
+      if (!seen.length) return;
+      const [left, right, top, bottom] = [Math.min(...seen.map(([u]) => u)), Math.max(...seen.map(([u]) => u)), Math.min(...seen.map(([, v]) => v)), Math.max(...seen.map(([, v]) => v))];
+      const outside = Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
+      const far = outside + 0.02 * Math.hypot((left + right) / 2 - x, (top + bottom) / 2 - y);
+      if (far < least) [best, least] = [body, far];
+    });
+    return best;
+  }
+
+  /** Loop over the time around the state. */
+  play() {
+    this.playing = true;
+    const began = performance.now() - (LOOP * this.time) / this.horizon;
+    const step = (now) => {
+      if (!this.playing || !this.element.isConnected || !this.element.checkVisibility()) { this.playing = false; return; }
+      const share = ((now - began) / LOOP) % 2;
+      this.set({ time: this.horizon * (share < 1 ? share : 2 - share) });
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+    this.changed();
+  }
+}
+
+/** Build the picture of a model's bodies, its controls, its heat map and its source. */
+async function buildScene(box) {
+  if (box.dataset.built) return;
+  box.dataset.built = "begun";
+  const { scene } = await pack(box.dataset.scene);
+  const states = box.dataset.states ? await pack(box.dataset.states) : null;
+  const style = getComputedStyle(box);
+  const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  const canvas = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
+  const picture = make("div", { class: "picture" }, canvas);
+  const solid = await three();
+  const drawing = new (solid ? Solids : Projection)(canvas, scene, colours);
+  const viewer = new Viewer(picture, scene, states, drawing);
+  for (const body of viewer.lit) picture.append(make("span", { class: "label", "data-body": body }, scene.bodies[body].name));
+  box.viewer = viewer;
+  box.dataset.drawing = solid ? "solids" : "projection";
+  pointing(viewer, canvas);
+  const columns = make("div", { class: "seen" }, make("div", {}, picture, sceneControls(viewer)));
+  const lines = states?.text ? source(viewer) : null;
+  if (lines) columns.append(lines);
+  box.append(columns);
+  if (states) box.append(heatMap(viewer));
+  new ResizeObserver(() => viewer.changed()).observe(canvas);
+  viewer.changed();
+  if (viewer.mechanism.differs && !matchMedia("(prefers-reduced-motion: reduce)").matches) viewer.play();
+  box.dataset.built = "scene";
+}
+
+/** Rotate with the pointer or the arrow keys, zoom with + and -, choose with a click. */
+function pointing(viewer, canvas) {
+  let last = null, moved = 0;
+  canvas.addEventListener("pointerdown", (event) => { last = event; moved = 0; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!last) return;
+    moved += Math.abs(event.clientX - last.clientX) + Math.abs(event.clientY - last.clientY);
+    viewer.camera.orbit((event.clientX - last.clientX) / 120, (event.clientY - last.clientY) / 120);
+    last = event;
+    viewer.changed();
+  });
+  canvas.addEventListener("pointerup", (event) => {
+    last = null;
+    if (moved > 4) return;
+    const { left, top } = canvas.getBoundingClientRect();
+    viewer.set({ chosen: viewer.pick(event.clientX - left, event.clientY - top) });
+  });
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && document.activeElement !== canvas) return;
+    event.preventDefault();
+    viewer.camera.zoom(Math.exp(event.deltaY / 400));
+    viewer.changed();
+  }, { passive: false });
+  const keys = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
+  canvas.addEventListener("keydown", (event) => {
+    if (keys[event.key]) viewer.camera.orbit(...keys[event.key]);
+    else if ("+=-".includes(event.key)) viewer.camera.zoom(event.key === "-" ? 1.15 : 1 / 1.15);
+    else return;
+    event.preventDefault();
+    viewer.changed();
+  });
+}
+
+function slider(label, attributes, change) {
+  const input = make("input", { type: "range", "aria-label": label, ...attributes });
+  const output = make("output");
+  input.addEventListener("input", () => change(Number(input.value)));
+  return { input, output, row: make("label", { class: "slide" }, make("span", {}, label), input, output) };
+}
+
+function sceneControls(viewer) {
+  const { mechanism, data } = viewer;
+  const play = make("button", { type: "button", class: "play" });
+  play.addEventListener("click", () => { if (viewer.playing) viewer.set({ playing: false }); else viewer.play(); });
+  const time = slider("Time", { min: 0, max: 1000, step: 1 }, (value) => viewer.set({ playing: false, time: (value / 1000) * viewer.horizon }));
+  const state = slider("State", { min: 1, max: mechanism.count, step: 1 }, (value) => viewer.open(value - 1));
+  const power = slider("Amplify the error", { min: 0, max: 6, step: 0.5 }, (value) => viewer.set({ power: value }));
+  const link = make("select", {}, make("option", { value: -1 }, "–"), ...data.bodies.map(({ name }, i) => make("option", { value: i }, name)));
+  link.addEventListener("change", () => viewer.set({ chosen: Number(link.value) }));
+  const inertia = make("input", { type: "checkbox" });
+  inertia.addEventListener("change", () => viewer.set({ inertia: inertia.checked }));
+  viewer.listeners.add(() => {
+    play.textContent = viewer.playing ? "❚❚ Pause" : "▶ Play";
+    time.input.value = (1000 * viewer.time) / viewer.horizon;
+    time.output.textContent = `${short(1000 * viewer.time)} ms`;
+    state.input.value = viewer.state + 1;
+    state.output.textContent = `${viewer.state + 1} of ${mechanism.count}`;
+    power.input.value = viewer.power;
+    power.output.textContent = `× ${Number((10 ** viewer.power).toPrecision(2)).toLocaleString("en")}`;
+    link.value = viewer.chosen;
+  });
+  const rows = [make("div", { class: "row" }, play, time.row), state.row, ...(mechanism.differs ? [power.row] : []),
+    make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, inertia, " Inertia of the file"))];
+  const keys = mechanism.differs ? ["body", "engine"] : ["body"];
+  const names = { body: "equations", engine: "engine" };
+  return make("div", { class: "steering" }, ...rows, make("p", { class: "keys" }, ...keys.map((key) => make("span", { class: `key ${key}` }, names[key])),
+    ...(viewer.lit.size ? [make("span", { class: "key lit" }, "named by the cause")] : [])));
+}
+
+/** The source of the model: its lines light links up, and a chosen link shows its lines. */
+function source(viewer) {
+  const { text, lines, file, marked } = viewer.states;
+  const owner = new Map();
+  lines.forEach((spans, body) => spans.forEach(([first, last]) => {
+    for (let line = first; line <= last; line += 1) owner.set(line, body);
+  }));
+  const rows = text.split(/\r\n|\r|\n/).map((row, i) => make("li", { "data-line": i + 1, ...(marked.includes(i + 1) ? { class: "marked" } : {}) }, make("code", {}, row || " ")));
+  const list = make("ol", {}, ...rows);
+  const open = make("a", { class: "editor" });
+  const over = (event) => {
+    const body = owner.get(Number(event.target.closest("li")?.dataset.line));
+    viewer.hovered = new Set(body === undefined ? [] : [body]);
+    viewer.changed();
+  };
+  list.addEventListener("pointerover", over);
+  list.addEventListener("pointerleave", () => { viewer.hovered = new Set(); viewer.changed(); });
+  list.addEventListener("click", (event) => {
+    const body = owner.get(Number(event.target.closest("li")?.dataset.line));
+    if (body !== undefined) viewer.set({ chosen: body });
+  });
+  let before = null;
+  const show = (line) => {
+    open.href = `vscode://file/${file.replace(/^\//, "")}:${line}`;
+    open.textContent = `Open line ${line} in the editor`;
+    list.scrollTop = rows[line - 1].offsetTop - list.clientHeight / 3;
+  };
+  viewer.listeners.add(() => {
+    if (viewer.chosen === before) return;
+    before = viewer.chosen;
+    const spans = lines[before] ?? [];
+    rows.forEach((row, i) => row.classList.toggle("owned", spans.some(([first, last]) => first <= i + 1 && i + 1 <= last)));
+    if (spans.length) show(spans[0][0]);
+  });
+  requestAnimationFrame(() => show(marked[0] ?? lines[viewer.states.lit[0]]?.[0]?.[0] ?? 1));
+  return make("div", { class: "source linked", role: "region", "aria-label": "The file; a line lights up its link" }, list, make("p", {}, open));
+}
+
+/** Errors of all coordinates and states; a click shows the state and the link. */
+function heatMap(viewer) {
+  const { coordinates, error, uncertainty, bodies } = viewer.states;
+  const count = viewer.mechanism.count;
+  const level = (row, state) => Math.log10(error[row][state] / uncertainty[row][state]);
+  const drawing = svg("svg", { viewBox: `0 0 ${count} ${coordinates.length}`, preserveAspectRatio: "none" });
+  coordinates.forEach((_, row) => {
+    for (let state = 0; state < count; state += 1) {
+      const size = level(row, state), share = Number.isFinite(size) ? Math.min(Math.max(size / 9, 0), 1) : 0;
+      const style = size > 0 ? `fill: color-mix(in srgb, var(--differs) ${Math.round(25 + 75 * share)}%, var(--paper))` : "fill: color-mix(in srgb, var(--agrees) 22%, var(--paper))";
+      drawing.append(svg("rect", { x: state + 0.04, y: row + 0.06, width: 0.92, height: 0.88, style, "data-row": row, "data-state": state }));
+    }
+  });
+  const mark = svg("rect", { class: "mark", width: 1, height: 1 });
+  drawing.append(mark);
+  const readout = make("p", { class: "readout", role: "status" });
+  let row = Math.max(0, coordinates.findIndex((_, i) => level(i, viewer.state) === Math.max(...coordinates.map((__, k) => level(k, viewer.state)))));
+  const go = (to, state) => {
+    row = Math.min(Math.max(to, 0), coordinates.length - 1);
+    viewer.chosen = bodies[row];
+    viewer.open(state);
+  };
+  const frame = make("div", { class: "heat", tabindex: 0, role: "group", "aria-label": `Errors of ${coordinates.length} coordinates at ${count} states; arrow keys choose a state and a coordinate` }, drawing);
+  frame.style.setProperty("--rows", coordinates.length);
+  drawing.addEventListener("click", (event) => {
+    const { row: to, state } = event.target.dataset;
+    if (to !== undefined) go(Number(to), Number(state));
+  });
+  frame.addEventListener("keydown", (event) => {
+    const [down, right] = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] }[event.key] ?? [0, 0];
+    if (!down && !right) return;
+    event.preventDefault();
+    go(row + down, viewer.state + right);
+  });
+  viewer.listeners.add(() => {
+    mark.setAttribute("x", viewer.state);
+    mark.setAttribute("y", row);
+    const [e, u] = [error[row][viewer.state], uncertainty[row][viewer.state]];
+    readout.textContent = `${coordinates[row]} at state ${viewer.state + 1}: E ${e?.toExponential(1) ?? "–"}, U ${u?.toExponential(1) ?? "–"}`;
+  });
+  return make("section", { class: "errors" }, make("h4", {}, "Error over uncertainty, by coordinate and state"), make("div", { class: "rows" }, make("ul", { "aria-hidden": "true" }, ...coordinates.map((name) => make("li", { title: name }, name))), frame), readout);
+}

@@ -1,0 +1,189 @@
+"""Bodies in 3-D: where they are, which of them glows, and which lines of the file are theirs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.harness.render.html.scenes import body_lines, three_code
+from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.segments import Segments
+from tests.report.chromium import Browser, Tab
+from tests.report.sample_scene import STATES, WORST, WRONG, humanoid, humanoid_results
+from tests.report.steps import needs_browser, sound
+from tests.report.test_first_screen import VISIBLE
+
+CASE = "case-system_0/humanoid.xml/mujoco/states"
+BOX = "document.querySelector('.view.current .scene')"
+DRAWN = f"{BOX}?.dataset.built === 'scene' && {BOX}.querySelector('[data-frames]')"
+
+Planted = tuple[Path, Tree, Segments, Array]
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> Planted:
+    folder = tmp_path_factory.mktemp("scene")
+    results, tree, states, apart = humanoid_results(folder)
+    path = folder / "index.html"
+    write_report(path, results)
+    return path, tree, states, apart
+
+
+@pytest.fixture
+def scene_tab(browser: Browser, planted: Planted) -> Iterator[Tab]:
+    with browser.tab() as tab:
+        tab.window(1440, 900)
+        tab.open(planted[0].as_uri())
+        tab.until(DRAWN)
+        yield tab
+        # Software rendering has performance warnings of its own.
+        tab.problems = [one for one in tab.problems if "GL Driver Message" not in one]
+        sound(tab, planted[0].as_uri())
+
+
+def poses(tab: Tab) -> Array:
+    """Positions of all bodies, by the equations and in the engine, (2, bodies, 3)."""
+    found = tab.run(f"{BOX}.viewer.poses().map((layer) => layer.map((pose) => pose.slice(0, 3)))")
+    return np.array(found)
+
+
+def expected(planted: Planted, state: int, time: float, factor: float) -> Array:
+    """The same by the tree's kinematics."""
+    _, tree, states, apart = planted
+    n = tree.dof
+    start, rates = states.start[state], (states.end - states.start)[state] / 1e-3
+    moved = start[n:] * time + 0.5 * (rates[n:] + factor * apart[state, n:] / 1e-3) * time**2
+    values = TreeFrames(tree, tuple(tree.frames))((start[:n] + moved)[None])
+    places: Array = values.reshape(len(tree.frames), -1)[:, :3]
+    return places
+
+
+@needs_browser
+def test_link_line_and_fix_are_on_the_first_screen(scene_tab: Tab) -> None:
+    text = scene_tab.run(VISIBLE)
+    line = next(i for i, row in enumerate(humanoid().splitlines(), 1) if "2.97" in row)
+    for wanted in (WRONG, f"humanoid.xml:{line}", "2.97", "Copy patch"):
+        assert wanted in text, wanted
+    # The link that glows is the one whose lines the cause names, and no other.
+    lit = f"[...{BOX}.viewer.lit].map((i) => {BOX}.viewer.data.bodies[i].name)"
+    assert scene_tab.run(lit) == [WRONG]
+    assert scene_tab.run(f"{BOX}.dataset.drawing") == ("solids" if three_code() else "projection")
+
+
+@needs_browser
+def test_time_and_amplifier_move_bodies_as_the_kinematics_say(
+    scene_tab: Tab, planted: Planted
+) -> None:
+    """A wrong axis, parent, order of rotations or share of the error moves a hand elsewhere."""
+    assert scene_tab.run(f"{BOX}.viewer.state") == WORST
+    for state, time, power in ((WORST, 0.05, 1), (0, 0.02, 0), (STATES - 1, 0.1, 2.5)):
+        scene_tab.run(f"{BOX}.viewer.set({{ playing: false, state: {state}, time: {time}, "
+                      f"power: {power} }})")  # fmt: skip
+        reference, engine = poses(scene_tab)
+        for found, factor in ((reference, 0.0), (engine, 10.0**power)):
+            wanted = expected(planted, state, time, factor)
+            assert np.max(np.abs(found - wanted)) < 1e-5
+    assert np.max(np.abs(engine - reference)) > 1e-3
+
+
+@needs_browser
+def test_lines_and_links_show_each_other(scene_tab: Tab, planted: Planted) -> None:
+    scene_tab.go(CASE)
+    scene_tab.until(DRAWN)
+    names = list(planted[1].frames)
+    line = next(i for i, row in enumerate(humanoid().splitlines(), 1) if "'right_elbow'" in row)
+    place = scene_tab.run(f"""(() => {{ const row = {BOX}.querySelector('[data-line="{line}"]');
+      row.scrollIntoView({{ block: "center" }}); const box = row.getBoundingClientRect();
+      return [box.left + 90, box.top + 5]; }})()""")
+    scene_tab.mouse("mouseMoved", *place)
+    scene_tab.until(f"[...{BOX}.viewer.hovered].join() === '{names.index('right_elbow')}'")
+    # A click on a link in the picture shows its lines.
+    spot = scene_tab.run(f"""(() => {{ const viewer = {BOX}.viewer, at = viewer.drawing.canvas;
+      viewer.set({{ playing: false }});
+      at.scrollIntoView({{ block: "center" }});
+      const project = viewer.camera.projection(at.clientWidth, at.clientHeight);
+      const box = at.getBoundingClientRect(), body = {names.index(WRONG)};
+      const [x, y] = project(placed(viewer, body)); return [x + box.left, y + box.top];
+      function placed(one, i) {{ const [pose] = one.poses(); const p = pose[i];
+        return [p[0], p[1], p[2]]; }} }})()""")
+    scene_tab.mouse("mouseMoved", *spot)
+    scene_tab.mouse("mousePressed", *spot, button="left", clickCount=1, buttons=1)
+    scene_tab.mouse("mouseReleased", *spot, button="left", clickCount=1)
+    chosen = scene_tab.run(f"{BOX}.viewer.chosen")
+    assert chosen >= 0
+    first = body_lines(humanoid(), "humanoid.xml", names)[chosen][0][0]
+    scene_tab.until(f"{BOX}.querySelector('.owned').dataset.line === '{first}'")
+    href = scene_tab.run(f"{BOX}.querySelector('.editor').href")
+    assert href.startswith("vscode://file/")
+    assert href.endswith(f"humanoid.xml:{first}")
+
+
+@needs_browser
+def test_the_heat_map_and_the_sliders_work_by_mouse_and_by_keyboard(
+    scene_tab: Tab, planted: Planted
+) -> None:
+    scene_tab.go(CASE)
+    scene_tab.until(DRAWN)
+    scene_tab.run(f"""{BOX}.querySelector('[data-row="4"][data-state="2"]')
+      .dispatchEvent(new MouseEvent("click", {{ bubbles: true }}))""")
+    assert scene_tab.run(f"[{BOX}.viewer.state, {BOX}.viewer.chosen]") == [2, 5]
+    scene_tab.run(f"{BOX}.querySelector('.heat').focus()")
+    scene_tab.key("ArrowRight", 39)
+    scene_tab.key("ArrowDown", 40)
+    assert scene_tab.run(f"[{BOX}.viewer.state, {BOX}.viewer.chosen]") == [3, 6]
+    readout = scene_tab.run(f"{BOX}.querySelector('.errors .readout').textContent")
+    assert readout.startswith(f"{planted[1].links[5].name} at state 4: E ")
+    before = scene_tab.run(f"{BOX}.viewer.power")
+    scene_tab.run(f"{BOX}.querySelector('[aria-label=\"Amplify the error\"]').focus()")
+    scene_tab.key("ArrowRight", 39)
+    assert scene_tab.run(f"{BOX}.viewer.power") == before + 0.5
+    yaw = scene_tab.run(f"{BOX}.viewer.camera.yaw")
+    scene_tab.run(f"{BOX}.querySelector('canvas').focus()")
+    scene_tab.key("ArrowRight", 39)
+    assert scene_tab.run(f"{BOX}.viewer.camera.yaw") < yaw
+
+
+@needs_browser
+def test_without_webgl_a_projection_is_drawn(browser: Browser, planted: Planted) -> None:
+    lost = """HTMLCanvasElement.prototype.getContext = new Proxy(
+      HTMLCanvasElement.prototype.getContext, { apply: (call, canvas, [kind, ...more]) =>
+        (kind.startsWith("webgl") ? null : call.apply(canvas, [kind, ...more])) });"""
+    with browser.tab() as tab:
+        tab.send("Page.addScriptToEvaluateOnNewDocument", source=lost)
+        tab.open(planted[0].as_uri())
+        tab.until(DRAWN)
+        assert tab.run(f"{BOX}.dataset.drawing") == "projection"
+        inked = f"""(() => {{ const at = {BOX}.querySelector("canvas");
+          const bytes = at.getContext("2d").getImageData(0, 0, at.width, at.height).data;
+          return bytes.filter((value, i) => i % 4 === 3 && value > 0).length; }})()"""
+        assert tab.run(inked) > 1000
+        sound(tab, planted[0].as_uri())
+
+
+def test_a_page_without_bodies_carries_no_code_for_them(planted: Planted, tmp_path: Path) -> None:
+    from tests.report.samples import results
+
+    write_report(tmp_path / "index.html", results(1))
+    page = (tmp_path / "index.html").read_text("utf-8")
+    assert "pack-three" not in page
+    assert "class Mechanism" not in page
+    assert planted[0].stat().st_size < 1.5e6
+
+
+def test_lines_of_bodies_in_each_format() -> None:
+    """A joint of a URDF belongs to its child link; a body of an MJCF ends where the next begins."""
+    urdf = "<robot>\n<link name='a'/>\n<link name='b'>\n</link>\n"
+    urdf += "<joint name='j'>\n<parent link='a'/>\n<child link='b'/>\n</joint>\n</robot>"
+    assert body_lines(urdf, "r.urdf", ["a", "b"]) == (((2, 2),), ((3, 4), (5, 8)))
+    bodies = "<body name='a'>\n<geom size='1'/>\n<body>\n</body>\n</body>\n"
+    mjcf = f"<mujoco>\n<worldbody>\n{bodies}</worldbody>\n</mujoco>"
+    assert body_lines(mjcf, "r.xml", ["a", "body_2"]) == (((3, 4),), ((5, 6),))
+    assert body_lines("<not", "r.xml", ["a"]) == ((),)
+    assert json.dumps(body_lines("", "r.sdf", ["a"])) == "[[]]"
