@@ -6,7 +6,7 @@ import math
 import re
 from bisect import bisect_right
 from codecs import BOM_UTF8
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import XmlElement, read_repaired
@@ -141,6 +141,7 @@ class Document:
         return self.numbers(element, key, (default,), what)[0]
 
 
+@lru_cache(maxsize=4096)  # changed copies of a file share nearly all their texts
 def read_numbers(text: str, count: int) -> tuple[float, ...] | None:
     """Return `count` finite numbers, or None if the text is anything else."""
     numbers = finite_numbers(text)

@@ -49,7 +49,7 @@ _HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
 NO_ATTRIBUTES: Mapping[str, str] = MappingProxyType({})
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class XmlElement:
     """An element of a file, or one that an edit adds to a copy.
 
@@ -324,6 +324,7 @@ def _parse(source: SourceFile) -> tuple[XmlElement, ...]:
     def finish(_tag: str) -> None:
         open_.pop().end = parser.CurrentByteIndex
 
+    parser.buffer_text = True  # one call for each text, not for each of its lines
     parser.XmlDeclHandler = declare
     parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse

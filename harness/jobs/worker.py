@@ -31,6 +31,9 @@ from physics_crosscheck.harness.jobs.stop import SIGNALS
 MOST_WRITTEN = 2**28
 """Maximum size of a file that a worker writes, bytes; endless output cannot fill the disk."""
 
+GARBAGE_THRESHOLD = 100_000
+"""New objects between two searches for garbage: rows of states are many small lists."""
+
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 try:
@@ -63,6 +66,7 @@ class WorkerConfig:
 def serve(tasks: Connection, config: WorkerConfig) -> NoReturn:
     """Run tasks until no more arrive: the main function of a worker process."""
     gc.freeze()  # collecting what the server imported would copy all its memory
+    gc.set_threshold(GARBAGE_THRESHOLD)
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)  # child processes of a task end with it; only the program handles Ctrl-C
     signal.signal(signal.SIGINT, signal.SIG_IGN)

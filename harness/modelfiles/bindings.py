@@ -201,6 +201,8 @@ def with_texts(sidecar: Sidecar, texts: Mapping[Path, bytes], into: Path) -> Sid
 
 def _as_set(copy: Sidecar, sidecar: Sidecar) -> Sidecar:
     """Return a copy with the engines' settings that have changed since the sidecar was read."""
+    if not sidecar.engine_settings:
+        return copy
     read = read_sidecar(_file(sidecar)).engine_settings
     settings = {engine: dict(given) for engine, given in copy.engine_settings.items()}
     for engine, given in sidecar.engine_settings.items():

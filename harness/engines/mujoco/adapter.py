@@ -304,7 +304,7 @@ def _not_finite(model: Any) -> dict[str, object]:
     """Return fields of a compiled model that are not finite, except ranges."""
     parts = ((model, _reals("model")), (model.opt, _reals("options")))
     fields = {name: getattr(part, name) for part, names in parts for name in names}
-    if np.isfinite(np.concatenate([np.ravel(value) for value in fields.values()])).all():
+    if np.isfinite(np.concatenate([one.ravel() for one in fields.values() if one.size])).all():
         return {}  # one call: a large share of the time to load a small model
     return {name: value for name, value in fields.items() if not np.isfinite(value).all()}
 

@@ -72,7 +72,7 @@ def _collect(
             raise
         return  # two hyphens in a comment, say: MuJoCo accepts them
     by_path[path] = source
-    for include in source.root.iter("include"):
+    for include in (one for one in source.elements if one.tag == "include"):
         name = include.get("file", "")
         if name and (folder / name).exists():  # paths are relative to the first file
             if not (folder / name).is_file():

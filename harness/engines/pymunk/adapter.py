@@ -12,6 +12,7 @@ import traceback
 import types
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -287,6 +288,9 @@ class PymunkModel(LoadedModel):
     integrator = "semi-implicit euler, positions first"
 
     def __init__(self, spec: ModelSpec) -> None:
+        from pymunk._chipmunk_cffi import lib
+
+        self._lib: Any = lib
         self._spec, self.path = spec, str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
         # Overrides the file's gravity, as [gx, gy, 0]; None keeps it.
@@ -383,13 +387,13 @@ class PymunkModel(LoadedModel):
         """Step the Space; forces act for one step, since pymunk clears them after each."""
         places: list[list[float]] = []
         rates: list[list[float]] = []
-        for b, (start, rate) in enumerate(zip(q.tolist(), v.tolist(), strict=True)):
-            self._clear_impulses(h)
-            self._set(start, rate)
-            with self._script_errors("a step"):
-                self._run(b, h, n, force, every, places, rates)
-            # A NaN may stay in the joints permanently.
-            self._reusable &= math.isfinite(sum(places[-1]) + sum(rates[-1]))
+        with self._script_errors("a step"):
+            for b, (start, rate) in enumerate(zip(q.tolist(), v.tolist(), strict=True)):
+                self._clear_impulses(h)
+                self._set(start, rate)
+                self._run(h, self._pushes(force, b, n), every, places, rates)
+                # A NaN may stay in the joints permanently.
+                self._reusable &= math.isfinite(sum(places[-1]) + sum(rates[-1]))
         shape = (len(q), n // every, q.shape[1])
         return np.array(places).reshape(shape), np.array(rates).reshape(shape)
 
@@ -413,10 +417,9 @@ class PymunkModel(LoadedModel):
         A step with zero maximum force leaves a joint's impulse at zero; the bodies' states are
         overwritten. If the Space may remember more, build it again, at 50 times the cost of a step.
         """
-        from pymunk._chipmunk_cffi import lib
-
         if not self._reusable:
             self._build()
+        lib = self._lib
         for joint, _ in self._joints:
             lib.cpConstraintSetMaxForce(joint, 0.0)
         if self._joints:
@@ -425,67 +428,71 @@ class PymunkModel(LoadedModel):
             lib.cpConstraintSetMaxForce(joint, allowed)
 
     def _set(self, q: list[float], v: list[float]) -> None:
-        from pymunk._chipmunk_cffi import lib
-
+        lib = self._lib
         for i, body in enumerate(self._handles):
             lib.cpBodySetPosition(body, (q[3 * i], q[3 * i + 1]))
             lib.cpBodySetAngle(body, q[3 * i + 2])
             lib.cpBodySetVelocity(body, (v[3 * i], v[3 * i + 1]))
             lib.cpBodySetAngularVelocity(body, v[3 * i + 2])
 
+    def _pushes(self, force: Force, b: int, n: int) -> Iterator[Sequence[float] | None]:
+        """Yield the forces of each step of a row, by the state before it; None without any."""
+        if force is None:
+            yield from repeat(None, n)
+        elif isinstance(force, StateForce):
+            for inputs in force.inputs[b].tolist():
+                yield force.evaluate(self._places(), inputs)
+        else:
+            yield from force[b].tolist()
+
     def _run(
         self,
-        b: int,
         h: float,
-        n: int,
-        force: Force,
+        pushes: Iterable[Sequence[float] | None],
         every: int,
         places: list[list[float]],
         rates: list[list[float]],
     ) -> None:
-        from pymunk._chipmunk_cffi import lib
-
-        step, space = lib.cpSpaceStep, self._space._space
-        whole_space = self._space if self._own_step else None
-        set_force, set_torque = lib.cpBodySetForce, lib.cpBodySetTorque
-        by_state = force if isinstance(force, StateForce) else None
-        held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
-        inputs: Any = by_state.inputs[b].tolist() if by_state is not None else None
-        push = None
-        for i in range(n):
-            if by_state is not None:
-                push = by_state.evaluate(self._places(), inputs[i])
-            elif held is not None:
-                push = held[i]
-            if whole_space is not None:
-                step_whole(whole_space, self._handles, h, push)
+        """Take a step under each of the forces, and record states after every `every` steps."""
+        step, space, handles = self._lib.cpSpaceStep, self._space._space, self._handles
+        set_force, set_torque = self._lib.cpBodySetForce, self._lib.cpBodySetTorque
+        for i, push in enumerate(pushes, start=1):
+            if self._own_step:
+                step_whole(self._space, handles, h, push)
             else:
-                if push is not None:
-                    for j, body in enumerate(self._handles):
-                        set_force(body, (push[3 * j], push[3 * j + 1]))
-                        set_torque(body, push[3 * j + 2])
+                # Zero forces need no call: each step leaves zero.
+                for body, x, y, torque in (
+                    zip(handles, *_by_kind(push), strict=True) if push else ()
+                ):
+                    if x or y:
+                        set_force(body, (x, y))
+                    if torque:
+                        set_torque(body, torque)
                 step(space, h)
-            if (i + 1) % every == 0:
+            if i % every == 0:
                 places.append(self._places())
                 rates.append(self._rates())
 
     def _places(self) -> list[float]:
-        from pymunk._chipmunk_cffi import lib
-
+        position, angle = self._lib.cpBodyGetPosition, self._lib.cpBodyGetAngle
         values: list[float] = []
         for body in self._handles:
-            position = lib.cpBodyGetPosition(body)
-            values += (position.x, position.y, lib.cpBodyGetAngle(body))
+            place = position(body)
+            values += (place.x, place.y, angle(body))
         return values
 
     def _rates(self) -> list[float]:
-        from pymunk._chipmunk_cffi import lib
-
+        velocity, spin = self._lib.cpBodyGetVelocity, self._lib.cpBodyGetAngularVelocity
         values: list[float] = []
         for body in self._handles:
-            rate = lib.cpBodyGetVelocity(body)
-            values += (rate.x, rate.y, lib.cpBodyGetAngularVelocity(body))
+            rate = velocity(body)
+            values += (rate.x, rate.y, spin(body))
         return values
+
+
+def _by_kind(push: Sequence[float]) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
+    """Return the forces along x and y and the torques of all bodies."""
+    return push[0::3], push[1::3], push[2::3]
 
 
 def _kind(result: object) -> type:
