@@ -3,16 +3,17 @@
 `python -m campaigns.laws files FILE...` compares MJCFs in MuJoCo and URDFs in PyBullet, roots fixed
 (`--floating`: free), with their laws.
 `python -m campaigns.laws faults FILE... --each 8` changes numbers by 1e-6 and 1 %.
-`python -m campaigns.laws tested FILE...` counts the tested numbers, without and with whole steps.
+`python -m campaigns.laws tested FILE...` counts the tested numbers by kind.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,12 @@ from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
-from physics_crosscheck.harness.diagnosis.coverage import count_robot
+from physics_crosscheck.harness.diagnosis.coverage import NumberEffect, counted_numbers
 from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, diagnose_laws, law_problem
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 
 RESOLUTION = 1e-9
@@ -197,29 +199,48 @@ def faults(paths: Iterable[Path], each: int, seed: int, kinds: Collection[str]) 
     print(dict(total))
 
 
+NOT_DYNAMIC = re.compile(
+    r".*/(visual|sensor|keyframe|statistic|size|custom|texture|material|camera|light)[/@].*"
+    r"|.*@(rgba|group|texrepeat|texuniform|reflectance|shininess|specular|user|cutoff)"
+)
+"""Numbers that are no dynamics by their kind."""
+
+
+def kind_of(path: str) -> str:
+    """Return the element and attribute of a number, such as `joint@range`."""
+    return path.rpartition("/")[2]
+
+
 def tested(paths: Iterable[Path]) -> None:
-    """Print the share of physical numbers that are tested, by kind: smooth, and whole steps."""
+    """Print the tested share of the numbers that dynamics may depend on, by kind.
+
+    An overwritten default, or the position of a joint along its axis, has no effect at all.
+    """
     totals: dict[str, Counter[str]] = {}
     for path in paths:
         began = time.process_time()
         try:
-            prepared = prepare_tree(path)
-            smooth = count_robot(model_task(replace(prepared, smooth=True), "mujoco"))
-            whole = count_robot(model_task(prepared, "mujoco"))
+            task = model_task(prepare_tree(path), "mujoco")
+            counted = counted_numbers(task, robot_numbers(path, task.spec.settings))
         except FileError as error:
             print(f"{path.name}: {error.sentence[:100]}")
             continue
-        for name, coverage in (("smooth", smooth), ("whole", whole)):
-            count = totals.setdefault("tested", Counter())
-            count[name] += coverage.seen
-            for untested in coverage.untested:
-                totals.setdefault(untested.reason, Counter())[name] += untested.count
-        totals["tested"]["numbers"] += whole.numbers
+        file = Counter[str]()
+        for one in counted:
+            if NOT_DYNAMIC.fullmatch(one.path):
+                continue
+            seen = one.bound or one.effect in (NumberEffect.MOTION, NumberEffect.FRAMES)
+            word = "tested" if seen else one.effect.value
+            file[word] += 1
+            totals.setdefault(kind_of(one.path), Counter())[word] += 1
         seconds = time.process_time() - began
-        print(f"{path.name}: {smooth.seen} and {whole.seen} of {whole.numbers}, {seconds:.1f} s",
-              flush=True)  # fmt: skip
-    for reason, count in sorted(totals.items(), key=lambda item: -item[1]["smooth"]):
-        print(f"{reason:40} {count['smooth']:6} {count['whole']:6}")
+        print(f"{path.parent.name}/{path.name}: {dict(file)}, {seconds:.0f} s", flush=True)
+    for kind, count in sorted(totals.items(), key=lambda item: -item[1].total()):
+        rest = {word: number for word, number in count.items() if word != "tested"}
+        print(f"{kind:30} {count['tested']:6} of {count.total():6}  {rest or ''}")
+    whole = sum(totals.values(), Counter[str]())
+    print(f"{whole['tested']} of {whole.total()}: {100 * whole['tested'] / whole.total():.1f} %")
+    print(dict(whole))
 
 
 def main() -> None:

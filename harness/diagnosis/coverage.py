@@ -425,24 +425,32 @@ def count_robot(task: TreeTask) -> Coverage:
     numbers = robot_numbers(task.file, task.spec.settings)
     if numbers.unread:
         return Coverage(note="; ".join(numbers.unread))
+    return summarized(counted_numbers(task, numbers), engines()[task.engine].non_physical)
+
+
+def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
+    """Return each number of a file with its effect; errors as in `count_robot`."""
     problem = problem_of(task, numbers, is_reference=False)
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
     if task.sidecar is None and not task.target.smooth:
         says |= _in_steps(task, numbers, says)
-    says |= _in_frames(task, numbers, [i for i in says if says[i] in _UNMOVED])
+    says |= _in_frames(task, numbers, _small_changes(numbers, says))
+    says |= _in_frames(task, numbers, _reversed_axes(numbers, says))
     if task.sidecar is None:
         says |= _in_shapes(task, numbers, says)
+    whole = task.sidecar is None and not task.target.smooth
+    read = numbers.read_numbers if whole else frozenset[int]()
     choices, fixed = engines()[task.engine].choices, _fixed(task)
-    counted = [
+    return [
         CountedNumber(
             path=one.path,
             address=one.address,
             line=f"{one.file.name}:{one.line}",
             effect=_otherwise(one, says.get(i, NumberEffect.NONE), choices, fixed),
+            bound=i in read,
         )
         for i, one in enumerate(numbers.numerals)
     ]
-    return summarized(counted, engines()[task.engine].non_physical)
 
 
 def _in_steps(
@@ -474,10 +482,25 @@ def _effect(problem: RobotProblem | LawProblem, index: int, resolution: float) -
 _UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
 
 
+def _small_changes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
+    """Return a small change of each number that moves nothing in time."""
+    unmoved = [i for i, effect in says.items() if effect in _UNMOVED]
+    return {i: -SLOPE_NUDGE * numbers.numerals[i].scale for i in unmoved}
+
+
+def _reversed_axes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
+    """Return a change of sign of each number of an axis whose length has no effect."""
+    return {
+        i: -2 * one.value
+        for i, one in enumerate(numbers.numerals)
+        if one.value and says.get(i, NumberEffect.NONE) in _UNMOVED and _DIRECTION.match(one.path)
+    }
+
+
 def _in_frames(
-    task: TreeTask, numbers: Numbers, unmoved: Collection[int]
+    task: TreeTask, numbers: Numbers, changes: Mapping[int, float]
 ) -> dict[int, NumberEffect]:
-    """Return those of the numbers that move nothing in time, but where a body is."""
+    """Return those of the changed numbers that move nothing in time, but where a body is."""
     target, here = task.target, numbers.tree({})
     if here is None or here.dof != len(target.names):
         return {}
@@ -487,13 +510,13 @@ def _in_frames(
     before = TreeFrames(here, names)(q)
     least = task.resolution * max(1.0, float(np.max(np.abs(before), initial=0.0)))
     effects = {}
-    for i in unmoved:
+    for i, change in changes.items():
         number = numbers.numerals[i]
-        tree = numbers.tree({i: number.value - SLOPE_NUDGE * number.scale})  # known, from the slope
+        tree = numbers.tree({i: number.value + change})
         if tree is None or tree.dof != len(target.names) or tuple(tree.frames) != every:
             continue
         moved = float(np.max(np.abs(TreeFrames(tree, names)(q) - before), initial=0.0))
-        if moved * NUDGE / SLOPE_NUDGE > least:
+        if moved * NUDGE * number.scale / abs(change) > least:
             effects[i] = NumberEffect.FRAMES
     return effects
 

@@ -32,6 +32,10 @@ class Numbers(Protocol):
         """Indices of the numbers that may affect the tree."""
 
     @property
+    def read_numbers(self) -> frozenset[int]:
+        """Indices of the law's numbers whose compiled values are compared with the file's text."""
+
+    @property
     def unread(self) -> tuple[str, ...]:
         """Why numbers of some of its files are missing, one sentence each."""
 

@@ -28,7 +28,7 @@ class Coverage(Record, frozen=True, kw_only=True):
     Attributes:
         numbers: All numbers.
         motion: Numbers that accelerations at the tested states depend on.
-        audit: Further numbers that are bound to a formula of the constants.
+        audit: Further numbers bound to a formula, or compiled as the file's text states.
         frames: Further numbers that the pose of a declared frame depends on.
         untested: All other numbers, by reason.
         note: Reason if the numbers were not counted; empty otherwise.

@@ -9,11 +9,16 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.diagnosis.coverage import NumberEffect, count_robot
+from physics_crosscheck.harness.diagnosis.coverage import (
+    NumberEffect,
+    count_robot,
+    counted_numbers,
+)
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from tests.robots.files import joint, link
 
 PLACE = '<origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>'
@@ -46,10 +51,10 @@ def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     assert "link[base]/inertial/mass@value" in still
     idle = by_reason[NumberEffect.NONE.value].examples
     assert len(idle) == counts[NumberEffect.NONE.value]
-    # Moments about other axes have no say; where the joint is, and which way it is turned about its
-    # link, shows in poses alone.
+    # Moments about other axes have no say; where the joint is, which way it is turned about its
+    # link, and the sign of its axis show in poses alone.
     assert "link[one]/inertial/inertia@ixx" in idle
-    assert found.frames == 4
+    assert found.frames == 5
     assert not {"link[one]/inertial/mass@value", "joint[a]/origin@xyz[2]",
                 "link[one]/inertial/inertia@iyy", "link[one]/inertial/origin@xyz[2]",
                 "joint[a]/axis@xyz[2]"} & set(idle)  # fmt: skip
@@ -92,14 +97,13 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file.write_text(MJCF)
     found = count_robot(model_task(prepare_tree(file), "mujoco"))
     counts = {one.reason: one.count for one in found.untested}
-    assert counts.pop(NumberEffect.NONE.value) == 2  # of axes
-    # Along the axis of the joint above: the body, two geoms; and the site.
-    assert found.frames == 6
+    # Along the axis of the joint above: the body, two geoms; the site; signs of two axes.
+    assert found.frames == 6 + 2
+    # As compiled: two contact parameters, a limit and an anchor that act at no state.
+    assert found.audit == 4
     assert counts == {
         "visual geometry": 3 + 4,
-        "contact parameters": 2,
-        "joint limits": 1 + 2,
-        "loops": 1,
+        "joint limits": 2,
         "sensors": 1,
         "user data": 2,
         "keyframes": 2,
@@ -131,7 +135,7 @@ def test_a_number_that_cannot_be_moved_is_not_counted(
     found = count_robot(task)
     assert found.motion == 0
     reasons = {one.reason: one.count for one in found.untested}
-    assert set(reasons) == {NumberEffect.REFUSED.value, "memory sizes", "contact parameters"}
+    assert set(reasons) == {NumberEffect.REFUSED.value, "memory sizes"}
 
 
 STOP = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="a" axis="0 1 0"
@@ -147,3 +151,25 @@ def test_numbers_that_act_in_whole_steps_count_as_tested(tmp_path: Path) -> None
     smooth = count_robot(model_task(replace(prepare_tree(file), smooth=True), "mujoco"))
     assert whole.motion == smooth.motion + 2 + 1 + 1  # range, frictionloss, time step
     assert {one.reason for one in smooth.untested} > {one.reason for one in whole.untested}
+
+
+READ = """<mujoco><default><geom friction=".8 .1"/><joint damping=".1"/></default><worldbody>
+<geom type="plane" size="3 3 .1" priority="1" solmix="2"/><body pos="0 0 1">
+<joint name="a" axis="0 2 0" damping=".2" margin=".01"/><geom size=".1" friction=".5"/></body>
+</worldbody></mujoco>"""
+
+
+def test_numbers_of_the_text_and_directions_of_axes_count(tmp_path: Path) -> None:
+    """Catch numbers that only the reading of the text, or a reversed axis, would show."""
+    pytest.importorskip("mujoco")
+    file = tmp_path / "r.xml"
+    file.write_text(READ)
+    task = model_task(prepare_tree(file), "mujoco")
+    counted = counted_numbers(task, robot_numbers(file, task.spec.settings))
+    by_address = {one.address: one for one in counted}
+    bound = {address for address, one in by_address.items() if one.bound}
+    assert {"mujoco/default/geom@friction[1]"} <= bound, bound
+    assert not [one for one in bound if "damping" in one or "size" in one]
+    axis = by_address["joint[a]@axis[1]"]
+    assert axis.effect is NumberEffect.FRAMES
+    assert by_address["mujoco/default/joint@damping"].effect is NumberEffect.NONE

@@ -7,8 +7,9 @@ Each element of a class overwrites the first numbers of an attribute, as many as
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -64,6 +65,14 @@ def _add_class(
         _add_class(chains, nested, chains[name], nested.get("class", ""))
 
 
+class StatedPlace(NamedTuple):
+    """A number of a file: its element, its attribute, and its index there."""
+
+    element: XmlElement
+    key: str
+    word: int
+
+
 @dataclass(frozen=True)
 class Chain:
     """An element of a file after the defaults that it overwrites, which come first."""
@@ -89,6 +98,15 @@ class Chain:
     def number(self, key: str, default: float) -> float:
         """Return the number of an attribute."""
         return self.numbers(key, [default])[0]
+
+    def effective(self, keys: Collection[str]) -> Iterator[StatedPlace]:
+        """Yield the numbers of some attributes that no later element overwrites."""
+        for key in keys:
+            first = 0
+            for element in reversed(self.elements):
+                count = len(finite_numbers(element.get(key)) or []) if element.get(key) else 0
+                yield from (StatedPlace(element, key, word) for word in range(first, count))
+                first = max(first, count)
 
     def limits(
         self, prefix: str, *, automatic: bool, scale: float = 1.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.mjcf.classes import Value, Values
+from physics_crosscheck.harness.modelfiles.mjcf.classes import StatedPlace, Value, Values
 from physics_crosscheck.harness.modelfiles.mjcf.stated import (
     Key,
     StatedLaws,
@@ -59,11 +59,13 @@ class ReadingCheck:
         compared: number of attributes that are equal in both, or differ.
         misread: those that differ.
         unread: what is not compared, in words.
+        places: numbers of the file that the compared attributes follow from.
     """
 
     compared: int
     misread: tuple[MisreadNumber, ...]
     unread: tuple[str, ...]
+    places: frozenset[StatedPlace] = frozenset()
 
 
 def check_reading(path: Path, compiled: CompiledTree, model: LawModel) -> ReadingCheck:
@@ -92,6 +94,7 @@ def check_reading(path: Path, compiled: CompiledTree, model: LawModel) -> Readin
         compared=compared,
         misread=tuple(_misread(path, expected, actual, model)),
         unread=(*stated.unread, *(why for _, why in skipped)),
+        places=frozenset(place for row in expected.values() for place in row.places),
     )
 
 

@@ -20,6 +20,7 @@ from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.compiled import CompiledShape, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.misread import check_reading
 from physics_crosscheck.harness.modelfiles.mjcf.read import tree_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number, numerals, with_values
 from physics_crosscheck.reference.laws.step import LawModel
@@ -168,6 +169,23 @@ class CompiledNumbers:
         groups = self._groups
         acting = [group for why, group in groups.items() if not why or acts(group)]
         return tuple(sorted(i for group in acting for i in group if acts([i])))
+
+    @cached_property
+    def read_numbers(self) -> frozenset[int]:
+        """Indices of the law's numbers whose compiled values are compared with the file's text."""
+        model, compiled = self.laws({}), self._source
+        if model is None or compiled is None:
+            return frozenset()
+        places = {
+            (file, element.start, key, word)
+            for element, key, word in check_reading(self._path, compiled, model).places
+            for file, _ in (element.place,)
+        }
+        return frozenset(
+            i
+            for i, one in enumerate(self.numerals)
+            if (one.file, one.element.start, one.key, one.word) in places
+        )
 
     @property
     def _groups(self) -> dict[str, list[int]]:

@@ -17,10 +17,17 @@ from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
 from physics_crosscheck.harness.modelfiles.mjcf.classes import (
     Chain,
     StatedClasses,
+    StatedPlace,
     Values,
     radians,
 )
-from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import SHORTCUTS, read_drive
+from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
+    PARAMETER_KEYS,
+    PARAMETERS,
+    SHORTCUT_KEYS,
+    SHORTCUTS,
+    read_drive,
+)
 from physics_crosscheck.reference.mechanism.laws import Softness, Surface
 
 Key = tuple[str, int]
@@ -48,14 +55,16 @@ class StatedRow:
         element: of the file.
         subject: its kind and name.
         values: by attribute, as a compiler stores them: in radians, with defaults.
+        places: the numbers of the file that they follow from.
     """
 
     element: XmlElement
     subject: str
     values: Mapping[str, Values]
+    places: frozenset[StatedPlace]
 
 
-_Row = tuple[Key, XmlElement, Mapping[str, Values]]
+_Row = tuple[Key, Chain, Mapping[str, Values]]
 
 
 class StatedLaws:
@@ -107,10 +116,12 @@ class StatedLaws:
     def rows(self) -> Mapping[Key, StatedRow]:
         """All rows."""
         rows: dict[Key, StatedRow] = {}
-        for key, element, values in self._every():
+        for key, chain, values in self._every():
+            element = chain.elements[-1]
             subject = f"{element.tag} {element.get('name') or f'#{key[1]}'}"
             subject = "options" if key[0] == "option" else subject
-            rows[key] = StatedRow(element=element, subject=subject, values=values)
+            places = frozenset(_places(key[0], chain, values))
+            rows[key] = StatedRow(element=element, subject=subject, values=values, places=places)
         return rows
 
     @property
@@ -170,29 +181,30 @@ class StatedLaws:
 
     def _every(self) -> Iterator[_Row]:
         off = self._source.disabled
-        yield ("option", 0), self._source.root, self._options()
+        options = Chain((self._source.root, *self._source.root.findall("option")))
+        yield ("option", 0), options, self._options(options)
         yield from self._joint_rows()
         yield from self._tendon_rows()
         for i, element in enumerate(self._elements["equality"]):
             if not off("constraint", "equality"):
-                yield ("equality", i), element, _equality(self._chain(element, "equality"))
+                chain = self._chain(element, "equality")
+                yield ("equality", i), chain, _equality(chain)
         if not self.overrides:
             for i, element in enumerate(self._elements["geom"]):
-                yield ("geom", i), element, surface_values(_surface(self._chain(element)))
+                chain = self._chain(element)
+                yield ("geom", i), chain, surface_values(_surface(chain))
             for i, element in enumerate(self._elements["pair"]):
-                yield ("pair", i), element, _pair(self._chain(element))
+                chain = self._chain(element)
+                yield ("pair", i), chain, _pair(chain)
         yield from self._drive_rows()
 
-    def _options(self) -> Mapping[str, Values]:
-        source = self._source
-        number = float(source.stated("option", "timestep", "0.002"))
-        ratio = float(source.stated("option", "impratio", "1"))
+    def _options(self, chain: Chain) -> Mapping[str, Values]:
         return {
-            "timestep": (number,),
-            "integrator": (source.stated("option", "integrator", "Euler").lower(),),
-            "cone": (source.stated("option", "cone", "pyramidal"),),
-            "impratio": (ratio,),
-            "refsafe": (float(not source.disabled("refsafe")),),
+            "timestep": (chain.number("timestep", 0.002),),
+            "integrator": (chain.word("integrator", "Euler").lower(),),
+            "cone": (chain.word("cone", "pyramidal"),),
+            "impratio": (chain.number("impratio", 1.0),),
+            "refsafe": (float(not self._source.disabled("refsafe")),),
         }
 
     def _joint_rows(self) -> Iterator[_Row]:
@@ -202,19 +214,18 @@ class StatedLaws:
             chain = self._chain(element)
             turns = chain.word("type", "hinge") in ("hinge", "ball")
             unit = radians(self._source) if turns else 1.0
-            yield from self._resistances("joint", j, element, chain, unit)
+            yield from self._resistances("joint", j, chain, unit)
 
     def _tendon_rows(self) -> Iterator[_Row]:
         for t, element in enumerate(self._elements["tendon"]):
-            yield from self._resistances("tendon", t, element, self._chain(element, "tendon"), 1.0)
+            yield from self._resistances("tendon", t, self._chain(element, "tendon"), 1.0)
             if element.tag == "fixed":
                 combination = self._combination(element)
                 if combination is not None:
-                    yield ("path of tendon", t), element, {"coef": _flat_pairs(combination)}
+                    values = {"coef": _flat_pairs(combination)}
+                    yield ("path of tendon", t), Chain([element]), values
 
-    def _resistances(
-        self, kind: str, index: int, element: XmlElement, chain: Chain, unit: float
-    ) -> Iterator[_Row]:
+    def _resistances(self, kind: str, index: int, chain: Chain, unit: float) -> Iterator[_Row]:
         """Yield the limit, the dry friction and the force range of a joint or tendon."""
         off, automatic = self._source.disabled, self._automatic
         limits = chain.limits("", automatic=automatic, scale=unit)
@@ -225,18 +236,18 @@ class StatedLaws:
                 "margin": margin,
                 **_softness(chain, "limit"),
             }
-            yield (f"limit of {kind}", index), element, values
+            yield (f"limit of {kind}", index), chain, values
         friction = chain.number("frictionloss", 0.0)
         if friction and not off("constraint", "frictionloss"):
             values = {"frictionloss": (friction,), **_softness(chain, "friction")}
-            yield (f"friction of {kind}", index), element, values
+            yield (f"friction of {kind}", index), chain, values
         forces = chain.limits("actuatorfrc", automatic=automatic)
         if forces is not None:
             values = {"actuatorfrcrange": forces}
             if kind == "joint":
                 lifts = chain.word("actuatorgravcomp", "false") == "true"
                 values["actuatorgravcomp"] = (float(lifts),)
-            yield (f"force of {kind}", index), element, values
+            yield (f"force of {kind}", index), chain, values
 
     def _combination(self, tendon: XmlElement) -> dict[int, float] | None:
         """Return the coefficients of a tendon's joints, by index; None for an unknown joint."""
@@ -266,7 +277,7 @@ class StatedLaws:
                 gear = chain.number("gear", 1.0)
                 shares = {joint: gear * share for joint, share in combination.items()}
                 values = {**values, "gear": _flat_pairs(shares)}
-            yield ("drive", i), element, values
+            yield ("drive", i), chain, values
 
     def _driven(self, chain: Chain) -> dict[int, float] | None:
         """Return the coefficients of the hinges and slides that a drive acts on, or None."""
@@ -291,6 +302,20 @@ class StatedLaws:
 
     def _named(self, kind: str, name: str) -> XmlElement | None:
         return next((one for one in self._elements[kind] if name and one.get("name") == name), None)
+
+
+def _places(table: str, chain: Chain, values: Mapping[str, Values]) -> Iterator[StatedPlace]:
+    """Yield the numbers of a file that the values of a row follow from."""
+    if table == "path of tendon":
+        for term in chain.elements[-1].findall("joint"):
+            yield from Chain([term]).effective(["coef"])
+        return
+    used = {key: len(values[key]) for key in PARAMETER_KEYS if key in values}
+    used |= {"gear": 1}
+    keys = (*values, *SHORTCUT_KEYS) if table == "drive" else tuple(values)
+    for place in chain.effective(dict.fromkeys(keys)):
+        if place.word < used.get(place.key, PARAMETERS):
+            yield place
 
 
 def _flat(parent: XmlElement, inherited: str) -> Iterator[tuple[XmlElement, str]]:

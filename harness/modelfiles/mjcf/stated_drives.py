@@ -169,6 +169,14 @@ SHORTCUTS: Mapping[str, Callable[[StatedDrive, XmlElement], None]] = MappingProx
 })  # fmt: skip
 """Functions that overwrite a drive with an element, by its tag."""
 
+PARAMETER_KEYS = ("dynprm", "gainprm", "biasprm")
+
+SHORTCUT_KEYS = (
+    "kp", "kv", "dampratio", "timeconst", "inheritrange", "area", "diameter", "bias", "tausmooth",
+    "range", *MUSCLE_CURVE,
+)  # fmt: skip
+"""Attributes that only shortcuts have."""
+
 _COUNTS = {"none": 0, "fixed": 1, "affine": 3, "muscle": 9}
 """Numbers that a gain or a bias depends on, by its kind."""
 

@@ -66,6 +66,11 @@ class SdfNumbers:
         del document.obstacles[count:]
         return tree
 
+    @property
+    def read_numbers(self) -> frozenset[int]:
+        """Return nothing: no compiler reads this file for the laws."""
+        return frozenset()
+
     def placing(self, candidates: Collection[int]) -> Collection[int]:
         """Return nothing: no engine shows the shapes."""
         return ()
