@@ -430,7 +430,7 @@ def count_robot(task: TreeTask) -> Coverage:
 
 def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
     """Return each number of a file with its effect; errors as in `count_robot`."""
-    problem = problem_of(task, numbers, is_reference=False)
+    problem = problem_of(task, numbers, is_reference=True)
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
     if task.sidecar is None and not task.target.smooth:
         says |= _in_steps(task, numbers, says)
@@ -485,7 +485,7 @@ _UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
 def _small_changes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
     """Return a small change of each number that moves nothing in time."""
     unmoved = [i for i, effect in says.items() if effect in _UNMOVED]
-    return {i: -SLOPE_NUDGE * numbers.numerals[i].scale for i in unmoved}
+    return {i: SLOPE_NUDGE * numbers.numerals[i].scale for i in unmoved}
 
 
 def _reversed_axes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:

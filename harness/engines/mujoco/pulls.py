@@ -292,7 +292,7 @@ def powers(m: Any, name: str, index: int) -> Numbers:
 
 def numbers_of(values: Any) -> Numbers:
     """Return all numbers of an array, row by row."""
-    return tuple(float(value) for value in np.ravel(values))
+    return tuple(np.asarray(values, dtype=float).ravel().tolist())
 
 
 def as_pair(values: Any) -> tuple[float, float]:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import (
     CompiledActuator,
     CompiledBody,
+    CompiledCoupling,
+    CompiledForce,
     CompiledJoint,
+    CompiledShape,
     CompiledTree,
     Numbers,
 )
@@ -86,12 +91,12 @@ def _target(m: Any, i: int) -> str:
 
 def _force_numbers(m: Any, i: int) -> Iterator[tuple[str, Numbers]]:
     """Yield the numbers that its force depends on while its control is held."""
-    yield "gear", _row(m.actuator_gear[output(m, i)])
-    yield "gain and bias", (*_row(m.actuator_gainprm[i]), *_row(m.actuator_biasprm[i]))
-    yield "dynamics", _row(m.actuator_dynprm[i])
-    yield "length of the crank", _row(m.actuator_cranklength[i])
+    yield "gear", numbers_of(m.actuator_gear[output(m, i)])
+    yield "gain and bias", (*numbers_of(m.actuator_gainprm[i]), *numbers_of(m.actuator_biasprm[i]))
+    yield "dynamics", numbers_of(m.actuator_dynprm[i])
+    yield "length of the crank", numbers_of(m.actuator_cranklength[i])
     if hasattr(m, "actuator_armature"):
-        yield "armature", _row(m.actuator_armature[i])
+        yield "armature", numbers_of(m.actuator_armature[i])
         yield "damping", powers(m, "actuator_damping", i)
 
 
@@ -104,15 +109,11 @@ def _ranges(m: Any, i: int) -> Iterator[tuple[str, Numbers]]:
         ("force", m.actuator_forcelimited[i], m.actuator_forcerange[i]),
     ):
         if limited:
-            yield f"{what} range", _row(bounds)
+            yield f"{what} range", numbers_of(bounds)
     if hasattr(m, "actuator_delay") and m.actuator_delay[i]:
-        yield "delay", _row(m.actuator_delay[i])
+        yield "delay", numbers_of(m.actuator_delay[i])
     if m.actuator_actearly[i]:
         yield "early state", (1.0,)
-
-
-def _row(values: Any) -> Numbers:
-    return tuple(float(value) for value in np.ravel(values))
 
 
 def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
@@ -134,26 +135,113 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
             m: Any = tree.compile()
     except Exception as error:
         raise load_error(error, path, xml_sources) from None
-    laws, paths = laws_of(m)
+    laws, paths = _read_once(laws_of, m, path)
     x, y, z = map(float, m.opt.gravity if acts(m, "GRAVITY") else np.zeros(3))
     return CompiledTree(
-        pulls=tuple(pulls(m)),
-        couplings=tuple(couplings(m)),
+        pulls=_read_once(_pulls, m, path),
+        couplings=_read_once(_couplings, m, path),
         controls=int(getattr(m, "nctrl", m.nu)),
-        bodies=tuple(_body(m, i) for i in range(1, m.nbody)),
+        bodies=_read_once(_bodies, m, path),
         gravity=(x, y, z),
-        fluid=box_fluid(m),
+        fluid=_read_once(box_fluid, m, path),
         name=tree.modelname,
-        besides=besides(m),
-        uncovered=uncovered(m),
-        actuators=tuple(compiled_actuator(m, i) for i in range(actuators(m))),
+        besides=_read_once(besides, m, path),
+        uncovered=_read_once(uncovered, m, path),
+        actuators=_read_once(_actuators, m, path),
         states=int(m.na),
         shapes=shapes,
-        engine_variants=((UNCOUPLED, pulls_as_computed(m)),) if any(split_tendons(m)) else (),
+        engine_variants=_read_once(_engine_variants, m, path),
         laws=laws,
         paths=paths,
-        placed=tuple(placed_shapes(m)),
+        placed=_read_once(_placed, m, path),
     )
+
+
+T = TypeVar("T")
+
+
+def _read_once(part: Callable[[Any], T], m: Any, path: Path) -> T:
+    """Return a part of the tree; the first one of a file, if all that it was read from is equal.
+
+    A file is compiled again for each of its numbers, which changes few parts.
+    """
+    first = _first_readings(path)
+    if part in first and first[part][0].is_equal(m):
+        kept: T = first[part][1]
+        return kept
+    reading = _Reading(m)
+    result = part(reading)
+    first.setdefault(part, (reading, result))
+    return result
+
+
+@lru_cache(maxsize=1)
+def _first_readings(path: Path) -> dict[Any, tuple[_Reading, Any]]:
+    """Return the parts of the last file, each with the values that it was read from."""
+    return {}
+
+
+class _Reading:
+    """A compiled model, or its options, that records which values are read from it."""
+
+    def __init__(self, source: Any) -> None:
+        self._source = source
+        self._values: dict[str, Any] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self._values:
+            return self._values[name]
+        value = getattr(self._source, name)
+        if callable(value):  # returns an element by index, of which only the name is read
+            self._values.update((key, getattr(self._source, key)) for key in _names())
+            return lambda i: SimpleNamespace(name=value(i).name)
+        self._values[name] = _Reading(value) if name == "opt" else value
+        return self._values[name]
+
+    def is_equal(self, other: Any) -> bool:
+        """Return whether the values that were read are equal in another model, to the last bit."""
+        pairs = ((value, getattr(other, name)) for name, value in self._values.items())
+        return all(_equal(value, there) for value, there in pairs)
+
+
+def _equal(value: Any, other: Any) -> bool:
+    if isinstance(value, _Reading):
+        return value.is_equal(other)
+    if isinstance(value, np.ndarray):
+        return bool(value.shape == other.shape and value.tobytes() == other.tobytes())
+    return bool(value == other)
+
+
+@cache
+def _names() -> tuple[str, ...]:
+    """Return the attributes of a model that hold the names of its elements."""
+    import mujoco
+
+    return tuple(name for name in dir(mujoco.MjModel) if name == "names" or name[:5] == "name_")
+
+
+def _pulls(m: Any) -> tuple[CompiledForce, ...]:
+    return tuple(pulls(m))
+
+
+def _couplings(m: Any) -> tuple[CompiledCoupling, ...]:
+    return tuple(couplings(m))
+
+
+def _bodies(m: Any) -> tuple[CompiledBody, ...]:
+    return tuple(_body(m, i) for i in range(1, m.nbody))
+
+
+def _actuators(m: Any) -> tuple[CompiledActuator, ...]:
+    return tuple(compiled_actuator(m, i) for i in range(actuators(m)))
+
+
+def _engine_variants(m: Any) -> tuple[tuple[str, tuple[CompiledForce, ...]], ...]:
+    return ((UNCOUPLED, pulls_as_computed(m)),) if any(split_tendons(m)) else ()
+
+
+def _placed(m: Any) -> tuple[CompiledShape, ...]:
+    return tuple(placed_shapes(m))
 
 
 def _spec(path: Path, texts: Mapping[Path, bytes]) -> Any:

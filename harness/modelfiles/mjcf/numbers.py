@@ -7,9 +7,9 @@ of a number is found by changing it. Numbers of visuals or contacts are changed 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +30,23 @@ from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Compiled:
-    """A compiled file: its tree and laws, or None; whether laws, paths and shapes are as before."""
+    """A compiled file.
+
+    Attributes:
+        tree: of its bodies, or None.
+        read_laws: returns its laws, or None.
+        same_laws, same_shapes: whether laws with their paths, and shapes, are as in the original.
+    """
 
     tree: Tree | None
-    laws: LawModel | None
+    read_laws: Callable[[], LawModel | None]
     same_laws: bool = True
     same_shapes: bool = True
+
+    @cached_property
+    def laws(self) -> LawModel | None:
+        """Its laws, or None."""
+        return self.read_laws()
 
 
 class CompiledNumbers:
@@ -91,7 +102,8 @@ class CompiledNumbers:
         compiled = self._source
         if compiled is None:
             return None
-        return _Compiled(tree=tree_of(compiled, self._controls), laws=_laws_of(compiled))
+        tree = tree_of(compiled, self._controls)
+        return _Compiled(tree=tree, read_laws=partial(_laws_of, compiled))
 
     @cached_property
     def _source(self) -> CompiledTree | None:
@@ -108,14 +120,27 @@ class CompiledNumbers:
         self, compiled: CompiledTree, source: CompiledTree, original: _Compiled
     ) -> _Compiled:
         """Return a changed file, with parts of the original one where they are equal."""
-        tree, model = tree_of(compiled, self._controls), original.laws
-        if model is None or compiled.laws is None:
-            return _Compiled(tree=tree, laws=None)
-        if _mechanics(compiled) != _mechanics(source):
-            same = compiled.paths == source.paths and compiled.laws == model.laws
-            return _Compiled(tree=tree, laws=_laws_of(compiled), same_laws=same)
-        laws = _shared(compiled.laws, model.laws)
-        return _Compiled(tree=tree, laws=model.under(laws), same_laws=laws == model.laws)
+        same_tree = source == replace(
+            compiled, laws=source.laws, paths=source.paths, placed=source.placed
+        )
+        tree = original.tree if same_tree else tree_of(compiled, self._controls)
+        model, laws = original.laws, compiled.laws
+        if model is None or laws is None:
+            return _Compiled(tree=tree, read_laws=lambda: None)
+        same_paths, same_laws = compiled.paths == source.paths, laws == model.laws
+        same_mechanics = (same_tree and same_paths) or self._has_mechanics_of(compiled)
+        read_laws: Callable[[], LawModel | None] = (
+            partial(_under, model, laws) if same_mechanics else partial(_laws_of, compiled)
+        )
+        return _Compiled(tree=tree, read_laws=read_laws, same_laws=same_paths and same_laws)
+
+    def _has_mechanics_of(self, compiled: CompiledTree) -> bool:
+        """Return whether the original has the same bodies, paths and passive forces."""
+        return self._mechanics == _mechanics(compiled)
+
+    @cached_property
+    def _mechanics(self) -> tuple[object, ...]:
+        return () if self._source is None else _mechanics(self._source)
 
     def _compile(self, values: Mapping[int, float]) -> CompiledTree | None:
         try:
@@ -250,6 +275,11 @@ def _mechanics(compiled: CompiledTree) -> tuple[object, ...]:
     return bodies, compiled.paths, passive, compiled.gravity, compiled.fluid
 
 
+def _under(model: LawModel, laws: Laws) -> LawModel:
+    """Return other laws on the bodies of a model."""
+    return model.under(_shared(laws, model.laws))
+
+
 def _shared(laws: Laws, original: Laws) -> Laws:
     """Return laws whose rows are those of the original where they are equal, to save memory."""
     tables = ("limits", "frictions", "equalities", "surfaces", "pairs", "drives")
@@ -293,7 +323,7 @@ def _moved(number: Number, share: float) -> float:
 
 def _same(first: Tree, second: Tree) -> bool:
     """Return whether two trees are equal, to the last digit."""
-    return _plain(first) == _plain(second)
+    return first is second or _plain(first) == _plain(second)
 
 
 def _plain(value: object) -> object:
