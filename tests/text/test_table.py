@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from physics_crosscheck.harness.records.case import Case, CaseId, SkippedCheck
+from physics_crosscheck.harness.records.case import Case, CaseId, SkippedCheck, WholeStep
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.diff import Status, bare_diff
@@ -26,6 +26,7 @@ from physics_crosscheck.harness.render.terminal.table import (
     deciding_lines,
     print_results,
     summary,
+    whole_step_lines,
 )
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
 from physics_crosscheck.harness.results.status import duration, percent
@@ -263,3 +264,15 @@ def test_the_deciding_checks_are_counted_with_their_largest_numbers() -> None:
     ]
     assert len(deciding_lines(cases[1:])) == 1
     assert deciding_lines([case(Outcome.ABSENT)]) == []
+
+
+def test_whole_steps_that_are_not_compared_take_one_line_without_details() -> None:
+    """Catch a long reason of an engine for each case in the default output."""
+    reason = "arm.urdf: PyBullet can't load it: Could not parse collision element"
+    cases = [
+        case(engine=engine, whole_step=WholeStep(uncovered=(reason,)))
+        for engine in ("mujoco", "pybullet")
+    ]
+    short = whole_step_lines(cases, details=False)
+    assert short == ["whole steps not compared in mujoco, pybullet; --details gives the reason"]
+    assert [line.endswith(reason) for line in whole_step_lines(cases, details=True)] == [True, True]

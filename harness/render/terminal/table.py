@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
-from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.case import Case, Stepping, WholeStep
 from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -252,7 +252,8 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         line := coverage_summary(results.models)
     ):
         print_wrapped(console, f"{line}; --details lists the rest")
-    for line in whole_step_lines(results.cases) if is_single_file(results) else ():
+    steps = whole_step_lines(results.cases, details=False) if is_single_file(results) else []
+    for line in steps:
         print_wrapped(console, line)
     if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
         verb = _verb(len(reserved), "agrees", "agree")
@@ -264,9 +265,9 @@ def _print_details(console: Console, results: Results) -> None:
     differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
     models = [model for model in results.models if model.id not in differ]
     _print_list(console, "linearization", [*_linear(models), *_single_steps(models)])
-    _print_list(console, "single steps", [*dynamics_lines(results.cases),
-                                         *stepping_lines(results.cases),
-                                         *whole_step_lines(results.cases)])  # fmt: skip
+    steps = whole_step_lines(results.cases, details=True)
+    lines = [*dynamics_lines(results.cases), *stepping_lines(results.cases), *steps]
+    _print_list(console, "single steps", lines)
     _print_list(console, "deciding checks", deciding_lines(results.cases))
     reserved = [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]
     _print_list(console, "reservations", [f"{case.id}: {case.reason}" for case in reserved])
@@ -397,8 +398,8 @@ def dynamics_lines(cases: Iterable[Case]) -> list[str]:
     ]
 
 
-def whole_step_lines(cases: Iterable[Case]) -> list[str]:
-    """Return one line for all whole steps that agree, and one for each that is not compared."""
+def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
+    """Return one line for all whole steps that agree, and one for all others, or one for each."""
     steps = [(case.whole_step, case) for case in cases if case.whole_step is not None]
     alike = [(step, case) for step, case in steps if step.outcome is Outcome.AGREES]
     lines = []
@@ -412,12 +413,21 @@ def whole_step_lines(cases: Iterable[Case]) -> list[str]:
         which = f" (worst: {worst.id})" if len(alike) > 1 else ""
         size = largest.discrepancy or 0.0
         lines.append(f"whole steps at {number}, with {kinds}, agree to {size:.1e}{which}")
-    for step, case in steps:
-        if step.outcome is Outcome.UNRESOLVED:
-            lines.append(f"{case.id}: whole steps unresolved, uncertainty {step.uncertainty:.1e}")
-        elif step.outcome is None and step.uncovered:
-            lines.append(f"{case.id}: whole steps not compared: {', '.join(step.uncovered)}")
+    others = [(case, why) for step, case in steps if (why := _why_not_compared(step))]
+    if details:
+        lines += [f"{case.id}: whole steps {why}" for case, why in others]
+    elif others:
+        names = ", ".join(dict.fromkeys(case.engine for case, _ in others))
+        lines.append(f"whole steps not compared in {names}; --details gives the reason")
     return lines
+
+
+def _why_not_compared(step: WholeStep) -> str:
+    """Return why whole steps have no verdict; empty if they have one, or nothing acts in them."""
+    if step.outcome is Outcome.UNRESOLVED:
+        return f"unresolved, uncertainty {step.uncertainty:.1e}"
+    has_none = step.outcome is None and step.uncovered
+    return f"not compared: {', '.join(step.uncovered)}" if has_none else ""
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:
