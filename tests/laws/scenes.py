@@ -95,3 +95,36 @@ PAIR = _TOUCH.replace("DIM", "3").replace(
     ' solreffriction=".05 1.2" margin=".002"/>',
 )
 TOUCH = {dim: _TOUCH.replace("DIM", str(dim)).replace("PAIR", "") for dim in (1, 3, 4, 6)}
+
+_INERTIAL = (
+    '<inertial><origin xyz="{}"/><mass value="{}"/>'
+    '<inertia ixx=".03" iyy=".02" izz=".025" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+_SHAPE = (
+    '<collision><origin xyz="{}"/><geometry><{}/></geometry></collision>'
+    '<contact><lateral_friction value="{}"/><restitution value=".6"/>{}</contact>'
+)
+
+URDF_ARM = f"""<robot name="arm"><link name="base">{_INERTIAL.format("0 0 0", 1)}</link>
+<link name="upper">{_INERTIAL.format(".15 0 .02", 1.5)}
+{_SHAPE.format(".3 0 0", 'sphere radius=".1"', 0.1, "")}</link>
+<link name="lower">{_INERTIAL.format(".1 0 0", 0.8)}
+{_SHAPE.format(".2 0 0", 'sphere radius=".08"', 0.03, "")}</link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper=".7" effort="7" velocity="9"/>
+<dynamics damping=".2" friction=".1"/></joint>
+<joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
+<origin xyz=".3 0 0"/><axis xyz="0 1 0"/><limit lower="-.4" upper=".4" effort="900" velocity="9"/>
+</joint></robot>"""
+"""The elbow has no limit, but PyBullet moves the targets of its motor into this range."""
+
+URDF_BOX = f"""<robot name="box"><link name="body">{_INERTIAL.format(".01 0 .02", 2)}
+{_SHAPE.format("0 0 0", 'box size=".3 .2 .1"', 0.7, "")}</link>
+<link name="wheel">{_INERTIAL.format("0 0 0", 0.3)}
+{
+    _SHAPE.format(
+        "0 0 0", 'sphere radius=".07"', 0.9, '<stiffness value="30000"/><damping value="500"/>'
+    )
+}</link>
+<joint name="axle" type="continuous"><parent link="body"/><child link="wheel"/>
+<origin xyz=".3 0 0"/><axis xyz="0 1 0"/></joint></robot>"""

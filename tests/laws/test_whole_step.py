@@ -1,4 +1,4 @@
-"""Whole steps of MuJoCo against its law: agreement of all rows and drives, and planted faults."""
+"""Whole steps of MuJoCo and PyBullet against their laws: agreement, and planted faults."""
 
 from __future__ import annotations
 
@@ -10,12 +10,23 @@ import pytest
 from campaigns.laws import planted
 from campaigns.scenes import mujoco_result, mujoco_scene
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.laws.scenes import CONNECT, DRIVES, LIMITS, PAIR, TOUCH, WELD
+from tests.laws.scenes import (
+    CONNECT,
+    DRIVES,
+    LIMITS,
+    PAIR,
+    TOUCH,
+    URDF_ARM,
+    URDF_BOX,
+    WELD,
+)
 
 pytest.importorskip("mujoco")
 
@@ -31,11 +42,16 @@ OPTIONS = (
 
 
 def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck:
-    """Compare the law of a text with the engine on the same text or another one."""
-    file, copy = tmp_path / "scene.xml", tmp_path / "copy.xml"
+    """Compare the law of a text with its engine on the same text or another one."""
+    urdf = text.startswith("<robot")
+    if urdf:
+        pytest.importorskip("pybullet")
+    suffix, engine = (".urdf", "pybullet") if urdf else (".xml", "mujoco")
+    file, copy = tmp_path / f"scene{suffix}", tmp_path / f"copy{suffix}"
     file.write_text(text)
     copy.write_text(loaded or text)
-    check = check_whole_step(file, ModelSpec(copy), "mujoco", 1e-9)
+    settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": "box" in text} if urdf else {}
+    check = check_whole_step(file, ModelSpec(copy, settings=settings), engine, 1e-9)
     assert check is not None
     return check
 
@@ -50,6 +66,21 @@ def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options
     assert check.judgement.largest_discrepancy < 1e-11
     assert check.record.next_state
     assert check.record.acted
+
+
+@pytest.mark.parametrize(
+    ("text", "kinds"),
+    [(URDF_ARM, {"limits", "motors", "motors at a limit"}), (URDF_BOX, {"contacts"})],
+    ids=["arm", "box"],
+)
+def test_impulses_follow_their_law(tmp_path: Path, text: str, kinds: set[str]) -> None:
+    """Catch a target, a bound, a cone or an order of rows that is stated wrong."""
+    check = checked(tmp_path, text)
+    assert check.judgement is not None
+    assert check.record.outcome is Outcome.AGREES
+    assert check.judgement.largest_discrepancy < 1e-10
+    assert check.record.states >= 20
+    assert {term.name for term in check.record.acted} == kinds
 
 
 UNSTABLE = """<mujoco><worldbody><body pos="0 0 1"><freejoint/>
@@ -99,6 +130,19 @@ FAULTS = {
     "time constant": (DRIVES, 'dynprm=".03"', 'dynprm=".03000003"'),
     "muscle": (DRIVES, 'force="30"', 'force="30.00003"'),
     "joint's force range": (DRIVES, 'actuatorfrcrange="-6 5"', 'actuatorfrcrange="-6 5.000005"'),
+    "PyBullet, lower limit": (URDF_ARM.replace("900", "0"), 'lower="-1"', 'lower="-1.000001"'),
+    "PyBullet, upper limit": (URDF_ARM, 'upper=".7"', 'upper=".7000007"'),
+    "PyBullet, effort": (URDF_ARM, 'effort="7"', 'effort="7.00001"'),
+    "PyBullet, lost effort": (URDF_ARM, 'effort="900"', 'effort="0"'),
+    "PyBullet, range of targets": (URDF_ARM, 'upper=".4"', 'upper=".400001"'),
+    "PyBullet, friction of a floating body": (
+        URDF_BOX,
+        'friction value="0.9"',
+        'friction value="0.9000009"',
+    ),
+    "PyBullet, restitution": (URDF_BOX, 'restitution value=".6"', 'restitution value=".6000006"'),
+    "PyBullet, shape": (URDF_BOX, 'damping value="500"', 'damping value="500.001"'),
+    "PyBullet, stiffness": (URDF_BOX, 'stiffness value="30000"', 'stiffness value="30000.1"'),
 }
 
 
@@ -106,7 +150,7 @@ FAULTS = {
 def test_a_millionth_of_each_number_is_seen(tmp_path: Path, fault: str) -> None:
     """Catch a number of the law that the comparison does not depend on."""
     scene, right, wrong = FAULTS[fault]
-    scene = scene.format(OPTIONS[1])
+    scene = scene.replace("{}", OPTIONS[1])
     assert right in scene
     check = checked(tmp_path, scene, scene.replace(right, wrong, 1))
     assert check.record.outcome is Outcome.DIFFERS
@@ -117,15 +161,27 @@ ARM = """<mujoco><option timestep="0.002"/><worldbody>
 <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="1"/></body></worldbody></mujoco>"""
 
 
-def test_a_case_differs_where_only_its_limit_does(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("engine", "text", "right", "wrong"),
+    [
+        ("mujoco", ARM, 'range="-60 60"', 'range="-61 60"'),
+        ("pybullet", URDF_ARM, 'upper=".7"', 'upper=".71"'),
+    ],
+    ids=["mujoco", "pybullet"],
+)
+def test_a_case_differs_where_only_its_limit_does(
+    tmp_path: Path, engine: str, text: str, right: str, wrong: str
+) -> None:
     """Catch a case whose smooth motion agrees and that hides a limit that differs."""
-    file, copy = tmp_path / "arm.xml", tmp_path / "copy.xml"
-    file.write_text(ARM)
-    copy.write_text(ARM.replace("<geom", "<geom ").replace('range="-60 60"', 'range="-61 60"'))
-    whole = run_case(model_task(prepare(file, states=4), "mujoco").with_file(copy))
+    pytest.importorskip(engine)
+    suffix = ".urdf" if engine == "pybullet" else ".xml"
+    file, copy = tmp_path / f"arm{suffix}", tmp_path / f"copy{suffix}"
+    file.write_text(text)
+    copy.write_text(text.replace(right, wrong))
+    whole = run_case(model_task(prepare(file, states=4), engine).with_file(copy))
     assert (whole.outcome, whole.code) == (Outcome.DIFFERS, "XC305")
-    assert "a_ddot" in whole.reason
-    smooth = run_case(model_task(prepare(file, states=4, smooth=True), "mujoco").with_file(copy))
+    assert "_ddot" in whole.reason
+    smooth = run_case(model_task(prepare(file, states=4, smooth=True), engine).with_file(copy))
     assert (smooth.outcome, smooth.whole_step) == (Outcome.AGREES, None)
 
 
@@ -190,3 +246,14 @@ def test_a_missing_shape_leaves_whole_steps_uncompared_and_the_motion_judged(
     assert case.whole_step is not None
     assert case.whole_step.outcome is None
     assert "absent.stl" in case.whole_step.uncovered[0]
+
+
+def test_full_runs_follow_whole_steps(tmp_path: Path) -> None:
+    """Catch whole steps that unload the model before its full runs."""
+    pytest.importorskip("pybullet")
+    file = tmp_path / "arm.urdf"
+    file.write_text(URDF_ARM.replace("900", "0"))
+    case = run_case(model_task(prepare(file, states=4, motion=0.05), "pybullet"))
+    assert case.outcome is Outcome.AGREES
+    assert case.full_run is not None
+    assert case.whole_step is not None
