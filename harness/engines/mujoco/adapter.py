@@ -46,6 +46,7 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     mesh_of,
     mesh_offset,
     placed_shapes,
+    shape_name,
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import (
     keep_equalities,
@@ -103,20 +104,25 @@ class PoseEvaluator:
             "geom": (model.ngeom, model.geom, "geom_xpos", "geom_xmat"),
         }
         self._rows = {
-            f"{kind}:{named(i).name}": (at, turn, i)
+            f"{kind}:{name}": (at, turn, i)
             for kind, (count, named, at, turn) in kinds.items()
             for i in range(count)
-            if named(i).name
+            if (name := named(i).name)
         }
-        self.shapes = {shape.name: shape.size for shape in placed_shapes(model)}
-        for name in self.shapes.keys() - self._rows.keys():
-            kind, _, index = name.partition(":#")
-            self._rows[name] = (*kinds[kind][2:], int(index))
+        for kind in ("geom", "site"):
+            count, _, *fields = kinds[kind]
+            for i in range(count):
+                self._rows.setdefault(shape_name(kind, "", i), (fields[0], fields[1], i))
         self._meshes = {
             i: mesh_offset(model, mesh)
             for i in range(model.ngeom)
             if (mesh := mesh_of(model, i)) >= 0
         }
+
+    @cached_property
+    def shapes(self) -> Mapping[str, tuple[float, ...]]:
+        """Geoms and sites with their sizes."""
+        return {shape.name: shape.size for shape in placed_shapes(self._model)}
 
     @property
     def places(self) -> tuple[str, ...]:
