@@ -23,7 +23,11 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.diagnosis.coverage import NumberEffect, counted_numbers
-from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, diagnose_laws, law_problem
+from physics_crosscheck.harness.diagnosis.law_problem import (
+    AnyLawProblem,
+    diagnose_laws,
+    law_problem,
+)
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
@@ -90,7 +94,7 @@ class Sound:
     """
 
     file: Path
-    problem: LawProblem
+    problem: AnyLawProblem
 
     @staticmethod
     def from_file(file: Path) -> Sound | None:
@@ -120,7 +124,7 @@ class Sound:
         target = copy if whole else number.file
         try:
             target.write_bytes(others[number.file])
-            problem = self.problem.in_engine("mujoco", loaded)
+            problem = self.problem.in_engine(replace(self.problem.spec, path=loaded))
         except FileError:
             return Planted(acts=acts, outcome="refused", named=False)
         finally:
@@ -148,7 +152,7 @@ class Planted:
     named: bool
 
 
-def _names(problem: LawProblem, address: str) -> bool:
+def _names(problem: AnyLawProblem, address: str) -> bool:
     ranking = diagnose_laws(problem)
     if not (ranking.explained and ranking.fits):
         return False

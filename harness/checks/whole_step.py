@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
@@ -51,7 +51,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.laws.drives import unsaturated
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
-from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
+from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.soft import gains
 from physics_crosscheck.reference.laws.step import (
     DIGITS,
@@ -163,8 +163,9 @@ class WholeStepCheck:
         )  # fmt: skip
 
 
+M = TypeVar("M", bound=LawModel | ImpulseModel)
 S = TypeVar("S", LawSolution, ImpulseStep)
-"""Solution of the laws at one state."""
+"""The laws, and their solution at one state."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -198,6 +199,13 @@ class LawDefect:
         """Return the defects at some states, at the same scale."""
         return replace(self, defect=self.defect[kept], uncertainty=self.uncertainty[kept])
 
+    def relative_to(self, scale: Array) -> LawDefect:
+        """Return the defects relative to another scale, (C,)."""
+        ratio = self.scale / scale
+        return LawDefect(
+            defect=self.defect * ratio, uncertainty=self.uncertainty * ratio, scale=scale
+        )
+
     def resolved(self, resolution: float) -> NDArray[np.bool_]:
         """Return the states with bounds below the resolution, or that differ, (S,).
 
@@ -208,11 +216,11 @@ class LawDefect:
         return kept if 2 * np.sum(kept) >= len(kept) else np.ones_like(kept)
 
 
-class WholeStepComparison(ABC, Generic[S]):
+class WholeStepComparison(ABC, Generic[M, S]):
     """Laws and an engine that loaded their file.
 
     Args:
-        tree: the bodies.
+        laws: on the file's bodies.
         model: the file in the engine.
 
     Attributes:
@@ -223,15 +231,23 @@ class WholeStepComparison(ABC, Generic[S]):
         TreeError: if the engine's joints are not those of the file.
     """
 
-    def __init__(self, tree: LawTree, model: WholeModel) -> None:
-        self.tree, self.model = tree, model
-        links = tree.tree.links
+    def __init__(self, laws: M, model: WholeModel) -> None:
+        self.laws, self.model = laws, model
+        links = laws.tree.tree.links
         self.names = tuple(
             name for link in links for name, _ in coordinate_names(link.kind, link.name)
         )
         if set(self.names) != set(model.coordinates):
             raise TreeError("joints that the engine names otherwise")
         self.order = [model.coordinates.index(name) for name in self.names]
+
+    def under(self, laws: M) -> Self:
+        """Return the comparison of other laws with the same engine."""
+        return type(self)(laws, self.model)
+
+    def of_engine(self, model: WholeModel) -> Self:
+        """Return the comparison of the same laws with another engine."""
+        return type(self)(self.laws, model)
 
     @property
     @abstractmethod
@@ -265,7 +281,7 @@ class WholeStepComparison(ABC, Generic[S]):
     @property
     def rotations(self) -> Iterator[int]:
         """Indices of the coordinates that are rotations, in the engine's order."""
-        tree = self.tree.tree
+        tree = self.laws.tree.tree
         for link, there in zip(tree.links, tree.velocities, strict=True):
             count = {"free": 3, "ball": 3, "hinge": 1}.get(link.kind, 0)
             yield from self.order[there.start : there.start + count]
@@ -273,7 +289,7 @@ class WholeStepComparison(ABC, Generic[S]):
     def postures(self, states: Sequence[WholeState]) -> Iterator[Posture]:
         """Yield the tree at each state."""
         y, m = (np.array([state[k][self.order] for state in states]) for k in range(2))
-        return self.tree.postures(y, m)
+        return self.laws.tree.postures(y, m)
 
     def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated[S]]:
         """Evaluate the engine and the laws at states."""
@@ -326,7 +342,7 @@ class WholeStepComparison(ABC, Generic[S]):
         parts: list[Array] = [engine.acceleration[order]]
         if self.steps:
             after = engine.after
-            parts += [after.m[order], after.z[order], after.activations / _sizes(engine)]
+            parts += [after.m[order], after.z[order], after.activations / state_sizes(engine)]
         return np.concatenate(parts)
 
     def _uncertainty(self, sample: Evaluated[S]) -> Array:
@@ -351,16 +367,8 @@ class WholeStepComparison(ABC, Generic[S]):
         )
 
 
-class LawComparison(WholeStepComparison[LawSolution]):
+class LawComparison(WholeStepComparison[LawModel, LawSolution]):
     """The convex laws of a file, and an engine that loaded it."""
-
-    def __init__(self, laws: LawModel, model: WholeModel) -> None:
-        super().__init__(laws.tree, model)
-        self.laws = laws
-
-    def under(self, laws: LawModel) -> LawComparison:
-        """Return the comparison of other laws with the same engine."""
-        return LawComparison(laws, self.model)
 
     @property
     def steps(self) -> bool:
@@ -413,18 +421,14 @@ class LawComparison(WholeStepComparison[LawSolution]):
             return acceleration
         y, after = law.posture.y[None], engine.after.m[self.order][None]
         position = self.laws.tree.advance(y, after, self.model.step)[0]
-        states = law.driven.states / _sizes(engine)
+        states = law.driven.states / state_sizes(engine)
         return np.concatenate([acceleration, velocity, position, states])
 
 
-class ImpulseComparison(WholeStepComparison[ImpulseStep]):
+class ImpulseComparison(WholeStepComparison[ImpulseModel, ImpulseStep]):
     """The impulses of a file, and an engine that loaded it."""
 
     steps = True
-
-    def __init__(self, laws: ImpulseModel, model: WholeModel) -> None:
-        super().__init__(laws.tree, model)
-        self.laws = laws
 
     @property
     def drives(self) -> int:
@@ -445,20 +449,10 @@ class ImpulseComparison(WholeStepComparison[ImpulseStep]):
         return np.concatenate([a, *self.laws.next_state(sample.solution, a, after)])
 
 
-def _sizes(engine: EngineStep) -> Array:
+def state_sizes(engine: EngineStep) -> Array:
     """Return the size of each state of the drives, (states,)."""
     sizes: Array = 1 + np.abs(engine.after.activations)
     return sizes
-
-
-def load_comparison(laws: LawModel, engine: str, loaded: Path) -> LawComparison | None:
-    """Load a file in an engine, to compare it with laws; None if the engine has no law.
-
-    Raises:
-        TreeError, EngineError: if its joints are others, or for a file that it refuses.
-    """
-    model = engines()[engine].load_whole(ModelSpec(loaded))
-    return None if model is None else LawComparison(laws, model)
 
 
 def case_whole_step(
@@ -539,7 +533,7 @@ def _check_impulses(
 
 
 def _check(
-    comparison: WholeStepComparison[S], covered: tuple[str, ...], resolution: float
+    comparison: WholeStepComparison[M, S], covered: tuple[str, ...], resolution: float
 ) -> WholeStepCheck:
     """Compare steps at drawn states.
 
@@ -574,7 +568,9 @@ IMPULSES = ("limits of position", "limits of effort", "collision geometry")
 """Parts of a file that only steps by impulses compare."""
 
 
-def drawn_states(comparison: WholeStepComparison[S], count: int = STATES) -> Iterator[WholeState]:
+def drawn_states(
+    comparison: WholeStepComparison[M, S], count: int = STATES
+) -> Iterator[WholeState]:
     """Yield states in which limits, contacts and drives act.
 
     In turn: after a fall or a motion from a state of the file, with some joints that move beyond
@@ -643,7 +639,7 @@ def _driven(
 
 
 def _fallen(
-    comparison: WholeStepComparison[S], rng: np.random.Generator, state: WholeState, turn: int
+    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState, turn: int
 ) -> WholeState:
     """Return the state after some steps.
 
@@ -661,7 +657,7 @@ def _fallen(
 
 
 def _unsaturated(
-    comparison: WholeStepComparison[S], rng: np.random.Generator, state: WholeState
+    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState
 ) -> WholeState:
     """Return a state with controls at which no drive is at a limit."""
     posture = next(comparison.postures([state]))
@@ -688,7 +684,7 @@ def _pressed(model: WholeModel, rules: ImpulseRules, state: WholeState) -> Whole
 
 
 def _beyond(
-    comparison: WholeStepComparison[S], rng: np.random.Generator, state: WholeState, turn: int
+    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState, turn: int
 ) -> WholeState:
     """Return a state with half of the limited joints at a limit, up to 2 % beyond it.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
-from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, law_problem
+from physics_crosscheck.harness.diagnosis.law_problem import AnyLawProblem, law_problem
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -468,7 +468,7 @@ def _in_steps(
     }
 
 
-def _effect(problem: RobotProblem | LawProblem, index: int, resolution: float) -> NumberEffect:
+def _effect(problem: RobotProblem | AnyLawProblem, index: int, resolution: float) -> NumberEffect:
     """Return the effect of a number; a change that cannot be solved is not counted as no effect."""
     effect = problem.effect(index)
     if effect is None or not np.isfinite(effect).all():

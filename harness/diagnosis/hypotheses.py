@@ -24,7 +24,8 @@ from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.variants import Variants
 
 _ORDER: tuple[CauseKind, ...] = (
-    "default", "axis", "exchange", "literal", "literals", "unbound literal", "gravity", "constant",
+    "default", "law", "axis", "exchange", "literal", "literals", "unbound literal", "gravity",
+    "constant",
 )  # fmt: skip
 """Kinds of causes, the most specific first.
 

@@ -1,7 +1,7 @@
 """Discrepancy of whole steps, and the effects of a file's numbers on their law.
 
-A file with other numbers has other laws. These are evaluated again at the same states; the engine
-does not run again.
+A file with other numbers has other laws, and so has an engine with a typical mistake. These are
+evaluated again at the same states; the engine does not run again.
 """
 
 from __future__ import annotations
@@ -10,20 +10,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
+from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.checks.whole_step import (
     Evaluated,
+    ImpulseComparison,
     LawComparison,
     LawDefect,
+    S,
+    WholeStepComparison,
     drawn_states,
-    load_comparison,
 )
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import (
     Faults,
+    Fit,
     Hypothesis,
     Resolved,
     left_linear,
@@ -36,12 +41,17 @@ from physics_crosscheck.harness.diagnosis.robot_problem import (
     source_line,
 )
 from physics_crosscheck.harness.diagnosis.trial import REFUSED
-from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, WholeModel
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.urdf.laws import ImpulseNumbers
+from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.mistakes import LawMistake, hard_mistakes, soft_mistakes
 from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -50,71 +60,162 @@ from physics_crosscheck.reference.mechanism.tree import TreeError
 NUMBERS_FITTED = 16
 """Single numbers to fit."""
 
+M = TypeVar("M", LawModel, ImpulseModel)
+K = TypeVar("K", bound=LawModel | ImpulseModel, covariant=True)
+
+
+class LawNumbers(Protocol[K]):
+    """The numbers of a file, and its laws for other values."""
+
+    @property
+    def numerals(self) -> tuple[Number, ...]:
+        """All numbers, in order."""
+
+    @property
+    def law_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that may affect the laws."""
+
+    @property
+    def law_choices(self) -> Mapping[int, tuple[int, ...]]:
+        """Indices of the numbers that select a law, with the other values."""
+
+    def laws(self, values: Mapping[int, float]) -> K | None:
+        """Return the laws with other values of some numbers, by index, or None."""
+
+    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
+        """Return the files, by path, with other values of some numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawHypothesis(Generic[M]):
+    """A hypothesis on the laws that an engine acts by.
+
+    Attributes:
+        hypothesis: the number that might be taken differently, or the mistake.
+        units: change of each number per unit of fault, by its index.
+        mistake: of the laws; None for a number.
+    """
+
+    hypothesis: Hypothesis
+    units: Mapping[int, float] = field(default_factory=dict)
+    mistake: LawMistake[M] | None = None
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LawProblem:
+class LawProblem(Generic[M, S]):
     """Discrepancy of whole steps, with the laws of the file.
 
     Attributes:
         numbers: of the file whose laws these are.
+        engine, spec: what the engine loads.
         comparison: the laws in the engine.
         evaluated: the states.
         compared: engine - laws there, scaled.
+        with_mistakes: whether hypotheses are not only numbers.
     """
 
-    numbers: CompiledNumbers
-    comparison: LawComparison
-    evaluated: Sequence[Evaluated[LawSolution]]
+    numbers: LawNumbers[M]
+    engine: str
+    spec: ModelSpec
+    comparison: WholeStepComparison[M, S]
+    evaluated: Sequence[Evaluated[S]]
     compared: LawDefect
-    _rows: dict[int, Array | None] = field(default_factory=dict, init=False, repr=False)
+    with_mistakes: bool = True
+    _rows: dict[int, Array | None] = field(default_factory=dict, repr=False)
 
     def judge(self, resolution: float) -> LimitVerdict:
         """Judge the discrepancy."""
         return self.comparison.judge(self.compared, resolution)
 
-    def in_engine(self, engine: str, loaded: Path) -> LawProblem:
-        """Return the problem at the same states of a file that an engine loads.
-
-        The effects of numbers are shared, since these depend on the laws alone.
+    def in_engine(self, spec: ModelSpec) -> LawProblem[M, S]:
+        """Return the problem at the same states of a file that the engine loads.
 
         Raises:
             TreeError, EngineError: if its joints are others, or for a file that it refuses.
         """
-        comparison = load_comparison(self.comparison.laws, engine, loaded)
-        if comparison is None:
-            raise EngineError(f"{loaded}: the engine has no law")
+        model = engines()[self.engine].load_whole(spec)
+        if model is None:
+            raise EngineError(f"{spec.path}: the engine has no law")
+        return self.of_model(model)
+
+    def mistaken(self, name: str) -> LawProblem[M, S]:
+        """Return the problem of an engine with a known answer that makes a typical mistake.
+
+        Without a name, it makes none.
+        """
+        laws = self.comparison.laws
+        for mistake in self.mistakes:
+            laws = mistake.change(laws) if mistake.name == name else laws
+        return self.of_model(LawEngine(self.comparison.under(laws)))
+
+    def of_model(self, model: WholeModel) -> LawProblem[M, S]:
+        """Return the problem at the same states of another loaded model.
+
+        The effects of numbers are shared, since these depend on the laws alone.
+
+        Raises:
+            TreeError: if its joints are others.
+        """
+        comparison = self.comparison.of_engine(model)
         evaluated = comparison.evaluate([sample.state for sample in self.evaluated])
         compared = comparison.compare(evaluated)
-        other = replace(self, comparison=comparison, evaluated=evaluated, compared=compared)
-        other._rows.update(self._rows)
-        return other
+        same = len(evaluated) == len(self.evaluated)
+        return replace(
+            self,
+            comparison=comparison,
+            evaluated=evaluated,
+            compared=compared.relative_to(self.compared.scale) if same else compared,
+            _rows=self._rows if same else {},
+        )
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """Each number of the laws, misread."""
-        return tuple(self._suspect(i) for i in self.numbers.law_numbers)
+        """Numbers of the laws that are taken differently, then mistakes."""
+        return tuple(one.hypothesis for one in self.suspects)
 
-    def _suspect(self, index: int) -> Hypothesis:
+    @cached_property
+    def suspects(self) -> tuple[LawHypothesis[M], ...]:
+        """Each number of the laws, each other choice, and each typical mistake."""
+        suspects: list[LawHypothesis[M]] = [self._taken(i, None) for i in self.numbers.law_numbers]
+        if not self.with_mistakes:
+            return tuple(suspects)
+        for i, values in self.numbers.law_choices.items():
+            suspects += [self._taken(i, value) for value in values]
+        suspects += [_mistaken(mistake) for mistake in self.mistakes]
+        return tuple(suspects)
+
+    @cached_property
+    def mistakes(self) -> tuple[LawMistake[M], ...]:
+        """Typical mistakes that the laws have a place for."""
+        laws = self.comparison.laws
+        if isinstance(laws, LawModel):
+            return tuple(soft_mistakes(laws))
+        return tuple(hard_mistakes(laws))
+
+    def _taken(self, index: int, choice: int | None) -> LawHypothesis[M]:
+        """Return a number that is taken differently: by a fault, or as one of few choices."""
         number = self.numbers.numerals[index]
-        return Hypothesis(
+        unit = 1.0 if choice is None else choice - number.value
+        hypothesis = Hypothesis(
             id=CauseId(kind="taken", subject=(number.address,)),
             value=number.value,
-            size=number.scale,
+            size=number.scale if choice is None else 1.0,
             rank=rank("literal"),
             where=(source_line(number),),
+            correction=unit,
+            switch=choice is not None,
         )
+        return LawHypothesis(hypothesis=hypothesis, units={index: unit})
 
     def defect(self, faults: Faults) -> Array:
         """Return engine - laws after repair of these faults, scaled and flat, (N,)."""
-        values = self._values(faults)
         whole = self.compared.defect
-        if not values:
+        if not any(faults.values()):
             return whole.ravel()
-        laws = self.numbers.laws(values)
-        if laws is None or not self._fits(laws):
+        laws = self._changed(faults)
+        if laws is None:
             return np.full(whole.size, REFUSED)
-        change = self._solved(laws)
-        remaining: Array = (whole - change).ravel()
+        remaining: Array = (whole - self._solved(laws)).ravel()
         return remaining
 
     def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
@@ -147,51 +248,60 @@ class LawProblem:
         return self._rows[index]
 
     def _slope(self, index: int) -> Array | None:
-        number = self.numbers.numerals[self.numbers.law_numbers[index]]
-        for step in (NUDGE * number.scale, -NUDGE * number.scale):
-            laws = self.numbers.laws({self.numbers.law_numbers[index]: number.value + step})
-            if laws is not None and self._fits(laws):
+        hypothesis = self.hypotheses[index]
+        if hypothesis.switch:
+            remaining = self.defect({index: 1.0})
+            change: Array = self.defect({}) - remaining
+            return None if np.max(remaining) >= REFUSED else change
+        for step in (NUDGE * hypothesis.size, -NUDGE * hypothesis.size):
+            laws = self._changed({index: step})
+            if laws is not None:
                 change = self._linear(laws).ravel()
                 acts = float(np.max(np.abs(change), initial=0.0)) > ROUNDING_CHANGE
                 return change / step if acts else np.zeros_like(change)
         return None
 
-    def _values(self, faults: Faults) -> Mapping[int, float]:
-        numbers = self.numbers
-        return {
-            numbers.law_numbers[index]: float(self.hypotheses[index].value + fault)
-            for index, fault in faults.items()
-            if fault
-        }
+    def _changed(self, faults: Faults) -> M | None:
+        """Return the laws with faults; None if they have other coordinates, states or shapes."""
+        chosen = [(self.suspects[index], fault) for index, fault in faults.items() if fault]
+        values: dict[int, float] = {}
+        for suspect, fault in chosen:
+            for i, unit in suspect.units.items():
+                value = values.get(i, self.numbers.numerals[i].value) + fault * unit
+                values[i] = round(value) if suspect.hypothesis.switch else value
+        laws = self.numbers.laws(values) if values else self.comparison.laws
+        for suspect, _ in chosen:
+            if laws is not None and suspect.mistake is not None:
+                laws = suspect.mistake.change(laws)
+        return laws if laws is not None and self._fits(laws) else None
 
-    def _fits(self, laws: LawModel) -> bool:
-        """Return whether laws have the same coordinates, states and shapes."""
+    def _fits(self, laws: M) -> bool:
         mine, other = self.comparison.laws, laws
         same = len(mine.laws.surfaces) == len(other.laws.surfaces)
         return same and mine.tree.tree.nv == other.tree.tree.nv
 
-    def _linear(self, laws: LawModel) -> Array:
-        """Return the change of all components by other laws to first order, (S, C)."""
-        model = self.comparison.laws
+    def _linear(self, laws: M) -> Array:
+        """Return the change of all components by other laws, to first order if that is quicker."""
+        comparison = self.comparison
+        if not isinstance(laws, LawModel) or not isinstance(comparison, LawComparison):
+            return self._solved(laws)
+        model = comparison.laws
         if laws.tree is not model.tree or not same_rule(model.laws, laws.laws):
             return self._solved(laws)
         rows = []
         for sample in self.evaluated:
             acceleration, law = changed_step(model, laws, sample.solution)
-            rows.append(self.comparison.predict(law, acceleration, sample.engine))
+            rows.append(comparison.predict(law, acceleration, sample.engine))
         return self._change(rows)
 
-    def _solved(self, laws: LawModel) -> Array:
+    def _solved(self, laws: M) -> Array:
         """Return the change of all components by other laws, (S, C)."""
         other = self.comparison.under(laws)
         states = [sample.state for sample in self.evaluated]
         rows = []
         for sample, posture in zip(self.evaluated, other.postures(states), strict=True):
-            solved = sample.solution
-            again = laws.solve(
-                posture, solved.controls, solved.states, solved.contacts, solved.acceleration
-            )
-            rows.append(other.predict(again.law, again.acceleration, sample.engine))
+            again = other.solve(posture, sample.state, sample.engine)
+            rows.append(other.expected(replace(sample, solution=again)))
         return self._change(rows)
 
     def _change(self, rows: Sequence[Array]) -> Array:
@@ -205,16 +315,55 @@ class LawProblem:
         return np.array([self.comparison.expected(sample) for sample in self.evaluated])
 
 
-def diagnose_laws(problem: LawProblem) -> Ranking:
-    """Rank the numbers of the laws by the discrepancy that they leave.
+def _mistaken(mistake: LawMistake[M]) -> LawHypothesis[M]:
+    return LawHypothesis(
+        hypothesis=Hypothesis(
+            id=CauseId(kind="law", subject=(mistake.name,)),
+            value=0.0,
+            size=1.0,
+            rank=rank("law"),
+            switch=True,
+        ),
+        mistake=mistake,
+    )
 
-    A large fault makes rows act, or stop acting, at some states. If no single number explains them
-    all, fits start again from the values that explain single states.
+
+AnyLawProblem = LawProblem[LawModel, LawSolution] | LawProblem[ImpulseModel, ImpulseStep]
+"""The problem of a convex law, or of impulses."""
+
+
+MINOR = 0.5
+"""Largest change of a number, as a share of its size, that needs no mistake as an explanation."""
+
+
+def diagnose_laws(problem: AnyLawProblem) -> Ranking:
+    """Rank numbers of the laws, and mistakes in them, by the discrepancy that they leave.
+
+    Mistakes take longer, and are tried unless a small fault of a number explains the discrepancy.
+    A large fault makes rows act, or stop acting, at some states. If nothing explains them all, fits
+    start again from the values that explain single states.
     """
+    numbers = replace(problem, with_mistakes=False)
     uncertainty = problem.compared.uncertainty.ravel()
-    ranking = diagnose(problem, uncertainty, NUMBERS_FITTED)
-    if not ranking.fits or (ranking.explained and len(ranking.fits[0].causes) == 1):
+    ranking = diagnose(numbers, uncertainty, NUMBERS_FITTED)
+    if (
+        _single(ranking)
+        and abs(ranking.fits[0].faults[0]) <= MINOR * ranking.fits[0].hypotheses[0].size
+    ):
         return ranking
+    ranking = diagnose(problem, uncertainty, NUMBERS_FITTED)
+    if not ranking.fits or _single(ranking):
+        return ranking
+    better = _restarted(numbers, uncertainty)
+    return replace(ranking, fits=(*better, *ranking.fits), explained=True) if better else ranking
+
+
+def _single(ranking: Ranking) -> bool:
+    return ranking.explained and len(ranking.fits[0].causes) == 1
+
+
+def _restarted(problem: AnyLawProblem, uncertainty: Array) -> list[Fit]:
+    """Return the fits of numbers, from values that explain single states, that leave little."""
     defect = problem.compared.defect.ravel()
     size = float(np.linalg.norm(defect))
     whole = Resolved(problem, np.ones(len(defect), dtype=bool), uncertainty, size)
@@ -230,15 +379,14 @@ def diagnose_laws(problem: LawProblem) -> Ranking:
         if sizes:
             fits.append(refine(whole, {i: min(sizes, key=sizes.__getitem__)}, slopes))
     accepted = max(NAMED, 2 * whole.floor)
-    better = sorted((fit for fit in fits if fit.remaining <= accepted), key=lambda f: f.remaining)
-    return replace(ranking, fits=(*better, *ranking.fits), explained=True) if better else ranking
+    return sorted((fit for fit in fits if fit.remaining <= accepted), key=lambda f: f.remaining)
 
 
 STARTS = 6
 """States whose faults are tried."""
 
 
-def _faults(problem: LawProblem, slope: Array) -> tuple[float, ...]:
+def _faults(problem: AnyLawProblem, slope: Array) -> tuple[float, ...]:
     """Return the faults that explain the states where a number acts most, one by one.
 
     `slope` is that of all components, (N,).
@@ -250,7 +398,7 @@ def _faults(problem: LawProblem, slope: Array) -> tuple[float, ...]:
     return tuple(float(slopes[k] @ defects[k] / power[k]) for k in states)
 
 
-def law_problem(task: TreeTask, numbers: Numbers | None = None) -> LawProblem | None:
+def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem | None:
     """Compare whole steps of a file with its law; None without one, or if nothing is comparable.
 
     Args:
@@ -261,22 +409,39 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> LawProblem | 
         RobotError: if no installed engine compiles the file.
     """
     numbers = numbers or robot_numbers(task.target.place, task.spec.settings)
-    laws = numbers.laws({}) if isinstance(numbers, CompiledNumbers) else None
-    if laws is None or not isinstance(numbers, CompiledNumbers):
+    if not isinstance(numbers, CompiledNumbers | UrdfNumbers):
         return None
     try:
-        comparison = load_comparison(laws, task.engine, task.file)
-        if comparison is None:
+        model = engines()[task.engine].load_whole(task.spec)
+        if model is None:
             return None
-        evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
+        if isinstance(numbers, UrdfNumbers):
+            if model.rules is None:
+                return None
+            hard = ImpulseNumbers(numbers=numbers, rules=model.rules)
+            impulses = hard.laws({})
+            if impulses is None:
+                return None
+            return _problem(task, hard, ImpulseComparison(impulses, model))
+        laws = numbers.laws({})
+        return None if laws is None else _problem(task, numbers, LawComparison(laws, model))
     except (TreeError, EngineError):
         return None
+
+
+def _problem(
+    task: TreeTask, numbers: LawNumbers[M], comparison: WholeStepComparison[M, S]
+) -> LawProblem[M, S] | None:
+    """Compare a file with its law; None if nothing is comparable."""
+    evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
     if not evaluated:
         return None
     compared = comparison.compare(evaluated)
     kept = compared.resolved(task.resolution)
     return LawProblem(
         numbers=numbers,
+        engine=task.engine,
+        spec=task.spec,
         comparison=comparison,
         evaluated=[sample for sample, keeps in zip(evaluated, kept, strict=True) if keeps],
         compared=compared.at_states(kept),

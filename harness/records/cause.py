@@ -11,8 +11,8 @@ from physics_crosscheck.harness.records.base import Number, Record, SourceLine
 from physics_crosscheck.harness.records.codes import cause_code
 
 CauseKind = Literal[
-    "literal", "literals", "unbound literal", "taken", "dropped", "gravity", "default", "axis",
-    "zero",
+    "literal", "literals", "unbound literal", "taken", "dropped", "gravity", "default", "law",
+    "axis", "zero",
     "exchange", "constant", "inertia", "damping", "quadratic damping", "friction", "spring",
     "offset force",
 ]  # fmt: skip
@@ -21,20 +21,30 @@ CauseKind = Literal[
 A `literal` is a number of the model file or its sidecar; `literals` are several of one expression,
 and an `unbound literal` has no constant. A number of a robot file can be `taken` differently by an
 engine, or several can be `dropped` as if they were zero. The other kinds are: a component of the
-engine's `gravity`; a `default` of the engine; a reversed joint `axis` or a moved `zero`; an
-`exchange` of two constants; a `constant` of the equations; or a term on a coordinate that the
-equations lack.
+engine's `gravity`; a `default` of the engine; another `law` of contacts, limits or drives; a
+reversed joint `axis` or a moved `zero`; an `exchange` of two constants; a `constant` of the
+equations; or a term on a coordinate that the equations lack.
 """
 
 IN_FILE = ("literal", "literals", "unbound literal", "gravity")
 """Kinds of numbers in the model's files for which the motion implies another value."""
 
-SWITCHES = ("axis", "default", "exchange", "dropped")
+SWITCHES = ("axis", "default", "law", "exchange", "dropped")
 """Kinds of causes without a fitted number."""
 
 _PHRASES = {
     **dict.fromkeys(
-        ("literal", "literals", "unbound literal", "taken", "dropped", "default", "constant"), "{}"
+        (
+            "literal",
+            "literals",
+            "unbound literal",
+            "taken",
+            "dropped",
+            "default",
+            "law",
+            "constant",
+        ),
+        "{}",
     ),
     "gravity": "gravity along {}",
     "axis": "axis of {} reversed",
@@ -56,6 +66,7 @@ class CauseId(Record, frozen=True, kw_only=True, order=True):
     * `dropped`: numbers that the engine treated as zero.
     * `gravity`: a component of the engine's gravity.
     * `default`: a default of the engine.
+    * `law`: contacts, limits, friction or drives act by another law.
     * `axis`: a reversed joint axis.
     * `zero`: a shifted zero position of a joint.
     * `exchange`: two exchanged constants.

@@ -44,6 +44,8 @@ def _statement(cause: Cause, name: str, fitted: str) -> str:
     nominal = _digits(cause.nominal)
     if cause.kind == "dropped":
         return f"{name}: in the file, but 0 in the engine"
+    if cause.kind == "law":
+        return f"{name} explains the steps"
     if cause.kind in SWITCHES:
         return f"{name} explains the motion"
     if cause.kind == "taken":
@@ -57,7 +59,8 @@ def _fitted(value: Number, error: Number) -> str:
     """Format a fitted value and its standard error."""
     if value is None or error is None:
         return f"{_digits(value)} ± unknown"
-    return f"{digits_known(value, error)} ± {error:.1g}"
+    digits = digits_known(value, error)
+    return f"{digits} ± {error:.1g}" if error else digits
 
 
 def _digits(value: Number) -> str:

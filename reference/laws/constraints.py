@@ -25,6 +25,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     Contact,
     ContactParameters,
     Laws,
+    Mixing,
     SoftEquality,
     SoftLimit,
     Softness,
@@ -37,7 +38,21 @@ LEAST_FRICTION = 1e-5
 """Smallest friction coefficient of the documented law."""
 
 
-def mix_surfaces(first: Surface, other: Surface) -> ContactParameters:
+def mixed_friction(mixing: Mixing, first: float, other: float) -> float:
+    """Return the friction of two surfaces."""
+    match mixing:
+        case "product":
+            return first * other
+        case "mean":
+            return (first + other) / 2
+        case "smallest":
+            return min(first, other)
+    return max(first, other)
+
+
+def mix_surfaces(
+    first: Surface, other: Surface, *, mixing: Mixing = "largest"
+) -> ContactParameters:
     """Return the numbers of a contact of two surfaces."""
     if first.priority != other.priority:
         dominant = first if first.priority > other.priority else other
@@ -46,7 +61,7 @@ def mix_surfaces(first: Surface, other: Surface) -> ContactParameters:
     else:
         dimension = max(first.dimension, other.dimension)
         pairs = zip(first.friction, other.friction, strict=True)
-        sliding, spinning, rolling = (max(pair) for pair in pairs)
+        sliding, spinning, rolling = (mixed_friction(mixing, *pair) for pair in pairs)
         friction, softness = (sliding, spinning, rolling), _mixed_softness(first, other)
     sliding, spinning, rolling = friction
     return ContactParameters(
@@ -260,7 +275,8 @@ class Constraints:
         for *surfaces, parameters in self.laws.pairs:
             if set(surfaces) == {first, other}:
                 return parameters
-        return mix_surfaces(self.laws.surfaces[first], self.laws.surfaces[other])
+        pair = self.laws.surfaces[first], self.laws.surfaces[other]
+        return mix_surfaces(*pair, mixing=self.laws.mixing)
 
     def _add_contact(self, rows: Rows, posture: Posture, contact: Contact) -> None:
         """Add the rows of a contact within its margin, unless both bodies stand still."""

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from physics_crosscheck.reference.laws.constraints import mixed_friction
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.mechanism.laws import (
     Contact,
@@ -464,7 +465,8 @@ class _ContactImpulses:
     @property
     def _friction(self) -> float:
         first, other = self._surfaces
-        return min(first.friction * other.friction, LARGEST_FRICTION)
+        friction = mixed_friction(self._rules.mixing, first.friction, other.friction)
+        return min(friction, LARGEST_FRICTION)
 
     @property
     def _restitution(self) -> float:

@@ -24,6 +24,10 @@ Curve = Literal["none", "fixed", "affine", "muscle"]
 """How the gain or the bias of a drive depends on its length and velocity."""
 
 
+Mixing = Literal["largest", "product", "mean", "smallest"]
+"""How the frictions of two surfaces give that of their contact."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Softness:
     """How a constraint gives way (MuJoCo's documentation, Computation, Parameters).
@@ -188,6 +192,7 @@ class Laws:
         integrator: "euler", "implicitfast", "implicit"; another one has no rule for the next state.
         drive_damping: damping of drives that the Euler step adds to that of their joints, by joint.
         elliptic: whether friction cones are elliptic, or pyramids.
+        mixing: of the frictions of two surfaces.
         friction_ratio: of the softness of normal forces to that of friction.
         safe: whether a time constant is at least two steps.
         damps_implicitly: whether the Euler step evaluates joint dampers at its end.
@@ -201,6 +206,7 @@ class Laws:
     step: float
     integrator: str
     elliptic: bool = False
+    mixing: Mixing = "largest"
     friction_ratio: float = 1.0
     safe: bool = True
     damps_implicitly: bool = True
@@ -285,6 +291,7 @@ class ImpulseRules:
         slop: added to the distance of a contact, m.
         bounce: approach speed below which nothing bounces, m/s.
         gain: share of its position error that a motor removes in a step.
+        mixing: of the frictions of two surfaces.
         default: a surface that the file does not describe.
         floor: the surface of the ground.
         controls: names of the joints whose motors have a control, by index.
@@ -304,6 +311,7 @@ class ImpulseRules:
     floor: HardSurface
     controls: tuple[str, ...]
     bodies: tuple[str, ...]
+    mixing: Mixing = "product"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -199,10 +199,15 @@ def with_ranking(
 
 
 def _estimate_error(row: Mutation, ranking: Ranking, right: float, wrong: float) -> float | None:
-    """Return the error of a literal's fitted value, relative to the fault; None without a fit."""
-    cause = CauseId(kind="literal", subject=(row.location,))
-    fit = next((fit for fit in ranking.fits if fit.causes == (cause,)), None)
-    return None if fit is None else number(abs(fit.estimates[0] - right) / abs(wrong - right))
+    """Return the error of a number's fitted value, relative to the fault; None without a fit.
+
+    A motion implies the right value of a literal; steps imply the value that is taken for it.
+    """
+    for kind, expected in (("literal", right), ("taken", wrong)):
+        for fit in ranking.fits:
+            if [(one.kind, one.subject) for one in fit.causes] == [(kind, (row.location,))]:
+                return number(abs(fit.estimates[0] - expected) / abs(wrong - right))
+    return None
 
 
 def _values(task: MutationTask) -> tuple[float, float] | None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from physics_crosscheck.harness.checks.task import TreeTask
+from physics_crosscheck.harness.diagnosis.law_problem import AnyLawProblem
 from physics_crosscheck.harness.diagnosis.robot_problem import AXIS, joint_of
 from physics_crosscheck.harness.engines.protocol import DefaultLeftOn
 from physics_crosscheck.harness.engines.registry import engines
@@ -30,6 +31,7 @@ class TreeMistake:
         location: the numbers, or the setting.
         values: new values of numbers, by index.
         settings: settings of the engine.
+        law: the mistake in the laws by which an engine with a known answer steps.
         causes: causes of which a diagnosis may name any.
     """
 
@@ -37,6 +39,7 @@ class TreeMistake:
     location: str
     values: Mapping[int, float] = field(default_factory=dict)
     settings: Mapping[str, object] = field(default_factory=dict)
+    law: str = ""
     causes: frozenset[CauseId]
 
 
@@ -58,6 +61,26 @@ def tree_mistakes(task: TreeTask, numbers: Numbers) -> Iterator[TreeMistake]:
                 settings={usual.setting: usual.value},
                 causes=frozenset({CauseId(kind="default", subject=(usual.cause,))}),
             )
+
+
+def law_mistakes(problem: AnyLawProblem) -> Iterator[TreeMistake]:
+    """Yield every other choice of a number, and every mistake in the laws, that has a place."""
+    for index, others in problem.numbers.law_choices.items():
+        address = problem.numbers.numerals[index].address
+        for value in others:
+            yield TreeMistake(
+                name=f"{value} instead",
+                location=address,
+                values={index: value},
+                causes=frozenset({CauseId(kind="taken", subject=(address,))}),
+            )
+    for mistake in problem.mistakes:
+        yield TreeMistake(
+            name=mistake.name,
+            location="law",
+            law=mistake.name,
+            causes=frozenset({CauseId(kind="law", subject=(mistake.name,))}),
+        )
 
 
 def _changed(

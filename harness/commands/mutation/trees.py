@@ -1,13 +1,16 @@
 """Faults in robot files and in models of declared bodies: wrong numbers, and typical mistakes.
 
-The equations give the effect of a number on the ends of segments, so only numbers that affect
-motions are run.
+The equations give the effect of a number on the ends of segments, and the laws that on whole steps,
+so only numbers that affect one of them, or the place of a shape, are run.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -17,7 +20,16 @@ from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.commands.mutation.faults import SIZES
 from physics_crosscheck.harness.commands.mutation.judge import with_ranking
 from physics_crosscheck.harness.commands.mutation.survey import MutationError
-from physics_crosscheck.harness.commands.mutation.tree_mistakes import TreeMistake, tree_mistakes
+from physics_crosscheck.harness.commands.mutation.tree_mistakes import (
+    TreeMistake,
+    law_mistakes,
+    tree_mistakes,
+)
+from physics_crosscheck.harness.diagnosis.law_problem import (
+    AnyLawProblem,
+    diagnose_laws,
+    law_problem,
+)
 from physics_crosscheck.harness.diagnosis.robot_task import (
     at_some,
     diagnose_robot,
@@ -33,7 +45,8 @@ from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -53,6 +66,7 @@ class TreeFault:
         size: the wrong number's relative size; None for a typical mistake.
         first_seen: smallest detectable change of the number, as a share of its size; inf:
             undetectable; 0: unknown.
+        in_steps: whether whole steps detect a change of that size.
         uncertainty: relative uncertainty of the ends of the sound model's segments.
     """
 
@@ -60,6 +74,7 @@ class TreeFault:
     mistake: TreeMistake
     size: float | None
     first_seen: float
+    in_steps: bool = False
     uncertainty: float
 
 
@@ -81,31 +96,76 @@ def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
     uncertainty = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
     numbers = robot_numbers(task.file, task.spec.settings)
     problem = problem_of(task, numbers, is_reference=False)
+    laws = sound_laws(task)
+    first = {
+        index: _first(problem.effect(k), _size(numbers.numerals[index]), uncertainty)
+        for k, index in enumerate(numbers.relevant_numbers)
+    }
+    in_steps = {} if laws is None else dict(_first_in_steps(laws, task.resolution))
+    rest = set(range(len(numbers.numerals))) - set(first) - set(in_steps)
+    placing = dict.fromkeys(numbers.placing(rest) if task.sidecar is None else (), 0.0)
     literals = (
         TreeFault(
             model=task,
             mistake=_wrong(numbers.numerals[index], index, name, factor - 1),
             size=factor - 1,
-            first_seen=_first(problem.effect(k), _size(numbers.numerals[index]), uncertainty),
+            first_seen=min(seen.get(index, np.inf) for seen in (first, in_steps, placing)),
+            in_steps=in_steps.get(index, np.inf) < first.get(index, np.inf),
             uncertainty=uncertainty,
         )
-        for k, index in enumerate(numbers.relevant_numbers)
+        for index in sorted({*first, *in_steps, *placing})
         for name, factor in SIZES.items()
     )
+    known = [*tree_mistakes(task, numbers), *(law_mistakes(laws) if laws is not None else ())]
     mistakes = (
         TreeFault(model=task, mistake=one, size=None, first_seen=0.0, uncertainty=uncertainty)
-        for one in tree_mistakes(task, numbers)
+        for one in known
     )
     return (*literals, *mistakes)
 
 
+def _first_in_steps(laws: AnyLawProblem, resolution: float) -> Iterator[tuple[int, float]]:
+    """Yield the numbers of laws, each with its smallest change that whole steps detect."""
+    for k, index in enumerate(laws.numbers.law_numbers):
+        size = _size(laws.numbers.numerals[index])
+        yield index, _first(laws.effect(k), size, resolution)
+
+
+def sound_laws(task: TreeTask) -> AnyLawProblem | None:
+    """Return the sound file with its laws, where whole steps agree with them; None otherwise.
+
+    A process keeps the last one.
+    """
+    return _sound_laws(_LawKey(task=task, file=task.file, engine=task.engine))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LawKey:
+    """A task, which its file and engine identify within one command."""
+
+    task: TreeTask = field(compare=False)
+    file: Path
+    engine: str
+
+
+@lru_cache(maxsize=1)
+def _sound_laws(key: _LawKey) -> AnyLawProblem | None:
+    task = key.task
+    if task.sidecar is not None or task.target.smooth:
+        return None
+    laws = law_problem(task)
+    agrees = laws is not None and laws.judge(task.resolution).outcome is Outcome.AGREES
+    return laws if agrees else None
+
+
 def _wrong(entry: Number, index: int, name: str, share: float) -> TreeMistake:
     """Return one number that is off by a share of its size."""
+    kinds: tuple[CauseKind, ...] = ("literal", "taken")
     return TreeMistake(
         name=name,
         location=entry.address,
         values={index: entry.value + share * _size(entry)},
-        causes=frozenset({CauseId(kind="literal", subject=(entry.address,))}),
+        causes=frozenset(CauseId(kind=kind, subject=(entry.address,)) for kind in kinds),
     )
 
 
@@ -129,7 +189,9 @@ def mutated_tree(fault: TreeFault) -> Mutation:
     """Plant one fault in a model, and judge it."""
     began = time.process_time()
     row = _row(fault, FaultVerdict.UNTESTED)
-    if np.isfinite(fault.first_seen):
+    if fault.mistake.law:
+        row = _by_law(fault)
+    elif np.isfinite(fault.first_seen):
         numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
         with scratch() as copies:
             texts = numbers.texts(fault.mistake.values)
@@ -161,7 +223,9 @@ def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
         verdict = FaultVerdict.UNTESTED if _is_faint(fault, numbers) else FaultVerdict.MISSED
         return _row(fault, verdict, f"{case.outcome} {case.reason}".strip(), size)
     if case.kind == "pose":
-        return _row(fault, FaultVerdict.CAUGHT, case.reason, size)
+        return _row(fault, _by_place(fault, numbers, case), case.reason, size)
+    if case.kind == "whole step":
+        return _in_steps(fault, numbers, wrong, _row(fault, FaultVerdict.CAUGHT, "", size))
     if fault.mistake.settings:  # the engine reads a right file otherwise
         diagnosis = diagnose_robot(wrong, is_reference=True)
         causes = diagnosis.explanations[0].causes if diagnosis.explanations else ()
@@ -174,6 +238,38 @@ def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
         return _row(fault, FaultVerdict.CAUGHT, f"not diagnosed: {error}", size)
     row = _row(fault, FaultVerdict.CAUGHT, "", size)
     return with_ranking(row, ranking, fault.mistake.causes, _values(fault, numbers))
+
+
+def _by_place(fault: TreeFault, numbers: Numbers, case: Case) -> FaultVerdict:
+    """Judge a fault that displaces a body or shape: named if a line of its element is."""
+    lines = {one.line for one in case.locations}
+    elements = (numbers.numerals[i] for i in fault.mistake.values)
+    named = any(number.line in lines for number in elements)
+    return FaultVerdict.NAMED if named else FaultVerdict.CAUGHT
+
+
+def _in_steps(fault: TreeFault, numbers: Numbers, wrong: TreeTask, row: Mutation) -> Mutation:
+    """Add the causes of a fault that whole steps show."""
+    laws = sound_laws(fault.model)
+    problem = None if laws is None else laws.in_engine(wrong.spec)
+    if problem is None or problem.judge(wrong.resolution).outcome is not Outcome.DIFFERS:
+        problem = law_problem(wrong, None)  # it differs at other states
+    if problem is None:
+        return row
+    values = _values(fault, numbers)
+    return with_ranking(row, diagnose_laws(problem), fault.mistake.causes, values)
+
+
+def _by_law(fault: TreeFault) -> Mutation:
+    """Build the row of a mistake in the laws, in an engine that steps by them."""
+    laws = sound_laws(fault.model)
+    assert laws is not None  # they have the mistake
+    problem = laws.mistaken(fault.mistake.law)
+    judged = problem.judge(fault.model.resolution)
+    if judged.outcome is Outcome.AGREES:
+        return _row(fault, FaultVerdict.UNTESTED, "no state depends on it")
+    row = _row(fault, FaultVerdict.CAUGHT, "", judged.largest_discrepancy)
+    return with_ranking(row, diagnose_laws(problem), fault.mistake.causes, None)
 
 
 def _values(fault: TreeFault, numbers: Numbers) -> tuple[float, float] | None:
@@ -192,6 +288,8 @@ def _is_faint(fault: TreeFault, numbers: Numbers) -> bool:
     """
     if fault.size is not None and fault.size < SHOWN * fault.first_seen:
         return True
+    if fault.in_steps:
+        return False
     tree = numbers.tree(fault.mistake.values)
     if tree is None:
         return False

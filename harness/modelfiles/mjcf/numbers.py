@@ -23,6 +23,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import check_reading
 from physics_crosscheck.harness.modelfiles.mjcf.read import tree_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number, numerals, with_values
+from physics_crosscheck.reference.laws.mistakes import DIMENSIONS
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import Laws
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
@@ -211,6 +212,20 @@ class CompiledNumbers:
             for i, one in enumerate(self.numerals)
             if (one.file, one.element.start, one.key, one.word) in places
         )
+
+    @cached_property
+    def law_choices(self) -> Mapping[int, tuple[int, ...]]:
+        """Indices of the numbers that select a contact's directions, with the other values."""
+        choices: dict[int, tuple[int, ...]] = {}
+        for i, number in enumerate(self.numerals):
+            if number.key == "condim" and number.value in DIMENSIONS and self.laws({}) is not None:
+                others = (value for value in DIMENSIONS if value != number.value)
+                choices[i] = tuple(value for value in others if self._selects(i, value))
+        return choices
+
+    def _selects(self, index: int, value: int) -> bool:
+        read = self._read({index: value})
+        return read is not None and not read.same_laws
 
     @property
     def _groups(self) -> dict[str, list[int]]:

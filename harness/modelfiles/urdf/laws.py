@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import ENDLESS, UrdfFile, read_urdf
+from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.mechanism.laws import (
@@ -35,15 +40,21 @@ def impulse_model(robot: Robot, rules: ImpulseRules) -> ImpulseModel | None:
     """
     if robot.tree is None:
         raise TreeError("joints without a tree")
-    if not robot.tree.links:
+    file = read_urdf(Document(robot.file))
+    return _model(file, robot.tree, rules, floats=robot.floats)
+
+
+def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> ImpulseModel | None:
+    """Return the laws of a file on its tree; None without joints."""
+    if not tree.links:
         return None
-    tree, file = _without_springs(robot.tree), read_urdf(Document(robot.file))
+    tree = _without_springs(tree)
     return ImpulseModel(
         laws=ImpulseLaws(
             rules=rules,
             joints=tuple(_joints(file, tree, rules)),
             surfaces=(rules.floor, *(_surface(file, name, rules) for name in rules.bodies[1:])),
-            root=file.links[file.root].body.center if robot.floats else None,
+            root=file.links[file.root].body.center if floats else None,
         ),
         tree=LawTree(
             tree=tree,
@@ -53,6 +64,51 @@ def impulse_model(robot: Robot, rules: ImpulseRules) -> ImpulseModel | None:
             centers=np.zeros((len(rules.bodies), 3)),
         ),
     )
+
+
+_NUMBERS = re.compile(r"robot/(joint/limit@(lower|upper|effort)|link/contact/\w+@value)")
+"""Numbers that the laws depend on, besides those of the bodies."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImpulseNumbers:
+    """The numbers of a URDF whose limits, motors and contacts act by impulses.
+
+    Attributes:
+        numbers: of the file.
+        rules: of the engine.
+    """
+
+    numbers: UrdfNumbers
+    rules: ImpulseRules
+
+    @property
+    def numerals(self) -> tuple[Number, ...]:
+        """All numbers, in order."""
+        return self.numbers.numerals
+
+    @cached_property
+    def law_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that may affect the laws."""
+        numerals = enumerate(self.numerals)
+        return tuple(i for i, one in numerals if _NUMBERS.fullmatch(one.path))
+
+    @property
+    def law_choices(self) -> Mapping[int, tuple[int, ...]]:
+        """Nothing: the format has no number that selects a law."""
+        return {}
+
+    def laws(self, values: Mapping[int, float]) -> ImpulseModel | None:
+        """Return the laws with other values of some numbers, by index, or None."""
+        with self.numbers.changed(values, coupled=False) as changed:
+            if changed is None:
+                return None
+            file, tree = changed
+            return _model(file, tree, self.rules, floats=self.numbers.floats)
+
+    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
+        """Return the file with other values of some numbers."""
+        return self.numbers.texts(values)
 
 
 def _without_springs(tree: Tree) -> Tree:

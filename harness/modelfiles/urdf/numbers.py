@@ -6,8 +6,8 @@ A changed number is read again with its link or its joint; the rest stays as it 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
-from contextlib import ExitStack
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.tree import GRAVITY
 from physics_crosscheck.harness.documents.urdf import (
+    UrdfFile,
     read_joint,
     read_link,
     read_mimics,
@@ -50,6 +51,7 @@ class UrdfNumbers:
     Attributes:
         numerals: all of them, in the file's order.
         relevant_numbers: indices of those that may affect the tree.
+        floats: whether its root moves freely.
         unread: empty, since a file that is not XML is refused.
     """
 
@@ -58,7 +60,7 @@ class UrdfNumbers:
     def __init__(self, path: Path, *, floating: bool, held: Collection[str] = ()) -> None:
         self._document = Document(path)
         self._file = file = read_urdf(self._document)
-        self._held, self._floating = held, floating and file.can_float
+        self._held, self.floats = held, floating and file.can_float
         self.numerals: tuple[Number, ...] = numerals(self._document)
         owners = {id(link.element) for link in file.links.values()}
         owners |= {id(joint.element) for joint in file.joints.values()}
@@ -71,30 +73,45 @@ class UrdfNumbers:
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
+        with self.changed(values, coupled=True) as changed:
+            return None if changed is None else changed[1]
+
+    @contextmanager
+    def changed(
+        self, values: Mapping[int, float], *, coupled: bool
+    ) -> Iterator[tuple[UrdfFile, Tree] | None]:
+        """Give the file with other values of some numbers, and its tree, or None.
+
+        Its elements have these values until the context closes.
+        """
         document = self._document
-        if not self._file.root:
-            return None
         count = len(document.obstacles)
         with ExitStack() as restored:
             for index, value in values.items():
                 set_temporarily(self.numerals[index], value, restored)
-            elements = {id(owner): owner for i in values if (owner := self._owner(i)) is not None}
-            links, joints = dict(self._file.links), dict(self._file.joints)
-            for element in elements.values():
-                name = element.get("name")
-                if element.tag == "link":
-                    links[name] = read_link(document, element, name)
-                elif element.tag == "joint":
-                    joints[name] = read_joint(document, element, name)
-            springs, mimics = read_springs(document), read_mimics(document, joints)
-            file = replace(self._file, links=links, joints=joints, springs=springs)
-            leaders = enforceable(mimics, singles(joints) - set(self._held))
-            bodies = bodies_of(file, self._floating, self._held)
-            tree = assembled(bodies, GRAVITY, couplings=couplings(leaders)).tree
-        if len(document.obstacles) > count:
-            del document.obstacles[count:]
-            return None
-        return tree
+            changed = self._reread(values, coupled=coupled) if self._file.root else None
+            yield None if len(document.obstacles) > count else changed
+        del document.obstacles[count:]
+
+    def _reread(
+        self, values: Mapping[int, float], *, coupled: bool
+    ) -> tuple[UrdfFile, Tree] | None:
+        """Return the file with the present values of some numbers, and its tree."""
+        document = self._document
+        elements = {id(owner): owner for i in values if (owner := self._owner(i)) is not None}
+        links, joints = dict(self._file.links), dict(self._file.joints)
+        for element in elements.values():
+            name = element.get("name")
+            if element.tag == "link":
+                links[name] = read_link(document, element, name)
+            elif element.tag == "joint":
+                joints[name] = read_joint(document, element, name)
+        springs, mimics = read_springs(document), read_mimics(document, joints)
+        file = replace(self._file, links=links, joints=joints, springs=springs)
+        leaders = enforceable(mimics, singles(joints) - set(self._held)) if coupled else {}
+        bodies = bodies_of(file, self.floats, self._held)
+        tree = assembled(bodies, GRAVITY, couplings=couplings(leaders)).tree
+        return None if tree is None else (file, tree)
 
     @property
     def read_numbers(self) -> frozenset[int]:

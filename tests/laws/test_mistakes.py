@@ -1,0 +1,110 @@
+"""Engines with a known answer, whose laws contain one mistake: it is caught, and named in words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.diagnosis.law_problem import (
+    AnyLawProblem,
+    diagnose_laws,
+    law_problem,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from tests.laws.scenes import DRIVES, LIMITS
+from tests.laws.test_impulses import ARM, BOX
+
+pytest.importorskip("mujoco")
+pytest.importorskip("pybullet")
+
+RESOLUTION = 1e-9
+ELLIPTIC = 'integrator="implicitfast" cone="elliptic"'
+
+BALLS = """<mujoco><option cone="elliptic" impratio="3"/><worldbody>
+<geom type="plane" size="3 3 .1" friction=".7 .02 .003" condim="3"/>
+<body pos="0 0 .1"><freejoint/><geom type="sphere" size=".1" mass="1" friction=".5 .05 .001"
+ condim="3" solimp=".7 .95 .02 .4 2"/></body>
+<body pos="0 .3 .1"><freejoint/><geom type="sphere" size=".1" mass="2" friction=".9 .05 .001"
+ condim="3"/></body></worldbody></mujoco>"""
+
+SOFT = {
+    "frictions of two shapes are multiplied": BALLS,
+    "the smaller friction of two shapes acts": BALLS,
+    "a friction pyramid replaces the cone": BALLS,
+    "contacts have the impedance of zero depth, as if solimp were wider than any depth": BALLS,
+    "contacts have condim 1": BALLS,
+    "limits of joints and tendons are ignored": LIMITS,
+    "the limit of joint a is ignored": LIMITS,
+    "dry friction of joint c is ignored": LIMITS,
+    "gains of drives are multiplied by 180/pi, as if they were per degree": DRIVES,
+    "gains of drives are multiplied by the time step": DRIVES,
+    "gains of drives are divided by the time step": DRIVES,
+    "force limits of drives are ignored": DRIVES,
+    "ranges of controls are ignored": DRIVES,
+    "damping of drives is merged with that of their joints": DRIVES,
+}
+HARD = {
+    "the limit of joint shoulder is ignored": ARM,
+    "the effort of joint shoulder is ignored": ARM,
+    "gains of drives are divided by 180/pi, as if they were per degree": ARM,
+    "restitution is lost: nothing bounces": BOX,
+    "the larger friction of two shapes acts": BOX,
+}
+
+
+def problem_of(tmp_path: Path, text: str) -> AnyLawProblem:
+    """Compare a text with its laws."""
+    is_urdf = text.startswith("<robot")
+    file = tmp_path / ("robot.urdf" if is_urdf else "scene.xml")
+    file.write_text(text)
+    prepared = prepare_tree(file, states=2, floating=text == BOX)
+    problem = law_problem(model_task(prepared, "pybullet" if is_urdf else "mujoco"))
+    assert problem is not None
+    return problem
+
+
+QUICK = (
+    "frictions of two shapes are multiplied",
+    "the limit of joint a is ignored",
+    "force limits of drives are ignored",
+    "the limit of joint shoulder is ignored",
+)
+"""Mistakes that are planted in every run of the tests."""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [pytest.param(name, text, id=name, marks=() if name in QUICK else pytest.mark.slow)
+     for name, text in (*SOFT.items(), *HARD.items())],
+)  # fmt: skip
+def test_an_engine_with_a_mistake_is_caught_and_the_mistake_named(
+    tmp_path: Path, name: str, text: str
+) -> None:
+    """Catch a mistake that no state shows, or that a number or another mistake is blamed for."""
+    problem = problem_of(tmp_path, text.replace("{}", ELLIPTIC))
+    assert problem.judge(RESOLUTION).outcome is Outcome.AGREES
+    assert problem.mistaken("").judge(RESOLUTION).outcome is Outcome.AGREES
+    wrong = problem.mistaken(name)
+    assert wrong.judge(RESOLUTION).outcome is Outcome.DIFFERS
+    ranking = diagnose_laws(wrong)
+    assert ranking.explained
+    assert [str(cause) for cause in ranking.fits[0].causes] == [name]
+
+
+def test_another_condim_is_named_with_its_value(tmp_path: Path) -> None:
+    """Catch a number that selects directions of a contact and that no diagnosis tries."""
+    problem = problem_of(tmp_path, BALLS)
+    other = tmp_path / "other.xml"
+    ball = BALLS.index("condim", BALLS.index("mass"))
+    other.write_text(BALLS[:ball] + BALLS[ball:].replace('condim="3"', 'condim="6"', 1))
+    wrong = problem.in_engine(type(problem.spec)(other))
+    assert wrong.judge(RESOLUTION).outcome is Outcome.DIFFERS
+    ranking = diagnose_laws(wrong)
+    assert ranking.explained
+    (fit,) = ranking.fits[:1]
+    assert fit.causes[0].subject[0].endswith("@condim")
+    assert fit.estimates == (6.0,)
+    assert fit.hypotheses[0].where[0].line == 4
