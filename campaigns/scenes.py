@@ -23,9 +23,10 @@ from physics_crosscheck.harness.checks.whole_step import (
     LawDefect,
     check_whole_step,
     drawn_states,
-    load_comparison,
 )
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
+from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -66,8 +67,9 @@ def mujoco_result(file: Path) -> SceneResult:
     assert reader is not None
     laws = law_model(reader.compiled(file))
     assert laws is not None
-    comparison = load_comparison(laws, "mujoco", file)
-    assert comparison is not None
+    model = engines()["mujoco"].load_whole(ModelSpec(file))
+    assert model is not None
+    comparison = LawComparison(laws, model)
     evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
     compared = comparison.compare(evaluated)
     judged = comparison.judge(compared, RESOLUTION)

@@ -172,3 +172,29 @@ def test_the_engine_s_own_defaults_left_on_are_typical_mistakes_of_a_robot(tmp_p
     assert rows["settings.motors"].verdict is not FaultVerdict.UNTESTED
     flag = next(row for place, row in rows.items() if "inertia" in row.name)
     assert flag.verdict is FaultVerdict.NAMED
+
+
+STOPPED = """<mujoco><option timestep="0.002"/><worldbody>
+<body name="arm"><joint name="swing" axis="0 1 0" range="-40 30" frictionloss="0.2"/>
+<inertial mass="1" pos=".15 0 0" diaginertia=".01 .02 .02"/>
+<geom type="sphere" size=".05" pos=".3 0 0"/></body></worldbody></mujoco>"""
+
+
+def test_numbers_and_mistakes_of_laws_are_planted_and_named(tmp_path: Path) -> None:
+    """Catch a number of the laws, or a mistake in them, that is not planted, caught or named."""
+    file = tmp_path / "arm.xml"
+    file.write_text(STOPPED)
+    task = model_task(prepare_tree(file, states=4), "mujoco")
+    faults = {(one.mistake.location, one.mistake.name): one for one in faults_of(task)}
+    chosen = [
+        ("joint[swing]@range[1]", "1e-6"),
+        ("joint[swing]@frictionloss", "5 %"),
+        (next(where for where, _ in faults if where.endswith("geom@size")), "1e-3"),
+        ("law", "the limit of joint swing is ignored"),
+        ("law", "dry friction of joint swing is ignored"),
+    ]
+    rows = [mutated_tree(fault) for key in chosen for fault in [faults[key]]]
+    assert [row.verdict for row in rows] == [FaultVerdict.NAMED] * len(rows)
+    assert rows[0].estimate_error == pytest.approx(0, abs=1e-3)
+    assert rows[0].kind is FaultKind.LITERAL
+    assert rows[3].message == "the limit of joint swing is ignored"
