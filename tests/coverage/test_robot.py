@@ -43,8 +43,10 @@ def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     assert found.seen + sum(one.count for one in found.untested) == found.numbers
     by_reason = {one.reason: one for one in found.untested}
     counts = {reason: one.count for reason, one in by_reason.items()}
-    assert counts["joint limits"] == 2
-    assert counts["actuator limits"] == counts["velocity limits"] == 1
+    in_steps = engine == "pybullet"  # whose whole steps have a law for a URDF
+    assert counts.get("joint limits", 0) == (0 if in_steps else 2)
+    assert counts.get("actuator limits", 0) == (0 if in_steps else 1)
+    assert counts["velocity limits"] == 1
     # All ten numbers of what stands still, each by its name.
     still = by_reason[NumberEffect.FIXED.value].examples
     assert len(still) == counts[NumberEffect.FIXED.value] == 10
