@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
@@ -19,8 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
+from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import prepare_tree
-from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.diagnosis.coverage import NumberEffect, counted_numbers
 from physics_crosscheck.harness.diagnosis.law_problem import (
@@ -31,16 +33,19 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
+from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
+from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 
 RESOLUTION = 1e-9
 SIZES = (1e-6, 1e-2)
 KINDS = (
-    "friction", "solref", "solimp", "solreflimit", "solimplimit", "solreffriction", "margin",
-    "range", "frictionloss", "kp", "kv", "gainprm", "biasprm", "dynprm",
-    "gear", "forcerange", "ctrlrange", "actuatorfrcrange", "polycoef", "anchor", "impratio",
-    "timestep",
+    "friction", "solref", "solimp", "solreflimit", "solimplimit", "solreffriction",
+    "solimpfriction", "margin", "gap", "condim", "range", "frictionloss", "armature", "damping",
+    "kp", "kv", "gainprm", "biasprm", "dynprm", "gear", "forcerange", "ctrlrange",
+    "actuatorfrcrange", "polycoef", "anchor", "impratio", "timestep", "size",
+    "lower", "upper", "effort", "value",
 )  # fmt: skip
 """Attributes whose numbers are changed."""
 
@@ -89,49 +94,59 @@ class Sound:
     """A file that agrees with its law, and the effects of its numbers at the drawn states.
 
     Attributes:
-        file: the model file.
-        problem: its laws in the engine.
+        task: the file in an engine.
+        problem: its laws there.
     """
 
-    file: Path
+    task: TreeTask
     problem: AnyLawProblem
 
     @staticmethod
-    def from_file(file: Path) -> Sound | None:
+    def from_file(file: Path, *, floating: bool = False) -> Sound | None:
         """Return a file with its law; None without one."""
-        problem = law_problem(model_task(prepare_tree(file, states=2), "mujoco"))
+        engine, spec = spec_of(file, floating=floating)
+        task = model_task(prepare_tree(file, states=2, floating=floating), engine)
+        task = task.with_settings(**spec.settings)
+        problem = law_problem(task)
         agrees = problem is not None and problem.judge(RESOLUTION).outcome is Outcome.AGREES
-        return Sound(file=file, problem=problem) if agrees and problem is not None else None
+        return Sound(task=task, problem=problem) if agrees and problem is not None else None
 
-    def effect(self, index: int) -> float:
-        """Return the largest relative effect of a number per unit; NaN if it is unknown."""
-        problem = self.problem
+    def faults(self, index: int) -> Iterator[tuple[str, float]]:
+        """Yield the wrong values of a number, each with its name."""
+        number = self.problem.numbers.numerals[index]
+        if number.key == "condim":
+            for value in self.problem.numbers.law_choices.get(index, ())[:2]:
+                yield "another", value
+            return
+        for size in SIZES:
+            yield f"{size:.0e}", number.value * (1 + size)
+
+    def effect(self, index: int, value: float) -> float:
+        """Return the largest relative effect of a number's value; NaN if it is unknown."""
+        problem, number = self.problem, self.problem.numbers.numerals[index]
+        if number.key == "condim":
+            names = [(one.id.subject, one.value + one.correction) for one in problem.hypotheses]
+            effect = problem.effect(names.index(((number.address,), value)))
+            return float("nan") if effect is None else float(np.max(np.abs(effect), initial=0.0))
         if index not in problem.numbers.law_numbers:
             return 0.0
         effect = problem.effect(problem.numbers.law_numbers.index(index))
-        return float("nan") if effect is None else float(np.max(np.abs(effect), initial=0.0))
+        largest = np.nan if effect is None else np.max(np.abs(effect), initial=0.0)
+        return float(largest) * abs(value - number.value)
 
     def planted(self, index: int, value: float) -> Planted:
         """Load the file with another value of a number, compare and diagnose it."""
-        numbers = self.problem.numbers
-        number = numbers.numerals[index]
-        others = numbers.texts({index: value})
-        whole = number.file == self.file
-        copy = number.file.with_name(f".laws-{number.file.name}")
-        loaded = copy if whole else self.file
-        acts = self.effect(index) * abs(value - number.value)
-        original = number.file.read_bytes()
-        target = copy if whole else number.file
-        try:
-            target.write_bytes(others[number.file])
-            problem = self.problem.in_engine(replace(self.problem.spec, path=loaded))
-        except FileError:
-            return Planted(acts=acts, outcome="refused", named=False)
-        finally:
-            if whole:
-                copy.unlink(missing_ok=True)
-            else:
-                number.file.write_bytes(original)
+        numbers, task = self.problem.numbers, self.task
+        number, acts = numbers.numerals[index], self.effect(index, value)
+        texts = numbers.texts({index: value})
+        with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+            wrong = task.with_file(copy_with_texts(task.file, texts, Path(folder)))
+            try:
+                problem = self.problem.in_engine(wrong.spec)
+                if number.key == "size":
+                    return _by_place(wrong, number, acts)
+            except FileError:
+                return Planted(acts=acts, outcome="refused", named=False)
         outcome = str(problem.judge(RESOLUTION).outcome)
         named = outcome == "DIFFERS" and _names(problem, number.address)
         return Planted(acts=acts, outcome=outcome, named=named)
@@ -142,14 +157,24 @@ class Planted:
     """One planted fault.
 
     Attributes:
-        acts: its largest effect by the law, relative.
+        acts: its largest effect by the law, relative; of a shape, infinite.
         outcome: of the comparison.
-        named: whether the diagnosis names the number, alone or among causes of equal effect.
+        named: whether the diagnosis names the number, alone or among causes of equal effect; of a
+            shape, whether its line is named.
     """
 
     acts: float
     outcome: str
     named: bool
+
+
+def _by_place(wrong: TreeTask, number: Number, acts: float) -> Planted:
+    """Compare the sizes of shapes in the engine with those of the file."""
+    check = case_poses(wrong, *wrong.load())
+    if check is None or not check.findings:
+        return Planted(acts=acts, outcome="AGREES", named=False)
+    named = number.line in {place.line for place in check.locations}
+    return Planted(acts=np.inf, outcome="DIFFERS", named=named)
 
 
 def _names(problem: AnyLawProblem, address: str) -> bool:
@@ -162,41 +187,51 @@ def _names(problem: AnyLawProblem, address: str) -> bool:
 
 
 def planted(
-    file: Path, each: int, rng: np.random.Generator, kinds: Collection[str] = KINDS
-) -> Iterator[tuple[str, float, str, Planted]]:
+    file: Path,
+    each: int,
+    rng: np.random.Generator,
+    kinds: Collection[str] = KINDS,
+    *,
+    floating: bool = False,
+) -> Iterator[tuple[str, str, str, Planted]]:
     """Change numbers of a file; yield the attribute, the size, the address, and the result."""
-    sound = Sound.from_file(file)
+    sound = Sound.from_file(file, floating=floating)
     if sound is None:
         print(file.name, "has no law that it agrees with")
         return
-    groups: dict[str, list[int]] = {}
-    for i, number in enumerate(sound.problem.numbers.numerals):
-        if number.key in kinds and number.value and "/visual" not in number.path:
+    numbers, groups = sound.problem.numbers, dict[str, list[int]]()
+    law = {*numbers.law_numbers, *numbers.law_choices}
+    for i, number in enumerate(numbers.numerals):
+        shape = number.key == "size" and number.path.endswith("geom@size")
+        if number.key in kinds and number.value and (i in law or shape):
             groups.setdefault(number.key, []).append(i)
     for key, members in groups.items():
         for i in rng.permutation(members)[:each]:
-            number = sound.problem.numbers.numerals[int(i)]
-            for size in SIZES:
-                fault = sound.planted(int(i), number.value * (1 + size))
-                yield key, size, number.address, fault
+            for size, value in sound.faults(int(i)):
+                fault = sound.planted(int(i), value)
+                yield key, size, numbers.numerals[int(i)].address, fault
 
 
-def faults(paths: Iterable[Path], each: int, seed: int, kinds: Collection[str]) -> None:
+def faults(
+    paths: Iterable[Path], each: int, seed: int, kinds: Collection[str], *, floating: bool
+) -> None:
     """Print, for each attribute and size, how many faults act, differ, and are named."""
     rng = np.random.default_rng(seed)
-    counts: dict[tuple[str, float], Counter[str]] = {}
+    counts: dict[tuple[str, str], Counter[str]] = {}
     for path in paths:
-        for key, size, address, fault in planted(path, each, rng, kinds):
+        began = time.process_time()
+        for key, size, address, fault in planted(path, each, rng, kinds, floating=floating):
             count = counts.setdefault((key, size), Counter())
             acts = not fault.acts <= RESOLUTION
             caught = fault.outcome == "DIFFERS"
             count.update(planted=1, refused=fault.outcome == "refused", acts=acts)
             count.update(caught=acts and caught, named=acts and fault.named)
             if caught != acts or fault.named != caught:
-                print(f"{path.name} {address} {size:g}: {fault}", flush=True)
+                print(f"{path.name} {address} {size}: {fault}", flush=True)
+        print(f"{path.parent.name}/{path.name}: {time.process_time() - began:.0f} s", flush=True)
     for (key, size), count in sorted(counts.items()):
         print(
-            f"{key:18} {size:.0e}  planted {count['planted']:4}  acts {count['acts']:4}"
+            f"{key:18} {size:8} planted {count['planted']:4}  acts {count['acts']:4}"
             f"  caught {count['caught']:4}  named {count['named']:4}"
         )
     total = sum(counts.values(), Counter[str]())
@@ -262,7 +297,8 @@ def main() -> None:
     elif options.what == "tested":
         tested(options.paths)
     else:
-        faults(options.paths, options.each, options.seed, options.kind or KINDS)
+        kinds = options.kind or KINDS
+        faults(options.paths, options.each, options.seed, kinds, floating=options.floating)
 
 
 if __name__ == "__main__":

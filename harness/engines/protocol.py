@@ -69,12 +69,14 @@ class DefaultLeftOn:
         name: of the mistake.
         setting, value: the adapter's setting that reproduces it.
         cause: the name that a diagnosis reports, as in `Model.corrective_settings`.
+        whole: whether only whole steps depend on it.
     """
 
     name: str
     setting: str
     value: object
     cause: str
+    whole: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

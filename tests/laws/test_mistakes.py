@@ -14,8 +14,7 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
     law_problem,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.laws.scenes import DRIVES, LIMITS
-from tests.laws.test_impulses import ARM, BOX
+from tests.laws.scenes import DRIVES, LIMITS, URDF_ARM, URDF_BOX
 
 pytest.importorskip("mujoco")
 pytest.importorskip("pybullet")
@@ -47,11 +46,11 @@ SOFT = {
     "damping of drives is merged with that of their joints": DRIVES,
 }
 HARD = {
-    "the limit of joint shoulder is ignored": ARM,
-    "the effort of joint shoulder is ignored": ARM,
-    "gains of drives are divided by 180/pi, as if they were per degree": ARM,
-    "restitution is lost: nothing bounces": BOX,
-    "the larger friction of two shapes acts": BOX,
+    "the limit of joint shoulder is ignored": URDF_ARM,
+    "the effort of joint shoulder is ignored": URDF_ARM,
+    "gains of drives are divided by 180/pi, as if they were per degree": URDF_ARM,
+    "restitution is lost: nothing bounces": URDF_BOX,
+    "the larger friction of two shapes acts": URDF_BOX,
 }
 
 
@@ -60,7 +59,7 @@ def problem_of(tmp_path: Path, text: str) -> AnyLawProblem:
     is_urdf = text.startswith("<robot")
     file = tmp_path / ("robot.urdf" if is_urdf else "scene.xml")
     file.write_text(text)
-    prepared = prepare_tree(file, states=2, floating=text == BOX)
+    prepared = prepare_tree(file, states=2, floating=text == URDF_BOX)
     problem = law_problem(model_task(prepared, "pybullet" if is_urdf else "mujoco"))
     assert problem is not None
     return problem

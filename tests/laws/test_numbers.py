@@ -11,7 +11,7 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.records.finding import Diagnosis
 from tests.coverage.test_robot import STOP
-from tests.laws.scenes import LIMITS, TOUCH
+from tests.laws.scenes import LIMITS, TOUCH, URDF_ARM, URDF_BOX
 
 pytest.importorskip("mujoco")
 
@@ -62,3 +62,30 @@ def test_the_number_and_the_value_that_the_engine_acts_with_are_named(
 def test_steps_that_agree_have_no_cause(tmp_path: Path) -> None:
     """Catch a diagnosis that names a number although nothing differs."""
     assert diagnosed(tmp_path, STOP, STOP).explanations == ()
+
+
+HARD_FAULTS = {
+    "limit": (URDF_ARM, 'upper=".7"', 'upper=".71"', "joint[shoulder]/limit@upper", 0.71),
+    "effort": (URDF_ARM, 'effort="7"', 'effort="7.00001"', "joint[shoulder]/limit@effort", 7.00001),
+    "restitution": (URDF_BOX, 'restitution value=".6"', 'restitution value=".606"',
+                    "link[body]/contact/restitution@value", 0.606),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", HARD_FAULTS)
+def test_a_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str) -> None:
+    """Catch a cause without a line, another number, or another value."""
+    pytest.importorskip("pybullet")
+    text, right, wrong, address, value = HARD_FAULTS[fault]
+    file, copy = tmp_path / "robot.urdf", tmp_path / "copy.urdf"
+    file.write_text(text)
+    copy.write_text(text.replace(right, wrong, 1))
+    floating = text == URDF_BOX
+    task = model_task(prepare_tree(file, states=4, floating=floating), "pybullet")
+    diagnosis = diagnose_robot(task.with_file(copy), is_reference=True)
+    assert diagnosis.explained
+    (cause,) = diagnosis.explanations[0].causes
+    assert cause.subject == (address,)
+    assert cause.estimate == pytest.approx(value, rel=1e-7)
+    (place,) = cause.locations
+    assert place.line == text[: text.index(right)].count("\n") + 1

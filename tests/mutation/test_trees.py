@@ -13,6 +13,7 @@ from physics_crosscheck.harness.commands.mutation import trees
 from physics_crosscheck.harness.commands.mutation.mutate import mutate
 from physics_crosscheck.harness.commands.mutation.survey import MutationError
 from physics_crosscheck.harness.commands.mutation.text import mutation_lines
+from physics_crosscheck.harness.commands.mutation.tree_mistakes import law_mistakes
 from physics_crosscheck.harness.commands.mutation.trees import (
     TreeFault,
     died,
@@ -198,3 +199,23 @@ def test_numbers_and_mistakes_of_laws_are_planted_and_named(tmp_path: Path) -> N
     assert rows[0].estimate_error == pytest.approx(0, abs=1e-3)
     assert rows[0].kind is FaultKind.LITERAL
     assert rows[3].message == "the limit of joint swing is ignored"
+
+
+SLIDING = """<mujoco><option cone="elliptic"/><worldbody><geom type="plane" size="3 3 .1"/>
+<body pos="0 0 .05"><freejoint/><geom type="box" size=".1 .07 .05" mass="2"/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_solver_that_stops_early_is_caught_by_the_force_that_it_leaves(tmp_path: Path) -> None:
+    """Catch an uncertainty without the solver's error, or states that are dropped in silence."""
+    file = tmp_path / "box.xml"
+    file.write_text(SLIDING)
+    task = model_task(prepare_tree(file, states=4), "mujoco")
+    laws = trees.sound_laws(task)
+    assert laws is not None
+    (mistake,) = (one for one in law_mistakes(task, laws) if one.settings)
+    fault = TreeFault(model=task, mistake=mistake, size=None, first_seen=0, uncertainty=0)
+    row = mutated_tree(fault)
+    assert row.verdict is FaultVerdict.NAMED
+    assert row.message.startswith("the solver stops before it converges: error up to")
+    assert row.location == "settings.tolerance"

@@ -31,7 +31,8 @@ class TreeMistake:
         location: the numbers, or the setting.
         values: new values of numbers, by index.
         settings: settings of the engine.
-        law: the mistake in the laws by which an engine with a known answer steps.
+        law: the mistake in the laws by which an engine with a known answer steps; with settings,
+            their cause.
         causes: causes of which a diagnosis may name any.
     """
 
@@ -50,21 +51,29 @@ def tree_mistakes(task: TreeTask, numbers: Numbers) -> Iterator[TreeMistake]:
         for place, group in groups.items():
             if re.fullmatch(pattern, next(iter(group.values())).path):
                 yield from _changed(name, place, group, change(group))
+    yield from _left_on(task, whole=False)
+
+
+def _left_on(task: TreeTask, *, whole: bool) -> Iterator[TreeMistake]:
+    """Yield each default of the engine that is left on; `whole`: one of whole steps."""
     for usual in engines()[task.engine].usual_mistakes:
         if (
             isinstance(usual, DefaultLeftOn)
+            and usual.whole == whole
             and task.spec.settings.get(usual.setting) != usual.value
         ):
             yield TreeMistake(
                 name=usual.name,
                 location=f"settings.{usual.setting}",
                 settings={usual.setting: usual.value},
+                law=usual.cause if whole else "",
                 causes=frozenset({CauseId(kind="default", subject=(usual.cause,))}),
             )
 
 
-def law_mistakes(problem: AnyLawProblem) -> Iterator[TreeMistake]:
+def law_mistakes(task: TreeTask, problem: AnyLawProblem) -> Iterator[TreeMistake]:
     """Yield every other choice of a number, and every mistake in the laws, that has a place."""
+    yield from _left_on(task, whole=True)
     for index, others in problem.numbers.law_choices.items():
         address = problem.numbers.numerals[index].address
         for value in others:

@@ -116,7 +116,7 @@ def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
         for index in sorted({*first, *in_steps, *placing})
         for name, factor in SIZES.items()
     )
-    known = [*tree_mistakes(task, numbers), *(law_mistakes(laws) if laws is not None else ())]
+    known = [*tree_mistakes(task, numbers), *(law_mistakes(task, laws) if laws is not None else ())]
     mistakes = (
         TreeFault(model=task, mistake=one, size=None, first_seen=0.0, uncertainty=uncertainty)
         for one in known
@@ -264,12 +264,25 @@ def _by_law(fault: TreeFault) -> Mutation:
     """Build the row of a mistake in the laws, in an engine that steps by them."""
     laws = sound_laws(fault.model)
     assert laws is not None  # they have the mistake
+    if fault.mistake.settings:
+        return _unconverged(fault, laws)
     problem = laws.mistaken(fault.mistake.law)
     judged = problem.judge(fault.model.resolution)
     if judged.outcome is Outcome.AGREES:
         return _row(fault, FaultVerdict.UNTESTED, "no state depends on it")
     row = _row(fault, FaultVerdict.CAUGHT, "", judged.largest_discrepancy)
     return with_ranking(row, diagnose_laws(problem), fault.mistake.causes, None)
+
+
+def _unconverged(fault: TreeFault, laws: AnyLawProblem) -> Mutation:
+    """Build the row of settings whose error the engine reports, as a force that is not balanced."""
+    task = fault.model.with_settings(**fault.mistake.settings)
+    bounds = np.max(laws.in_engine(task.spec).compared.uncertainty, axis=1)
+    unresolved = int(np.sum(bounds > task.resolution))
+    if not unresolved:
+        return _row(fault, FaultVerdict.UNTESTED, "it converges at each state")
+    words = f"{fault.mistake.law}: error up to {np.max(bounds):.0e} at {unresolved} states"
+    return _row(fault, FaultVerdict.NAMED, words, float(np.max(bounds)))
 
 
 def _values(fault: TreeFault, numbers: Numbers) -> tuple[float, float] | None:

@@ -211,6 +211,13 @@ class MujocoEngine(Engine):
             defaults=_DEFAULT_SOFTNESS,
             cause=_SOFT,
         ),
+        DefaultLeftOn(
+            name="the solver stops at its default tolerance",
+            setting="tolerance",
+            value=1e-8,
+            cause="the solver stops before it converges",
+            whole=True,
+        ),
     )
 
     def version(self) -> str | None:
@@ -269,9 +276,12 @@ class MujocoEngine(Engine):
         xml_sources, warnings = sources(spec.path), Warnings()
         try:
             with warnings.collecting():
-                return MujocoWhole(mujoco.MjModel.from_xml_path(str(spec.path)))
+                whole = MujocoWhole(mujoco.MjModel.from_xml_path(str(spec.path)))
         except Exception as error:
             raise load_error(error, spec.path, xml_sources) from None
+        if "tolerance" in spec.settings:
+            whole.solver = {**whole.solver, "tolerance": spec.settings["tolerance"]}
+        return whole
 
     def model_of(self, *compiled: Any) -> MujocoModel:
         """Return the model to step; the arguments are those of `MujocoModel`."""

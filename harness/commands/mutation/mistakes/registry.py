@@ -292,7 +292,11 @@ def defaults(subject: Subject) -> Iterator[Mistake]:
     """Yield each default that the model's settings do not already request."""
     stated = subject.task.declared.spec(subject.task.engine).settings
     for usual in subject.engine.usual_mistakes:
-        if isinstance(usual, DefaultLeftOn) and stated.get(usual.setting) != usual.value:
+        if (
+            isinstance(usual, DefaultLeftOn)
+            and not usual.whole
+            and stated.get(usual.setting) != usual.value
+        ):
             yield Mistake(
                 usual.name,
                 f"settings.{usual.setting}",
