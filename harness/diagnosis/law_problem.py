@@ -176,11 +176,13 @@ class LawProblem(Generic[M, S]):
     @cached_property
     def suspects(self) -> tuple[LawHypothesis[M], ...]:
         """Each number of the laws, each other choice, and each typical mistake."""
-        suspects: list[LawHypothesis[M]] = [self._taken(i, None) for i in self.numbers.law_numbers]
+        suspects: list[LawHypothesis[M]] = [
+            self._misread(i, None) for i in self.numbers.law_numbers
+        ]
         if not self.with_mistakes:
             return tuple(suspects)
         for i, values in self.numbers.law_choices.items():
-            suspects += [self._taken(i, value) for value in values]
+            suspects += [self._misread(i, value) for value in values]
         suspects += [_mistaken(mistake) for mistake in self.mistakes]
         return tuple(suspects)
 
@@ -192,7 +194,7 @@ class LawProblem(Generic[M, S]):
             return tuple(soft_mistakes(laws))
         return tuple(hard_mistakes(laws))
 
-    def _taken(self, index: int, choice: int | None) -> LawHypothesis[M]:
+    def _misread(self, index: int, choice: int | None) -> LawHypothesis[M]:
         """Return a number that is taken differently: by a fault, or as one of few choices."""
         number = self.numbers.numerals[index]
         unit = 1.0 if choice is None else choice - number.value

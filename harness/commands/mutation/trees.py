@@ -116,10 +116,13 @@ def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
         for index in sorted({*first, *in_steps, *placing})
         for name, factor in SIZES.items()
     )
-    known = [*tree_mistakes(task, numbers), *(law_mistakes(task, laws) if laws is not None else ())]
+    typical = [
+        *tree_mistakes(task, numbers),
+        *(law_mistakes(task, laws) if laws is not None else ()),
+    ]
     mistakes = (
         TreeFault(model=task, mistake=one, size=None, first_seen=0.0, uncertainty=uncertainty)
-        for one in known
+        for one in typical
     )
     return (*literals, *mistakes)
 
