@@ -159,6 +159,7 @@ def errors_record(
     half = len(names)
     with np.errstate(all="ignore"):
         share = np.nan_to_num(defects.defect / defects.uncertainty, nan=0.0)
+    component = int(np.argmax(np.max(share, axis=0)))
     later = share[:, half:] > share[:, :half]
     error, uncertainty = (
         np.where(later, one[:, half:], one[:, :half]).T
@@ -169,7 +170,7 @@ def errors_record(
         error=tuple(rounded(row, 3) for row in error.tolist()),
         uncertainty=tuple(rounded(row, 3) for row in uncertainty.tolist()),
         accelerations=() if apart is None else _differences(tree, states, apart),
-        worst=int(np.argmax(np.max(share, axis=1))),
+        worst=int(np.argmax(defects.defect[:, component])),
     )
 
 

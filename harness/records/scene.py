@@ -93,7 +93,7 @@ class StateErrors(Record, frozen=True, kw_only=True):
             coordinate.
         uncertainty: Uncertainty U of each.
         accelerations: Mean accelerations in the engine minus those of the equations.
-        worst: Index of the state with the largest E/U.
+        worst: Index of the state with the largest E of the component with the largest E/U.
     """
 
     coordinates: tuple[str, ...]

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html import write_report
-from physics_crosscheck.harness.render.html.overview import lines_of, unified
+from physics_crosscheck.harness.render.html.remedies import lines_of, unified
 from physics_crosscheck.harness.results.next_steps import ProposedChange
 from tests.records.made import case, finding, model, results
 
@@ -147,7 +147,7 @@ def test_a_page_copies_a_patch_that_applies_whatever_a_body_is_called(
     write_report(tmp_path / "index.html", seen)
     page = _Buttons()
     page.feed((tmp_path / "index.html").read_bytes().decode())
-    (patch,) = [one for one in page.texts if one.startswith("--- ")]
+    (patch,) = {one for one in page.texts if one.startswith("--- ")}
     for tool in (["git", "apply", "-"], ["patch", "--binary", "-p1"]):
         if shutil.which(tool[0]) is None:
             continue

@@ -9,6 +9,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Explanation
 from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.render.html.remedies import Remedy, remedy_of
 from physics_crosscheck.harness.render.html.text import percent, sci, shown
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, cause_sentences
 
@@ -50,6 +51,7 @@ class DiagnosisView:
         id: its permalink.
         sentence: the cause.
         explained: whether the residual is within the uncertainty.
+        remedy: proposed changes.
         audit_first: whether the audit has findings and no cause explains the difference.
         explanations: ranked explanations.
         files: the model file or its sidecar, with the lines around marked ones; None for a gap.
@@ -64,6 +66,7 @@ class DiagnosisView:
     engine: str
     sentence: str
     explained: bool
+    remedy: Remedy
     audit_first: bool
     explanations: tuple[ExplanationView, ...]
     files: tuple[tuple[str, tuple[Line | None, ...]], ...]
@@ -95,6 +98,7 @@ def diagnosis_view(
         engine=shown(model.engine),
         sentence=sentence(model),
         explained=diagnosis is not None and diagnosis.explained,
+        remedy=remedy_of(model),
         audit_first=bool(model.unexplained_findings),
         explanations=() if diagnosis is None else tuple(map(_explanation, diagnosis.explanations)),
         files=_files(model, list(blamed_lines(model))),

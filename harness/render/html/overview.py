@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView
 from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
 from physics_crosscheck.harness.render.html.matrix import Pair
+from physics_crosscheck.harness.render.html.remedies import NO_REMEDY, Remedy
 from physics_crosscheck.harness.render.html.text import shown
 from physics_crosscheck.harness.results.issues import (
     audited_alike,
@@ -22,8 +23,6 @@ from physics_crosscheck.harness.results.issues import (
     named_models,
     untold_failures,
 )
-from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of, stated_changes
-from physics_crosscheck.harness.results.places import is_spelled
 from physics_crosscheck.harness.results.status import counted
 
 Link = tuple[str, str]
@@ -31,36 +30,6 @@ Link = tuple[str, str]
 
 SCENARIOS_LINKED = 6
 """Maximum number of cases linked from one issue."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fix:
-    """A number to change: location, name, old and new value."""
-
-    place: str
-    name: str
-    old: str
-    new: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Remedy:
-    """A proposed fix.
-
-    Attributes:
-        fixes: numbers to change; empty if unknown.
-        lines: changed lines with + and -.
-        patch: a unified diff; empty if a change is uncertain.
-    """
-
-    fixes: tuple[Fix, ...] = ()
-    lines: tuple[str, ...] = ()
-    patch: str = ""
-
-    @property
-    def words(self) -> str:
-        """The numbers, a line each, without a patch."""
-        return "\n".join(f"{fix.place} from {fix.old} to {fix.new}" for fix in self.fixes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +53,7 @@ class IssueView:
     name: str
     cases: str
     sentence: str
-    remedy: Remedy = Remedy()
+    remedy: Remedy = NO_REMEDY
     links: tuple[Link, ...] = ()
     more: int = 0
 
@@ -107,6 +76,53 @@ class Outlier:
     what: str
     value: str
     name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestedNumbers:
+    """Tested numbers of a model file, in the engine that tests most.
+
+    Attributes:
+        share: percentage of tested numbers.
+        untested: reasons with their counts.
+        left_out: parts of the file that are not compared.
+    """
+
+    name: str
+    engine: str
+    tested: int
+    total: int
+    share: str
+    untested: tuple[tuple[str, str], ...]
+    left_out: tuple[str, ...]
+
+
+MAX_FILES = 4
+"""Maximum number of model files whose tested numbers the overview shows."""
+
+
+def tested_numbers(models: Iterable[Model]) -> tuple[TestedNumbers, ...]:
+    """Return the tested numbers of each model file, the smallest shares first."""
+    best: dict[tuple[str, str], tuple[Model, Coverage]] = {}
+    for model in models:
+        coverage, key = model.coverage, (model.folder, model.model)
+        if coverage is None or not coverage.numbers:
+            continue
+        if key not in best or coverage.seen > best[key][1].seen:
+            best[key] = model, coverage
+    rows = sorted(best.values(), key=lambda row: row[1].seen / row[1].numbers)
+    return tuple(
+        TestedNumbers(
+            name=shown(f"{model.system}/{model.model}"),
+            engine=shown(model.engine),
+            tested=coverage.seen,
+            total=coverage.numbers,
+            share=f"{100 * coverage.seen / coverage.numbers:.3g}",
+            untested=tuple((shown(one.reason), str(one.count)) for one in coverage.untested),
+            left_out=tuple(map(shown, coverage.left_out)),
+        )
+        for model, coverage in rows[:MAX_FILES]
+    )
 
 
 def issue_views(
@@ -150,8 +166,6 @@ def _causes(
         if not cases or diagnosis is None or not diagnosis.explained:
             continue
         view = diagnoses[alike[0].key]
-        changes = changes_of(alike[0])
-        whole = len(changes) == len(diagnosis.explanations[0].causes)
         yield (
             IssueView(
                 id=view.id,
@@ -160,40 +174,12 @@ def _causes(
                 name=shown(named_models(alike)),
                 cases=counted(len(cases), "case"),
                 sentence=view.sentence,
-                remedy=_remedy(changes, alike[0], whole=whole),
+                remedy=view.remedy,
                 links=_linked(cases, views),
                 more=max(0, len(cases) - SCENARIOS_LINKED),
             ),
             keys,
         )
-
-
-def _remedy(changes: Sequence[ProposedChange], model: Model, *, whole: bool) -> Remedy:
-    """Return changes with their patch; `whole`: whether they fix the model completely."""
-    texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
-    patch = unified(changes, texts) if whole and changes else ""
-    if not _is_shown_as_is(patch):
-        patch = ""
-    return Remedy(
-        fixes=tuple(map(_fix, changes)),
-        lines=tuple(map(shown, lines_of(patch))),
-        patch=patch,
-    )
-
-
-def _is_shown_as_is(patch: str) -> bool:
-    """Return whether a page can show a patch unchanged; otherwise it would not apply."""
-    plain = patch.replace("\r\n", "\n")
-    return shown(plain) == plain and "\ufffd" not in plain
-
-
-def _fix(change: ProposedChange) -> Fix:
-    return Fix(
-        place=shown(", ".join(dict.fromkeys(map(str, change.locations)))),
-        name=shown(", ".join(change.subject)),
-        old=f"{change.old:.10g}",
-        new=shown(change.new),
-    )
 
 
 def _linked(cases: Sequence[Case], views: Mapping[int, CaseView]) -> tuple[Link, ...]:
@@ -227,15 +213,10 @@ def _unexplained(
         name=shown(name),
         cases=counted(len(cases), "case"),
         sentence=sentence or view.reason,
-        remedy=Remedy() if diagnosis is None else _stated(results.model_of(worst)),
+        remedy=NO_REMEDY if diagnosis is None else diagnosis.remedy,
         links=_linked(cases, views) if ran else (),
         more=max(0, len(cases) - SCENARIOS_LINKED) if ran else 0,
     )
-
-
-def _stated(model: Model | None) -> Remedy:
-    """Return the changes that the audit proposes."""
-    return Remedy() if model is None else _remedy(stated_changes(model), model, whole=True)
 
 
 def _failure(model: Model, what: str, why: str) -> IssueView:
@@ -267,7 +248,7 @@ def _audits(
             name=shown(named_models(alike)),
             cases=counted(len(model.findings), "finding"),
             sentence=view.sentence,
-            remedy=_stated(model),
+            remedy=view.remedy,
         )
 
 
@@ -312,9 +293,7 @@ def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[ChangeVie
 def standing_out(pairs: Sequence[Pair]) -> tuple[Outlier, ...]:
     """Return the cases that agree with the fewest digits and with the largest global error."""
     agreeing = [
-        (case, view)
-        for case, view in pairs
-        if case.outcome is Outcome.AGREES and case.verdict and case.full_run
+        (case, view) for case, view in pairs if case.outcome is Outcome.AGREES and case.verdict
     ]
     if not agreeing:
         return ()
@@ -327,7 +306,7 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Outlier, ...]:
             name=_name(weakest),
         )
     ]
-    comparable = [pair for pair in agreeing if not pair[1].chaotic]
+    comparable = [pair for pair in agreeing if pair[0].full_run and not pair[1].chaotic]
     if comparable:
         dearest = max(comparable, key=lambda pair: float(pair[1].sorts[3] or 0.0))[1]
         extremes.append(
@@ -352,58 +331,3 @@ def standing_out(pairs: Sequence[Pair]) -> tuple[Outlier, ...]:
 
 def _name(view: CaseView) -> str:
     return f"{view.system}/{view.model}/{view.scenario} [{view.engine}]"
-
-
-def unified(edits: Sequence[ProposedChange], texts: Iterable[tuple[str, str]]) -> str:
-    """Return a unified diff that makes edits; empty if an edit is uncertain.
-
-    An edit is certain if the file still has the old text in the span of each location.
-
-    Args:
-        edits: edits of one cause.
-        texts: (name, text) of the files that may be edited.
-    """
-    parts, edit_count = [], 0
-    for name, text in texts:
-        data = text.encode(errors="surrogatepass")
-        here = [
-            (where.span, edit.new, where.file)
-            for edit in edits
-            for where in edit.locations
-            if where.span is not None and is_spelled(where, name, data)
-        ]
-        edit_count += len(here)
-        changed = data
-        for (start, end), new, _ in sorted(here, reverse=True):
-            changed = changed[:start] + new.encode() + changed[end:]
-        if changed != data:
-            parts.append(
-                _diff(here[0][2], _lines(text), _lines(changed.decode(errors="surrogatepass")))
-            )
-    certain = edit_count == sum(len(edit.locations) for edit in edits)
-    return "".join(parts) if certain else ""
-
-
-def lines_of(patch: str) -> tuple[str, ...]:
-    """Return the removed and added lines of a diff with their signs, with less indentation."""
-    rows = (row for row in _lines(patch) if not row.startswith(("--- ", "+++ ")))
-    changed_rows = [(row[0], row[1:].rstrip("\r\n")) for row in rows if row.startswith(("-", "+"))]
-    margin = min((len(text) - len(text.lstrip()) for _, text in changed_rows), default=0)
-    return tuple(f"{sign} {text[margin:]}" for sign, text in changed_rows)
-
-
-def _lines(text: str) -> list[str]:
-    """Split text into lines as `git` and `patch` do: `str.splitlines` splits at more characters."""
-    *whole, last = text.split("\n")
-    return [*(f"{line}\n" for line in whole), *([last] if last else [])]
-
-
-def _diff(path: str, before: Sequence[str], after: Sequence[str]) -> str:
-    """Return a diff with three lines of context for `git apply` and `patch -p1`."""
-    # Both reject an absolute path.
-    name = path if not path.startswith("/") and ":" not in path else path.rsplit("/", 1)[-1]
-    end = "\t" if " " in name else ""  # a tab ends a name with blanks
-    rows = []
-    for row in difflib.unified_diff(before, after, f"a/{name}{end}", f"b/{name}{end}"):
-        rows.append(row if row.endswith("\n") else f"{row}\n\\ No newline at end of file\n")
-    return "".join(rows)

@@ -31,9 +31,11 @@ from physics_crosscheck.harness.render.html.overview import (
     ChangeView,
     IssueView,
     Outlier,
+    TestedNumbers,
     changes,
     issue_views,
     standing_out,
+    tested_numbers,
     verdict,
 )
 from physics_crosscheck.harness.render.html.packs import Chart, Column, Pack
@@ -339,6 +341,7 @@ class Report:
         troubles: issues to act on.
         again: command that checks a fix; empty if all passes.
         outliers: extreme cases among those that agree.
+        tested: tested numbers of each model file.
         changes: changes since the baseline; None without one.
         baseline: name of the baseline.
         matrix: models by engines.
@@ -359,6 +362,7 @@ class Report:
     troubles: tuple[IssueView, ...]
     again: str
     outliers: tuple[Outlier, ...]
+    tested: tuple[TestedNumbers, ...]
     changes: tuple[ChangeView, ...] | None
     baseline: str
     matrix: EngineMatrix
@@ -409,6 +413,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
         troubles=issues,
         again=shown(run_again(results, out)),
         outliers=standing_out(pairs),
+        tested=tested_numbers(results.models),
         changes=None if baseline is None else changes(baseline, pairs),
         baseline="" if baseline is None else shown(baseline.name or "the baseline"),
         matrix=matrix(pairs, results.models, pages, shown_names),

@@ -89,6 +89,6 @@ class Mechanism {
     const time = this.horizon(state);
     const largest = Math.max(...this.states.accelerations.map((row) => Math.abs(row[state] ?? 0)));
     const moved = 0.5 * largest * time ** 2;
-    return moved ? Math.min(Math.max(Math.round(Math.log10(0.4 / moved)), 0), 6) : 6;
+    return moved ? Math.min(Math.max(Math.round(Math.log10(0.8 / moved)), 0), 6) : 6;
   }
 }

@@ -45,7 +45,7 @@ const outlines = (forms) => forms.flatMap(({ kind, size, place }) => OUTLINES[ki
 /** A camera on a sphere around a point; z is up. */
 class Camera {
   constructor(center, radius) {
-    Object.assign(this, { center, radius, yaw: -0.9, pitch: 0.35, distance: 3.6 * radius });
+    Object.assign(this, { center, radius, yaw: -0.9, pitch: 0.35, distance: 3.4 * radius });
   }
 
   get position() {

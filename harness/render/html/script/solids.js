@@ -32,8 +32,8 @@ class Solids {
     this.renderer.setPixelRatio(devicePixelRatio);
     this.camera = new THREE.PerspectiveCamera();
     this.world = new THREE.Scene();
-    this.world.add(new THREE.HemisphereLight(0xffffff, 0x667788, 0.75));
-    this.light = new THREE.DirectionalLight(0xffffff, 0.5);
+    this.world.add(new THREE.HemisphereLight(0xffffff, 0xaab4bf, 0.8));
+    this.light = new THREE.DirectionalLight(0xffffff, 0.35);
     this.world.add(this.light);
   }
 
@@ -74,7 +74,7 @@ class Solids {
     return this.data.bodies.map((body, index) => {
       const group = new THREE.Group();
       group.matrixAutoUpdate = false;
-      const material = new THREE.MeshPhongMaterial({ shininess: 25, side: THREE.DoubleSide });
+      const material = new THREE.MeshPhongMaterial({ shininess: 25, side: THREE.DoubleSide, polygonOffset: ghost, polygonOffsetFactor: 2, polygonOffsetUnits: 8 });
       for (const form of formsOf(this.data, index)) {
         const mesh = new THREE.Mesh(GEOMETRIES[form.kind](form.size), material);
         const [x, y, z, w, i, j, k] = form.place;
