@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 import re
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.errors import LocationError, quote, truncate
@@ -62,7 +64,12 @@ class SourceFile:
 
     def line(self, offset: int) -> int:
         """Return the line of a byte, counted from 1."""
-        return len(re.findall(rb"\r\n|\r|\n", self.data[:offset])) + 1
+        return bisect_right(self._starts, offset)
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        """Offsets of the first byte of each line."""
+        return [0, *(match.end() for match in re.finditer(rb"\r\n|\r|\n", self.data))]
 
     def lines(self, offsets: Iterable[int]) -> str:
         """Return the lines of some bytes, in words."""
@@ -82,10 +89,10 @@ class SourceFile:
             raise self.error(address, f"is {quote(text)}; expected a decimal number", start)
         if float(text) != read:
             raise self.error(address, f"is written {quote(text)} but read as {read!r}", start)
-        before = re.split(rb"\r\n|\r|\n", self.data[:start])
-        column = len(before[-1].decode("utf-8").removeprefix("\ufeff")) + 1
+        line = self.line(start)
+        before = self.data[self._starts[line - 1] : start].decode("utf-8").removeprefix("\ufeff")
         return Location(
-            file=self.file, start=start, end=end, line=len(before), column=column, text=text
+            file=self.file, start=start, end=end, line=line, column=len(before) + 1, text=text
         )
 
 

@@ -8,15 +8,18 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from physics_crosscheck.harness.documents import reading
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.interfaces.pytest_plugin.session import targets_under
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin, system_folders
 from physics_crosscheck.harness.modelfiles.locations import find
+from physics_crosscheck.harness.modelfiles.locations.literals import toml_literals
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
 from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
@@ -142,6 +145,32 @@ def test_a_folder_whose_system_is_no_file_stays_a_system_folder(
     for named in (tmp_path, tmp_path / "arm"):
         assert robots_below(named) == []
         assert targets_under(str(named), ()) == [tmp_path / "arm"]
+
+
+class Counted(bytes):
+    """Bytes that count how many of them are copied."""
+
+    copied = 0
+
+    def __getitem__(self, index: Any) -> Any:
+        part = super().__getitem__(index)
+        Counted.copied += len(part) if isinstance(part, bytes) else 1
+        return part
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_the_places_of_many_numbers_copy_no_more_than_the_file(
+    end: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catch a copy of all before each number: a sidecar of 50000 keys took ten minutes."""
+    monkeypatch.setattr(Counted, "copied", 0)
+    lines = [f'"\u00e9{i}" = {i}' for i in range(500)]
+    source = SourceFile(Path("a.toml"), Counted(end.join(lines).encode()))
+    places = [one.location for one in toml_literals(source)]
+    assert [(one.line, one.column, one.value) for one in places] == [
+        (i + 1, len(line) - len(str(i)) + 1, i) for i, line in enumerate(lines)
+    ]
+    assert Counted.copied < 2 * len(source.data)
 
 
 @pytest.mark.slow

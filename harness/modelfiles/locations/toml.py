@@ -53,9 +53,10 @@ def toml_keys(source: SourceFile) -> Resolve:
 def toml_numbers(source: SourceFile) -> Iterator[tuple[str, Span, float]]:
     """Yield every number with its key and its bytes."""
     text, data = _read(source)
-    for key, (start, end) in _toml_values(text).items():
+    done = before = 0
+    for key, (start, end) in _toml_values(text).items():  # in their order in the file
+        before, done = before + len(text[done:start].encode("utf-8")), start
         if _is_number(value := _value_at(data, key)):
-            before = len(text[:start].encode("utf-8"))
             yield _spell_key(key), (before, before + len(text[start:end].encode("utf-8"))), value
 
 
