@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -336,19 +336,17 @@ def _moved(number: Number, share: float) -> float:
     return number.value + share * number.scale
 
 
-def _same(first: Tree, second: Tree) -> bool:
-    """Return whether two trees are equal, to the last digit."""
-    return first is second or _plain(first) == _plain(second)
-
-
-def _plain(value: object) -> object:
-    """Return a comparable value: all fields of nested data classes, and arrays as lists."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, tuple):
-        return tuple(map(_plain, value))
-    if isinstance(value, Mapping):
-        return {key: _plain(one) for key, one in value.items()}
-    if is_dataclass(value):
-        return tuple(_plain(getattr(value, field.name)) for field in fields(value))
-    return value
+def _same(first: Any, second: Any) -> bool:
+    """Return whether two trees, or parts of them, are equal to the last digit."""
+    if first is second or type(first) is not type(second):
+        return first is second
+    if isinstance(first, np.ndarray):
+        return bool(np.array_equal(first, second))
+    if isinstance(first, tuple):
+        return len(first) == len(second) and all(map(_same, first, second))
+    if isinstance(first, Mapping):
+        return first.keys() == second.keys() and all(_same(first[k], second[k]) for k in first)
+    if is_dataclass(first):
+        names = first.__dataclass_fields__
+        return all(_same(getattr(first, name), getattr(second, name)) for name in names)
+    return bool(first == second)
