@@ -76,9 +76,9 @@ def test_numbers_of_shapes_count_as_tested_by_poses(tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(MJCF)
     coverage = count_robot(model_task(prepare_tree(path), "mujoco"))
-    # A class's size 3, floor 6, frame 6, its geom 3, mesh 6, site 4, capsule 7; and 4 of bodies'
-    # positions.
-    assert coverage.frames == 39
+    # A class's size 3, floor 6, frame 6, its geom 3, mesh 6, site 4, capsule 7; 4 of bodies'
+    # positions; and 2 of axes, by their sign.
+    assert coverage.frames == 41
     # A mesh without inertia has other vertices, and nothing is elsewhere.
     (shapes,) = (one for one in coverage.untested if one.reason.startswith("collision"))
     assert (shapes.count, shapes.examples) == (12, ("mesh@vertex",))
