@@ -236,12 +236,14 @@ class PoseFinding:
         frames: their names.
         off: largest error, m.
         share: smallest share of it that would still be detected.
+        is_size: whether it is the size of a shape.
     """
 
     frames: tuple[str, ...]
     message: str
     off: float
     share: float
+    is_size: bool = False
 
 
 @dataclass(frozen=True)
@@ -317,8 +319,11 @@ def case_poses(
     check = _check_bodies(task.target, model, coordinates)
     lines = {name: (task.file, line) for name, line in _lines(task).items()}
     lines |= {one.name: (one.file, one.line) for one in task.target.placed}
-    names = (name for one in check.findings for name in one.frames)
-    places = dict.fromkeys(lines[name] for name in names if name in lines)
+    sizes = lines | {one.name: one.size_place for one in task.target.placed if one.size_place}
+    named = (
+        (name, sizes if one.is_size else lines) for one in check.findings for name in one.frames
+    )
+    places = dict.fromkeys(where[name] for name, where in named if name in where)
     locations = (SourceLine(file=str(file), line=line) for file, line in places if line)
     return replace(check, locations=tuple(locations))
 
@@ -404,7 +409,7 @@ def _size_finding(shape: PlacedShape, measured: Sequence[float], off: float) -> 
     message = "{}: its size is {} in the file and {} in the engine".format(shape.name, *sizes)
     largest = max(map(abs, shape.size), default=0.0)
     share = off / largest if largest and np.isfinite(off) else 1.0
-    return PoseFinding((shape.name,), message, off, RESOLUTION / share)
+    return PoseFinding((shape.name,), message, off, RESOLUTION / share, is_size=True)
 
 
 def _place_of(name: str, places: Collection[str]) -> str | None:

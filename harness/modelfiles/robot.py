@@ -75,6 +75,7 @@ class PlacedShape:
         place: its frame in the body's.
         size: the numbers that give its extent, in the order of the format, m.
         file, line: of its element; line 0 if unknown.
+        size_place: file and line that state its size, if they may be others.
         kind: its form.
         visual: whether it is drawn only.
     """
@@ -85,6 +86,7 @@ class PlacedShape:
     size: tuple[float, ...]
     file: Path
     line: int = 0
+    size_place: tuple[Path, int] | None = None
     kind: str = "mesh"
     visual: bool = False
 

@@ -6,7 +6,7 @@ Lines of shapes and sites in an MJCF and its includes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,9 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledLength,
     CompiledTree,
 )
+from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.modelfiles.mjcf.classes import StatedClasses
 from physics_crosscheck.harness.modelfiles.robot import (
     BodyModel,
     LinkPart,
@@ -50,8 +53,21 @@ from physics_crosscheck.reference.mechanism.tree import Fluid, Kind, Tree
 _KINDS = ("geom", "site")
 
 
-def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, tuple[Path, int]]:
-    """Return file and line of each shape, by its place.
+@dataclass(frozen=True, kw_only=True)
+class ShapeLines:
+    """Lines of a shape: of its element, and of the one that states its size, perhaps a default."""
+
+    file: Path
+    line: int = 0
+    size: tuple[Path, int]
+
+
+_Inherited = tuple[XmlElement, str]
+"""An element, and the class of its bodies."""
+
+
+def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, ShapeLines]:
+    """Return the lines of each shape, by its place.
 
     Args:
         path: of the file.
@@ -59,25 +75,32 @@ def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, tuple[Path, in
             are matched by this order, if the file repeats no elements.
     """
     try:
-        document = Document(path)
-        elements = list(_shapes(document.root, path))
-    except (LocationError, RecursionError):
+        elements = list(_shapes(Document(path).root, path))
+        classes = StatedClasses.from_source(read_source_mjcf(path))
+    except (LocationError, EngineError, RecursionError):
         return {}
-    lines: dict[str, tuple[Path, int]] = {}
+    chosen: dict[str, _Inherited] = {}
     for kind in _KINDS:
-        rows = [one for one in elements if one.tag == kind]
+        rows = [one for one in elements if one[0].tag == kind]
         places = [name for name in names if name.startswith(f"{kind}:")]
         if len(rows) == len(places) and all(map(_fits, rows, places)):
-            lines |= {name: _place(one, path) for name, one in zip(places, rows, strict=True)}
+            chosen |= dict(zip(places, rows, strict=True))
         else:
-            named = {f"{kind}:{one.get('name')}": one for one in rows if one.get("name")}
-            lines |= {name: _place(named[name], path) for name in places if name in named}
-    return lines
+            named = {f"{kind}:{one.get('name')}": (one, above) for one, above in rows}
+            chosen |= {name: named[name] for name in places if name in named}
+    return {name: _lines(classes, path, *row) for name, row in chosen.items()}
 
 
-def _fits(element: XmlElement, place: str) -> bool:
+def _lines(classes: StatedClasses, path: Path, element: XmlElement, inherited: str) -> ShapeLines:
+    chain = classes.chain(element, inherited, (element.tag,)).elements
+    stating = next((one for one in reversed(chain) if "size" in one.attributes), element)
+    file, line = _place(element, path)
+    return ShapeLines(file=file, line=line, size=_place(stating, path))
+
+
+def _fits(row: _Inherited, place: str) -> bool:
     name = place.partition(":")[2]
-    return element.get("name", name) == name
+    return row[0].get("name", name) == name
 
 
 def _place(element: XmlElement, path: Path) -> tuple[Path, int]:
@@ -85,27 +108,33 @@ def _place(element: XmlElement, path: Path) -> tuple[Path, int]:
     return file or path, line or 0
 
 
-def _shapes(root: XmlElement, path: Path) -> Iterator[XmlElement]:
+def _shapes(root: XmlElement, path: Path) -> Iterator[_Inherited]:
     """Yield the shapes of all `<worldbody>` elements, body by body."""
     worlds = [one for one in _children(root, path) if one.tag == "worldbody"]
-    yield from _within([one for world in worlds for one in _children(world, path)], path)
+    yield from _within([row for world in worlds for row in _below(world, "", path)], path)
 
 
-def _within(elements: Sequence[XmlElement], path: Path) -> Iterator[XmlElement]:
+def _below(element: XmlElement, inherited: str, path: Path) -> Iterator[_Inherited]:
+    """Yield the children of an element of a class."""
+    inherited = element.get("childclass") or inherited
+    yield from ((child, inherited) for child in _children(element, path))
+
+
+def _within(elements: Sequence[_Inherited], path: Path) -> Iterator[_Inherited]:
     """Yield the shapes of one body, then those of the bodies in it."""
     flat = list(_flat(elements, path))
-    yield from (element for element in flat if element.tag in _KINDS)
-    for element in flat:
+    yield from (row for row in flat if row[0].tag in _KINDS)
+    for element, inherited in flat:
         if element.tag == "body":
-            yield from _within(list(_children(element, path)), path)
+            yield from _within(list(_below(element, inherited, path)), path)
 
 
-def _flat(elements: Sequence[XmlElement], path: Path) -> Iterator[XmlElement]:
+def _flat(elements: Sequence[_Inherited], path: Path) -> Iterator[_Inherited]:
     """Yield elements and those within their frames."""
-    for element in elements:
-        yield element
+    for element, inherited in elements:
+        yield element, inherited
         if element.tag == "frame":
-            yield from _flat(list(_children(element, path)), path)
+            yield from _flat(list(_below(element, inherited, path)), path)
 
 
 def _children(element: XmlElement, path: Path) -> Iterator[XmlElement]:
@@ -164,13 +193,15 @@ def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
     lines = shape_lines(path, [shape.name for shape in compiled.placed])
     for shape in compiled.placed:
         frame = shape.frame
+        place = lines.get(shape.name, ShapeLines(file=path, size=(path, 0)))
         yield PlacedShape(
             name=shape.name,
             body=names[frame.body],
             place=Place(from_quaternion(np.array(frame.turn)), np.array(frame.position)),
             size=shape.size,
-            file=lines.get(shape.name, (path, 0))[0],
-            line=lines.get(shape.name, (path, 0))[1],
+            file=place.file,
+            line=place.line,
+            size_place=place.size,
             kind=shape.kind,
             visual=shape.visual,
         )
