@@ -226,6 +226,11 @@ def measure(task: ModelTask[Prepared]) -> Measurement:
     Raises:
         EngineError, SidecarError, BlownUpError, ReferenceError: naming the model that cannot run.
     """
+    target = task.target
+    if isinstance(target, PreparedSystem) and target.system.interactions:
+        raise ReferenceError(
+            f"{target.place}: a baseline cannot store motions with events; name other folders"
+        )
     if task.sidecar is None:
         return _measured(task, task.snapshot)  # a file alone is hashed with all files that it names
     with record_reads(task.target.place) as reads:

@@ -37,6 +37,10 @@ MAX_DOF = 12
 """Largest number of coordinates of a robot whose terms are compared: they are n^2, in n states."""
 
 
+SWITCHING = {"contact", "dry friction", "joint limit"}
+"""Remarks on forces that a system with interactions declares."""
+
+
 def audit_file(task: TreeTask) -> Audit:
     """Audit a model of declared bodies by reading its file without the declaration."""
     sidecar = task.declared
@@ -84,6 +88,8 @@ def audit_declared(task: SystemTask) -> Audit:
     compiled = [_explained(one, rounded) for one in measured]
     z, w = coordinates.to_engine(task.target.visited)
     remarks = (*model.remarks(z, w), *engine.file_remarks(task.declared.model))
+    if task.target.system.interactions:  # the system declares what switches
+        remarks = tuple(one for one in remarks if one.kind not in SWITCHING)
     compiled = _without_lost_digits(compiled, remarks, task)
     wrong = _wrong(compiled)
     defaults = (_default(remark, wrong, task) for remark in remarks)

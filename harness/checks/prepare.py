@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import msgspec
 import numpy as np
@@ -34,7 +34,7 @@ from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape, Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.numerics.differences import (
     MAX_PERTURBATION,
@@ -54,6 +54,7 @@ from physics_crosscheck.reference.load import load_declaration, load_system, wit
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
+from physics_crosscheck.reference.mechanism.laws import SoftLaw
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
 from physics_crosscheck.reference.mechanism.system import System
@@ -107,6 +108,10 @@ class Prepared(ABC):
     place: Path
     record: records.SystemResult
     reads: Mapping[str, str]
+
+    def under_laws(self, sidecar: Sidecar | None) -> Self:
+        """Return the target whose motions follow the soft laws that a sidecar states."""
+        return self
 
     @property
     @abstractmethod
@@ -175,6 +180,8 @@ class PreparedSystem(Prepared):
         numeric_power: (energy, supplied, dissipated) of (q, v, u, (t,)).
         steps: the equations in the form for integrators; None if they depend on time, or switch.
         variants: the equations with every constant and some missing terms free.
+        ideal: whether every model is judged by the rigid motions.
+        laws: soft laws of a model, by interaction, in place of the rigid ones.
     """
 
     system: System
@@ -185,6 +192,32 @@ class PreparedSystem(Prepared):
     equilibria: tuple[OperatingPoint, ...]
     steps: SteppedEquations | None
     variants: Variants
+    ideal: bool = False
+    laws: Mapping[str, SoftLaw] = field(default_factory=dict)
+
+    def under_laws(self, sidecar: Sidecar | None) -> Self:
+        """Return the target whose motions follow the soft laws that a sidecar states.
+
+        Raises:
+            SidecarError: for a law of an interaction that the system lacks.
+        """
+        laws = {} if sidecar is None or self.ideal else sidecar.laws
+        names = {one.name for one in self.system.interactions}
+        for name in sorted(set(laws) - names):
+            assert sidecar is not None
+            place = sidecar.entry("laws", name)
+            raise SidecarError(f"{place}: {self.system.name} has no interaction of that name")
+        return replace(self, laws=laws) if laws else self
+
+    @property
+    def compared(self) -> Mapping[str, Motion]:
+        """The motions that a model is compared with, by scenario."""
+        return {name: self.segments(name) for name in self.motions}
+
+    @cached_property
+    def _by_law(self) -> dict[str, Motion]:
+        """Motions under soft laws, by scenario, as they are requested."""
+        return {}
 
     @cached_property
     def visited(self) -> Array:
@@ -220,8 +253,20 @@ class PreparedSystem(Prepared):
         return coordinate_map(self.system, sidecar, there)
 
     def segments(self, scenario: str) -> Motion:
-        """Return the motion of a scenario."""
-        return self.motions[scenario]
+        """Return the motion of a scenario, under the soft laws of the model if it has any.
+
+        Raises:
+            EventError: if the laws have no motion to compare.
+        """
+        if not self.laws:
+            return self.motions[scenario]
+        if scenario not in self._by_law:
+            equations = derive(self.system)
+            with with_location(self.place):
+                motion = solve_events(equations, self.system.scenario(scenario), self.laws)
+            others = [other for name, other in self.motions.items() if name != scenario]
+            self._by_law[scenario] = replace(motion, scale=component_scale(motion, others))
+        return self._by_law[scenario]
 
     @property
     def stepped(self) -> Stepped | None:
@@ -407,6 +452,7 @@ def prepare(
     motion: float = 0.0,
     states: int = STATES,
     smooth: bool = False,
+    ideal: bool = False,
 ) -> PreparedSystem | PreparedTree:
     """Read a system folder or a robot file, derive its equations, and solve them.
 
@@ -419,6 +465,7 @@ def prepare(
         motion: duration of a motion of bodies from rest, seconds; 0 for none.
         states: number of sampled states of bodies.
         smooth: whether a robot file is checked without limits, friction, contacts and drives only.
+        ideal: whether models of a folder are judged by rigid contacts, not by their engines' laws.
 
     Raises:
         DeclarationError, RobotError, ReferenceError: naming file, line and remedy.
@@ -432,7 +479,7 @@ def prepare(
     if isinstance(declared, MultibodySystem):
         bodies = _from_bodies(place, declared, motion, states)
         return _finished(bodies, began, reads.states())
-    energies = _from_energies(place, declared, described=described)
+    energies = replace(_from_energies(place, declared, described=described), ideal=ideal)
     return _finished(energies, began, reads.states())
 
 
@@ -639,5 +686,8 @@ def _from_energies(folder: Path, system: System, *, described: bool) -> Prepared
             for e in linear
         ),
         steps=None if system.interactions else stepped_equations(equations),
-        variants=variants(equations, amplitude),
+        # Numbers of a file explain motions that switch; free constants of one mode would mislead.
+        variants=Variants((), equations.numeric_acceleration)
+        if system.interactions
+        else variants(equations, amplitude),
     )

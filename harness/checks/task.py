@@ -136,7 +136,7 @@ def model_task(
     if isinstance(target, PreparedTree):
         scenario = target.scenario
     return ModelTask(
-        target=target,
+        target=target.under_laws(sidecar),
         engine=engine,
         spec=target.spec(sidecar, engine),
         sidecar=sidecar,

@@ -56,7 +56,9 @@ def diagnose_model(task: SystemTask) -> Diagnosis:
         free: tuple[str, ...] = ()
         if not ranking.explained:
             free = freedoms(whole.model, whole.coordinates, whole.samples)
-        corrected = correct_motion(whole, task.target.motions, ranking)
+        corrected = None
+        if not task.target.system.interactions:  # an event would be between the samples of a run
+            corrected = correct_motion(whole, task.target.motions, ranking)
     if free:
         return Diagnosis(
             failure=(
@@ -96,7 +98,7 @@ def trial_model(
         known_slopes: slopes of literals, if known from a similar model.
     """
     model, coordinates = task.load()
-    samples = sample_segments(task.target.motions)
+    samples = sample_segments(task.target.compared)
     ends, uncertainty = engine_ends(model, coordinates, samples)
     uncertainty = finite(uncertainty, ends - reference_ends(samples))
     # Add the reference's error bound and rounding error, as in the verdict.

@@ -182,6 +182,7 @@ def check(
     model: str = "",
     thorough: bool = False,
     smooth: bool = False,
+    ideal: bool = False,
 ) -> CheckResults:
     """Run every model and robot file in every scenario, and compare it with its equations.
 
@@ -200,6 +201,7 @@ def check(
         model: model to read from an SDFormat file that has several.
         thorough: True runs every check, also where a cheaper one decides.
         smooth: True checks robot files without limits, friction, contacts and drives only.
+        ideal: True judges by rigid contacts, not by the law that a sidecar states.
 
     Raises:
         FolderError: if a path is not a target, or an engine is unknown.
@@ -229,6 +231,7 @@ def check(
         choice=targets.choice,
         thorough=bool(thorough),
         smooth=bool(smooth),
+        ideal=bool(ideal),
     )
     with without_main():
         record = run(targets.folders, options, lambda *_: None, robots=targets.robots).results

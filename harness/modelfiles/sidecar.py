@@ -20,8 +20,9 @@ from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
+from physics_crosscheck.reference.mechanism.laws import SoftLaw, Softness
 
-_KEYS = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames"}
+_KEYS = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames", "laws"}
 
 
 class SidecarError(ValueError):
@@ -49,6 +50,7 @@ class Sidecar:
             Addresses are those of `harness.modelfiles.locations`, in the model file; the prefix
             `sidecar:` stands for the sidecar itself.
         frames: the system's frames, and `world`, as `harness.modelfiles.frames` reads them.
+        laws: interaction -> the soft law by which the engine realizes it; empty: it is rigid.
     """
 
     model: Path
@@ -61,6 +63,7 @@ class Sidecar:
     springs: tuple[Spring, ...]
     bindings: Mapping[str, str] = field(default_factory=dict)
     frames: Mapping[str, object] = field(default_factory=dict)
+    laws: Mapping[str, SoftLaw] = field(default_factory=dict)
 
     def spec(self, engine: str) -> ModelSpec:
         """Return the spec for one engine's adapter, which contains nothing of the system."""
@@ -123,6 +126,10 @@ def read_sidecar(path: Path) -> Sidecar:
         springs=tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
         bindings=_expressions(data, "bindings", path),
         frames=_table(data, "frames", path),
+        laws={
+            name: _law(entry, f"{path}: [laws] {quote(name)}")
+            for name, entry in _table(data, "laws", path).items()
+        },
     )
 
 
@@ -187,6 +194,36 @@ def _check_settings(values: Mapping[str, object], place: str) -> None:
     gravity = values.get("gravity", [0, 0, 0])
     if not isinstance(gravity, list) or len(gravity) != 3 or not all(map(_is_number, gravity)):
         raise SidecarError(f"{place} gravity is {quote(gravity)}; expected three numbers")
+
+
+_LAW_LENGTHS = {"reference": 2, "impedance": 5}
+
+
+def _law(data: object, place: str) -> SoftLaw:
+    """Read a soft law: `reference` and `impedance`, and the numbers that have defaults.
+
+    Raises:
+        SidecarError: naming the entry.
+    """
+    further = {"friction_ratio", "points", "weight"}
+    if not isinstance(data, dict) or not set(_LAW_LENGTHS) <= set(data) <= further | set(
+        _LAW_LENGTHS
+    ):
+        wanted = ", ".join(_LAW_LENGTHS)
+        raise SidecarError(f"{place} needs {wanted}, and may have {', '.join(sorted(further))}")
+    for key, length in _LAW_LENGTHS.items():
+        values = data[key]
+        if (
+            not isinstance(values, list)
+            or len(values) != length
+            or not all(map(_is_number, values))
+        ):
+            raise SidecarError(f"{place} {key} must be {length} numbers")
+    for key in further & set(data):
+        if not _is_number(data[key]) or not data[key] > 0:
+            raise SidecarError(f"{place} {key} must be a positive number")
+    softness = Softness(reference=tuple(data["reference"]), impedance=tuple(data["impedance"]))
+    return SoftLaw(softness=softness, **{key: data[key] for key in further & set(data)})
 
 
 def _spring(data: object, place: str) -> Spring:

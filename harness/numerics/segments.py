@@ -54,6 +54,19 @@ CENTRED = 1e-9
 """Largest distance of an event from the middle of its segment, relative to the segment."""
 
 
+def _rungs_of(segments: Segments, rungs: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the rungs, or as many odd ones for segments with events.
+
+    Raises:
+        MisplacedEventError: if an event is elsewhere in a segment than in its middle.
+    """
+    if not segments.events:
+        return rungs
+    odd = ODD_RUNGS[: len(rungs)]
+    check_events(segments, min(odd))
+    return odd
+
+
 def check_events(segments: Segments, coarsest: int) -> None:
     """Check that each event is in the middle of a segment, or a coarsest step away from all.
 
@@ -141,9 +154,7 @@ def extrapolate(
         BlownUpError: if the engine returns values that are not finite.
         MisplacedEventError: if an event is elsewhere in a segment.
     """
-    if segments.events:
-        rungs = ODD_RUNGS if rungs == RUNGS else rungs
-        check_events(segments, min(rungs))
+    rungs = _rungs_of(segments, rungs)
     positions = coordinates.to_engine(segments.start)
     starts = with_companions(*positions, model.epsilon, every=segments.nonsmooth)
     residuals: list[Array] = []
@@ -166,6 +177,7 @@ def limits_only(
     Raises:
         BlownUpError: if the engine returns values that are not finite.
     """
+    rungs = _rungs_of(segments, rungs)
     starts = without_companions(*coordinates.to_engine(segments.start))
     observable = _ends(model, coordinates, segments, starts, [])
     values = list(_rungs(observable, rungs))  # there are no companions

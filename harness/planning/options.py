@@ -132,6 +132,7 @@ class Options:
         motion: duration of the motion from rest of a standalone file, seconds; 0 for none.
         smooth: whether steps of a standalone file are compared without limits, friction, contacts
             and drives only.
+        ideal: whether models of a folder are judged by rigid contacts, not by their engines' laws.
         robots: other options of both kinds, for single robot files.
         choice: the cases to run.
         scheduler: address of a cluster's scheduler; empty for processes of this machine.
@@ -149,6 +150,7 @@ class Options:
     model: str = ""
     motion: float = 0.0
     smooth: bool = False
+    ideal: bool = False
     robots: Mapping[Path, RobotOptions] = field(default_factory=dict)
     choice: CaseSelection = field(default_factory=CaseSelection)
     scheduler: str = ""

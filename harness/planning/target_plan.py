@@ -78,7 +78,11 @@ class TargetPlan:
             reading = structs.asdict(options.robot(place))
             self._reading = {**reading, "motion": options.motion, "smooth": options.smooth}
         else:
-            self._reading = {"described": options.described, "motion": options.motion}
+            self._reading = {
+                "described": options.described,
+                "motion": options.motion,
+                **({"ideal": True} if options.ideal else {}),
+            }
         if not results.keeps and self._cache is None:
             return
         # Hash everything before running anything, so that later changes do not count.

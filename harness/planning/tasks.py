@@ -24,6 +24,7 @@ def target(
     model: str = "",
     motion: float = 0.0,
     smooth: bool = False,
+    ideal: bool = False,
 ) -> Preparation:
     """Read a system folder or a robot file, derive its equations, and solve them.
 
@@ -31,7 +32,13 @@ def target(
         DeclarationError, FileError, ReferenceError: naming the error and its place.
     """
     solved = prepare(
-        place, described=described, floating=floating, model=model, motion=motion, smooth=smooth
+        place,
+        described=described,
+        floating=floating,
+        model=model,
+        motion=motion,
+        smooth=smooth,
+        ideal=ideal,
     )
     if isinstance(solved, PreparedSystem):
         facts = TargetFacts(record=solved.record, declares="energies", reads=dict(solved.reads))

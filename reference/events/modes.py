@@ -28,8 +28,8 @@ from physics_crosscheck.reference.mechanism.interactions import (
     JointLimit,
     RigidContact,
     SaturatedDrive,
-    SoftLaw,
 )
+from physics_crosscheck.reference.mechanism.laws import SoftLaw
 from physics_crosscheck.reference.mechanism.numeric import NumericFunction
 
 Modes: TypeAlias = tuple[str, ...]
@@ -166,7 +166,11 @@ class Contacting:
     def _free(self) -> ModeTerms:
         if self.law is None:
             return ModeTerms(guards=lambda multipliers, a: [self.gap])
-        target = self._targets(0)[0]
+        *lower, last = range(len(self._branches))
+        target = sp.Piecewise(
+            *((self._targets(i)[0], -self.gap < self._branches[i][1]) for i in lower),
+            (self._targets(last)[0], True),
+        )
 
         def guards(multipliers: list[sp.Expr], a: sp.Matrix) -> list[sp.Expr]:
             # Beyond touch it stays free while the law would pull.
@@ -475,9 +479,14 @@ def _eliminated(
     target = sp.Matrix([value for each in contribution for value in each.target])
     soft = sp.diag(*(value for each in contribution for value in each.soft))
     inverse = sp.Matrix.hstack(*(solved(mass, right[:, j]) for j in range(right.cols)))
-    matrix = (conditions * inverse + soft).applyfunc(simplify_bounded)
+    matrix = (conditions * inverse + soft).applyfunc(_simplified)
     if matrix.det(method="berkowitz").equals(0):
         raise ZeroDivisionError
     wanted = target - conditions * solved(mass, force)
-    values = matrix.LUsolve(wanted).applyfunc(simplify_bounded)
-    return list(values), (force + right * values).applyfunc(simplify_bounded)
+    values = matrix.LUsolve(wanted).applyfunc(_simplified)
+    return list(values), (force + right * values).applyfunc(_simplified)
+
+
+def _simplified(expression: sp.Expr) -> sp.Expr:
+    """Simplify an expression without floats; others would lose digits in expanded powers."""
+    return expression if expression.has(sp.Float) else simplify_bounded(expression)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import sympy as sp
@@ -27,7 +27,7 @@ from physics_crosscheck.reference.events.modes import (
     parts_of,
 )
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario, about
-from physics_crosscheck.reference.mechanism.interactions import SoftLaw
+from physics_crosscheck.reference.mechanism.laws import SoftLaw
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs, pieces
 from physics_crosscheck.reference.solving.bounds import with_bounds
@@ -53,10 +53,14 @@ TOUCH = 1e-9
 SOON_SHARE = 1e-4
 """Share of a segment after which the guards of a new mode must be positive."""
 
-LEAST_SHARE = 1e-2
+LEAST_SHARE = 1e-3
 """Smallest length of segments near close events, relative to those of a smooth motion."""
 
+OVERSHOOT = 1.5
+"""Length of a step over the time to the next event, as guards predict it linearly."""
+
 MOST_EVENTS = 200
+"""Events after which a motion is refused."""
 
 
 class EventError(ReferenceError):
@@ -99,12 +103,15 @@ class Hybrid:
         equations: without interactions.
         parts: the interactions.
         signal: the inputs.
+        derived: equations of the modes that were reached.
+        largest: largest rates so far, (2n,); those of a mechanism that comes to rest vanish.
     """
 
     equations: Equations
     parts: tuple[Part, ...]
     signal: SignalPiece
     derived: dict[Modes, ModeEquations | None] = field(default_factory=dict)
+    largest: Array | None = None
 
     @property
     def n(self) -> int:
@@ -127,8 +134,11 @@ class Hybrid:
 
     def flow(self, mode: ModeEquations, time: float, state: Array, length: float) -> Array:
         """Return the states at the Chebyshev nodes of a stretch, (NODES, 2n)."""
-        field = field_of(mode.equations, self.signal)
-        nodes: Array = collocate(field, np.array([time]), state[None], length)[1][0]
+        rates, times = field_of(mode.equations, self.signal), np.array([time])
+        here = np.abs(rates(times, state[None])[0])
+        self.largest = here if self.largest is None else np.maximum(here, self.largest)
+        floor = np.maximum(self.largest, 1e-300)
+        nodes: Array = collocate(rates, times, state[None], length, floor=floor)[1][0]
         return nodes
 
     def end(self, mode: ModeEquations, time: float, state: Array, length: float) -> Array:
@@ -244,7 +254,7 @@ def march(hybrid: Hybrid, scenario: Scenario) -> tuple[list[Stretch], list[Event
         stretches.append(Stretch(mode=mode, start=time, stop=stop, state=state))
         if not crossed:
             return stretches, events, fastest
-        check_room(stop - time, step, time)
+        check_room(stop - time, _step(fastest, duration), time)
         if len(events) == MOST_EVENTS:
             raise EventError(f"more than {MOST_EVENTS} events before t = {stop:.6g} s")
         after, changing = _jump(hybrid, mode, stop, before, crossed)
@@ -271,7 +281,7 @@ def _until_event(
     from physics_crosscheck.reference.solving.segments import chebyshev_nodes
 
     while time < duration:
-        length = min(step, duration - time)
+        length = min(_step_to_event(hybrid, mode, time, state, step), duration - time)
         inside = hybrid.flow(mode, time, state, length)
         values = hybrid.evaluate(mode.guards, time + length * chebyshev_nodes(), inside)
         below = (values[1:] <= 0).any(axis=1)
@@ -289,6 +299,22 @@ def _until_event(
             return time + first, hybrid.end(mode, time, state, first), crossed
         time, state = time + length, inside[-1]
     return duration, state, []
+
+
+def _step_to_event(
+    hybrid: Hybrid, mode: ModeEquations, time: float, state: Array, step: float
+) -> float:
+    """Return a length that goes little beyond the next event, where formulas may be singular."""
+    soon = SOON_SHARE * step
+    later = hybrid.end(mode, time, state, soon)
+    now, then = hybrid.evaluate(
+        mode.guards, np.array([time, time + soon]), np.stack([state, later])
+    )
+    falling = (then < now) & (then > 0)
+    if not falling.any():
+        return step
+    remaining = float(np.min(then[falling] / (now - then)[falling])) * soon
+    return min(step, max(OVERSHOOT * remaining, 2 * soon))
 
 
 def _root(
@@ -401,28 +427,55 @@ def lay_segments(
     Raises:
         EventError: if two events are nearer than the shortest segment.
     """
-    duration = stretches[-1].stop
-    length = segment_length(stretches, events, _step(fastest, duration))
-    half = length / 2
+    usual = _step(fastest, stretches[-1].stop)
+    rooms = [stretch.stop - stretch.start for stretch in stretches]
+    for stretch, room in zip(stretches, rooms, strict=True):
+        check_room(room, usual, stretch.start)
+    halves = [min(usual, before / 2, after / 2) / 2 for before, after in pairwise(rooms)]
     motions = list[Motion]()
     for k, stretch in enumerate(stretches):
-        start = stretch.start + (half if k else 0.0)
-        stop = stretch.stop - (half if k < len(events) else 0.0)
-        motions.append(_smooth(hybrid, stretch, start, stop, length))
+        first = halves[k - 1] if k else 0.0
+        last = halves[k] if k < len(events) else 0.0
+        bounds = stretch.start + first, stretch.stop - last
+        motions.append(_smooth(hybrid, stretch, graded(*bounds, (2 * first, 2 * last), usual)))
         if k < len(events):
-            motions.append(_centred(hybrid, stretch, stretches[k + 1], events[k], half))
+            motions.append(_centred(hybrid, stretch, stretches[k + 1], events[k], halves[k]))
     return _chained(motions, tuple(event.time for event in events), fastest)
 
 
-def segment_length(stretches: Sequence[Stretch], events: Sequence[Event], usual: float) -> float:
-    """Return the length of segments, s: each stretch between events has room for two.
+def graded(
+    start: float, stop: float, ends: tuple[float, float], usual: float
+) -> list[tuple[float, float, int]]:
+    """Tile a stretch with segments that grow from both ends: start, length and count of each.
 
-    Raises:
-        EventError: naming the event that is too near to the last one.
+    A coarsest step of each segment is shorter than its distance from the next event.
+
+    Args:
+        start, stop: s.
+        ends: lengths of the first and the last segment; 0 for the usual one.
+        usual: largest length.
     """
-    for stretch in stretches:
-        check_room(stretch.stop - stretch.start, usual, stretch.start)
-    return min(usual, *((stretch.stop - stretch.start) / 2 for stretch in stretches))
+    growing: list[list[float]] = [[], []]
+    for lengths, length in zip(growing, ends, strict=True):
+        while 0 < length < usual:
+            lengths.append(length)
+            length *= 2
+    first, last = growing
+    while sum(first) + sum(last) > (stop - start) * 0.75 and (first or last):
+        (first if sum(first) >= sum(last) else last).pop()
+    rest = stop - start - sum(first) - sum(last)
+    allowed = min(usual, *(2 * lengths[-1] if lengths else end or usual
+                           for lengths, end in zip(growing, ends, strict=True)))  # fmt: skip
+    count = max(1, int(np.ceil(rest / allowed * (1 - 1e-9))))
+    tiles, time = list[tuple[float, float, int]](), start
+    for length, number in (
+        *((x, 1) for x in first),
+        (rest / count, count),
+        *((x, 1) for x in last[::-1]),
+    ):
+        tiles.append((time, length, number))
+        time += length * number
+    return tiles
 
 
 def check_room(room: float, usual: float, last: float) -> None:
@@ -443,22 +496,20 @@ def check_room(room: float, usual: float, last: float) -> None:
         )
 
 
-def _smooth(hybrid: Hybrid, stretch: Stretch, start: float, stop: float, length: float) -> Motion:
+def _smooth(hybrid: Hybrid, stretch: Stretch, tiles: Sequence[tuple[float, float, int]]) -> Motion:
     """Return the segments of a stretch that keep away from its events."""
-    count = max(1, int(np.ceil((stop - start) / length * (1 - 1e-9))))
-    span = Span(
-        start=start,
-        length=(stop - start) / count,
-        count=count,
-        constant_input=hybrid.signal.constant,
+    signal, equations = hybrid.signal, stretch.mode.equations
+    spans = tuple(
+        Span(start=start, length=length, count=count, constant_input=signal.constant)
+        for start, length, count in tiles
     )
+    edges = [*(span.start for span in spans), tiles[-1][0] + tiles[-1][1] * tiles[-1][2]]
+    signals = [replace(signal, start=a, stop=b) for a, b in pairwise(edges)]
     state = stretch.state
-    if start > stretch.start:
-        state = hybrid.end(stretch.mode, stretch.start, state, start - stretch.start)
-    signal = replace(hybrid.signal, start=start, stop=stop)
-    equations = stretch.mode.equations
-    motion = solve_numerically(equations, state, (signal,), (span,))
-    return with_bounds(equations, (signal,), motion, exact=False, along=False)
+    if edges[0] > stretch.start:
+        state = hybrid.end(stretch.mode, stretch.start, state, edges[0] - stretch.start)
+    motion = solve_numerically(equations, state, signals, spans)
+    return with_bounds(equations, signals, motion, exact=False, along=False)
 
 
 def _centred(hybrid: Hybrid, before: Stretch, after: Stretch, event: Event, half: float) -> Motion:

@@ -18,7 +18,6 @@ from physics_crosscheck.reference.mechanism.declaration import (
     DeclarationError,
     about,
 )
-from physics_crosscheck.reference.mechanism.laws import Softness
 from physics_crosscheck.reference.mechanism.real import check_real, expression_of
 from physics_crosscheck.reference.mechanism.units import TIME, Dimension
 from physics_crosscheck.reference.mechanism.validation import (
@@ -120,26 +119,6 @@ class SaturatedDrive:
 
 
 Interaction: TypeAlias = RigidContact | JointLimit | CoulombFriction | Buffer | SaturatedDrive
-
-
-@dataclass(frozen=True, kw_only=True)
-class SoftLaw:
-    """A documented law of soft rows, in place of a rigid contact or of dry friction.
-
-    While a row acts, its acceleration is (1 - d) a0 + d aref, where a0 is the one without the row,
-    and aref = -b v - k d r. Source: `reference.laws.soft`.
-
-    Attributes:
-        softness: k, b and d.
-        friction_ratio: of the softness of normal forces to that of friction.
-        points: number of equal points that share the contact.
-        weight: inverse inertia that scales the softness, 1/kg; None for the one along the row.
-    """
-
-    softness: Softness
-    friction_ratio: float = 1.0
-    points: int = 1
-    weight: float | None = None
 
 
 def check_interactions(system: Declaration, interactions: tuple[Interaction, ...]) -> None:

@@ -43,6 +43,26 @@ class Softness:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SoftLaw:
+    """A documented law of soft rows, in place of a rigid contact or of dry friction.
+
+    While a row acts, its acceleration is (1 - d) a0 + d aref, where a0 is the one without the row,
+    and aref = -b v - k d r. Source: `reference.laws.soft`.
+
+    Attributes:
+        softness: k, b and d.
+        friction_ratio: of the softness of normal forces to that of friction.
+        points: number of equal points that share the contact.
+        weight: inverse inertia that scales the softness, 1/kg; None for the one along the row.
+    """
+
+    softness: Softness
+    friction_ratio: float = 1.0
+    points: int = 1
+    weight: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Anchor:
     """A frame on a body.
 

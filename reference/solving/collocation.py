@@ -48,6 +48,7 @@ def collocate(
     length: float,
     names: Sequence[str] = (),
     converged: float = CONVERGED,
+    floor: Array | float = 1e-300,
 ) -> tuple[Array, Array]:
     """Integrate B segments: ends (B, 2n) and states at the Chebyshev nodes (B, NODES, 2n).
 
@@ -60,6 +61,7 @@ def collocate(
         length: seconds per segment.
         names: names of the components, for messages.
         converged: change of the stages' rates that ends the iteration.
+        floor: sizes of the rates, (2n,), below which they converge absolutely.
 
     Raises:
         ReferenceError: if the stage equations do not converge.
@@ -77,7 +79,7 @@ def collocate(
             return field(times, stages)
 
         initial = np.repeat(field(step_times, current)[:, None, :], STAGES, axis=1)
-        slopes = _iterated(rates, initial, names, converged)
+        slopes = _iterated(rates, initial, names, converged, floor)
         inside = [
             (i, 2 * c - part) for i, c in enumerate(chebyshev_nodes()) if part <= 2 * c <= part + 1
         ]
@@ -95,7 +97,11 @@ def _weighted(matrix: Array, slopes: Array) -> Array:
 
 
 def _iterated(
-    rates: Callable[[Array], Array], slopes: Array, names: Sequence[str], converged: float
+    rates: Callable[[Array], Array],
+    slopes: Array,
+    names: Sequence[str],
+    converged: float,
+    floor: Array | float,
 ) -> Array:
     """Iterate the rates at the stages, (B, STAGES, 2n), to a fixed point.
 
@@ -106,7 +112,7 @@ def _iterated(
     for _ in range(ITERATIONS):
         before, last = last, change
         new = rates(slopes)
-        size = np.max(np.abs(new), axis=(0, 1)) + 1e-300
+        size = np.maximum(np.max(np.abs(new), axis=(0, 1)), floor)
         changes = np.max(np.abs(new - slopes), axis=(0, 1)) / size
         change, slopes = float(np.max(changes)), new
         # A change that no longer shrinks is rounding, which is larger in some equations.

@@ -152,6 +152,15 @@ def smooth(command: argparse.ArgumentParser) -> None:
     )
 
 
+def ideal(command: argparse.ArgumentParser) -> None:
+    """Add --ideal."""
+    group(command, "Checks").add_argument(
+        "--ideal",
+        action="store_true",
+        help="Judge by rigid contacts, not by each engine's law [by the law]",
+    )
+
+
 def chosen_model(command: argparse.ArgumentParser, default: str = "the only movable one") -> None:
     """Add --model; `default` describes what is read without it."""
     group(command, "Robot files").add_argument(

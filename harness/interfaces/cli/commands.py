@@ -107,6 +107,7 @@ def _demo_defaults(command: argparse.ArgumentParser) -> None:
         floating=False,
         motion=0.0,
         smooth=True,
+        ideal=False,
         chosen_model="",
     )
 
@@ -157,6 +158,7 @@ COMMANDS: Mapping[str, Command] = {
             arguments.robot_options,
             arguments.motion,
             arguments.smooth,
+            arguments.ideal,
             arguments.strict,
             option(
                 "Selection",

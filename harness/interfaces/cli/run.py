@@ -295,6 +295,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         floating=options.floating,
         motion=options.motion,
         smooth=options.smooth,
+        ideal=options.ideal,
         model=options.chosen_model,
         choice=wanted.choice,
         scheduler=options.scheduler,

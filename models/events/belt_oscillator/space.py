@@ -24,8 +24,6 @@ def build():
     mass.position = (0, 0.05)
     shape = pymunk.Circle(mass, 0.05)
     shape.friction = FRICTION  # under a weight of 1 N
-    spring = pymunk.DampedSpring(
-        space.static_body, mass, (-20, 0.05), (0, 0), 20.0, STIFFNESS, 0.0
-    )
+    spring = pymunk.DampedSpring(space.static_body, mass, (-20, 0.05), (0, 0), 20.0, STIFFNESS, 0.0)
     space.add(floor, mass, shape, spring)
     return space, {"mass": mass}

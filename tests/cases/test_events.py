@@ -1,0 +1,77 @@
+"""Models whose contacts, limits and friction switch: verdicts in the engines."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck import check
+
+EVENTS = Path(__file__).parents[2] / "models" / "events"
+MODELS = sorted(path.parent.name for path in EVENTS.glob("*/system.py"))
+
+
+def outcomes(folder: Path, engine: str, *, ideal: bool = False) -> set[str]:
+    """Return the outcomes of a folder's cases in an engine."""
+    results = check(folder, engines=[engine], ideal=ideal)
+    return {case.outcome.value for case in results.cases}
+
+
+def copy_of(name: str, folder: Path, file: str, old: str, new: str) -> Path:
+    """Copy a built-in folder, with a change of a model file."""
+    copy = folder / name
+    shutil.copytree(EVENTS / name, copy)
+    text = (copy / file).read_text()
+    assert old in text
+    (copy / file).write_text(text.replace(old, new))
+    return copy
+
+
+@pytest.mark.parametrize("engine", ["pymunk", "mujoco"])
+def test_a_bouncing_ball_agrees(engine: str) -> None:
+    assert outcomes(EVENTS / "bouncing_ball", engine) == {"AGREES"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODELS)
+def test_every_built_in_motion_with_events_agrees(name: str) -> None:
+    results = check(EVENTS / name)
+    assert {case.outcome.value for case in results.cases} == {"AGREES"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "file", "old", "new", "engine"),
+    [
+        ("bouncing_ball", "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.8000008", "pymunk"),
+        ("pendulum_stop", "mujoco.xml", "-3 0.4", "-3 0.4000004", "mujoco"),
+        ("coulomb_oscillator", "mujoco.xml", 'loss="2"', 'loss="2.000002"', "mujoco"),
+    ],
+)
+def test_a_fault_of_a_millionth_is_found(
+    tmp_path: Path, name: str, file: str, old: str, new: str, engine: str
+) -> None:
+    assert "DIFFERS" in outcomes(copy_of(name, tmp_path, file, old, new), engine)
+
+
+def test_the_cause_of_a_wrong_restitution_is_named(tmp_path: Path) -> None:
+    changed = copy_of(
+        "bouncing_ball", tmp_path, "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.81"
+    )
+    (model,) = check(changed, engines=["pymunk"]).models
+    assert model.diagnosis is not None
+    assert model.diagnosis.explanations[0].causes[0].subject == ("RESTITUTION",)
+
+
+@pytest.mark.slow
+def test_a_softer_contact_differs_from_its_declared_law(tmp_path: Path) -> None:
+    changed = copy_of(
+        "bouncing_ball", tmp_path, "mujoco.xml", 'condim="1"', 'condim="1" solref="0.0200001 1"'
+    )
+    assert "DIFFERS" in outcomes(changed, "mujoco")
+
+
+def test_the_rigid_answer_differs_from_mujocos_default_contact() -> None:
+    assert outcomes(EVENTS / "bouncing_ball", "mujoco", ideal=True) == {"DIFFERS"}
