@@ -40,6 +40,9 @@ def planted(tmp_path_factory: pytest.TempPathFactory) -> Planted:
 def scene_tab(browser: Browser, planted: Planted) -> Iterator[Tab]:
     with browser.tab() as tab:
         tab.window(1440, 900)
+        # No loop, which would keep a busy machine drawing.
+        still = {"name": "prefers-reduced-motion", "value": "reduce"}
+        tab.send("Emulation.setEmulatedMedia", features=[still])
         tab.open(planted[0].as_uri())
         tab.until(DRAWN)
         yield tab

@@ -1,5 +1,8 @@
 const LOOP = 2600;
 
+/** Milliseconds; a loop whose frames take longer than this pauses by itself. */
+const SLOW_FRAME = 250;
+
 /** Bodies at a state: the equations' motion from it, and the engine's with an amplified difference. */
 class Viewer {
   constructor(element, scene, states, drawing) {
@@ -90,11 +93,15 @@ class Viewer {
     return best;
   }
 
-  /** Loop over the time around the state. */
+  /** Loop over the time around the state, unless drawing is too slow. */
   play() {
     this.playing = true;
     const began = performance.now() - (LOOP * this.time) / this.horizon;
+    let [last, slow] = [performance.now(), 0];
     const step = (now) => {
+      slow = now - last > SLOW_FRAME ? slow + 1 : 0;
+      last = now;
+      if (slow > 4) { this.set({ playing: false, time: this.horizon }); return; }
       if (!this.playing || !this.element.isConnected || !this.element.checkVisibility()) { this.playing = false; return; }
       const share = ((now - began) / LOOP) % 2;
       this.set({ time: this.horizon * (share < 1 ? share : 2 - share) });

@@ -9,13 +9,20 @@ async function three() {
   return globalThis.THREE ?? null;
 }
 
+/** Return whether the processor draws instead of a graphics card. */
+function isSoftware() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  return Boolean(names) && /swiftshader|llvmpipe|software/i.test(context.getParameter(names.UNMASKED_RENDERER_WEBGL));
+}
+
 /** Forms as geometries of three.js; its cylinders are along y. */
 const GEOMETRIES = {
   box: ([a, b, c]) => new THREE.BoxGeometry(2 * a, 2 * b, 2 * c),
-  sphere: ([r]) => new THREE.SphereGeometry(r, 24, 16),
-  ellipsoid: (half) => new THREE.SphereGeometry(1, 24, 16).scale(...half.map((value) => Math.max(value, 1e-5))),
-  cylinder: ([r, h]) => new THREE.CylinderGeometry(r, r, 2 * h, 24).rotateX(Math.PI / 2),
-  capsule: ([r, h]) => new THREE.CapsuleGeometry(r, 2 * h, 6, 20).rotateX(Math.PI / 2),
+  sphere: ([r]) => new THREE.SphereGeometry(r, 20, 12),
+  ellipsoid: (half) => new THREE.SphereGeometry(1, 20, 12).scale(...half.map((value) => Math.max(value, 1e-5))),
+  cylinder: ([r, h]) => new THREE.CylinderGeometry(r, r, 2 * h, 20).rotateX(Math.PI / 2),
+  capsule: ([r, h]) => new THREE.CapsuleGeometry(r, 2 * h, 5, 16).rotateX(Math.PI / 2),
   bone([x, y, z]) {
     const length = Math.hypot(x, y, z);
     const shaft = new THREE.CylinderGeometry(0.02 * length, 0.05 * length, length, 8).translate(0, length / 2, 0);
@@ -28,8 +35,9 @@ const GEOMETRIES = {
 class Solids {
   constructor(canvas, scene, colours) {
     Object.assign(this, { canvas, data: scene, colours, layers: [] });
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
-    this.renderer.setPixelRatio(devicePixelRatio);
+    const fast = !isSoftware();
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: fast, alpha: true });
+    this.renderer.setPixelRatio(fast ? devicePixelRatio : 1);
     this.camera = new THREE.PerspectiveCamera();
     this.world = new THREE.Scene();
     this.world.add(new THREE.HemisphereLight(0xffffff, 0xaab4bf, 0.8));
