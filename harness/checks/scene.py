@@ -154,11 +154,12 @@ def errors_record(
         names: names of the coordinates, (n,).
         defects: relative differences and uncertainties, (K, 2n) each.
         apart: ends of the segments in the engine minus those in the equations, (K, 2n); None if
-            single steps decide.
+            single steps decide. Unused where no error exceeds its uncertainty.
     """
     half = len(names)
     with np.errstate(all="ignore"):
         share = np.nan_to_num(defects.defect / defects.uncertainty, nan=0.0)
+    differs = bool(np.max(share, initial=0.0) > 1)
     component = int(np.argmax(np.max(share, axis=0)))
     later = share[:, half:] > share[:, :half]
     error, uncertainty = (
@@ -169,7 +170,7 @@ def errors_record(
         coordinates=names,
         error=tuple(rounded(row, 3) for row in error.tolist()),
         uncertainty=tuple(rounded(row, 3) for row in uncertainty.tolist()),
-        accelerations=() if apart is None else _differences(tree, states, apart),
+        accelerations=_differences(tree, states, apart) if apart is not None and differs else (),
         worst=int(np.argmax(defects.defect[:, component])),
     )
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks.scene import errors_record
+from physics_crosscheck.harness.numerics.stepping import StepDefects
 from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.render.html.scenes import body_lines, three_code
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
@@ -190,3 +192,22 @@ def test_lines_of_bodies_in_each_format() -> None:
     assert body_lines(mjcf, "r.xml", ["a", "body_2"]) == (((3, 4),), ((5, 6),))
     assert body_lines("<not", "r.xml", ["a"]) == ((),)
     assert json.dumps(body_lines("", "r.sdf", ["a"])) == "[[]]"
+
+
+@needs_browser
+def test_a_page_that_the_reader_left_holds_no_picture(scene_tab: Tab) -> None:
+    """Browsers lose the oldest of some 16 pictures."""
+    held = "[...document.querySelectorAll('.scene')].filter((box) => box.viewer).length"
+    for place in (CASE, "overview", CASE, "system-system_0"):
+        scene_tab.go(place)
+        scene_tab.until(DRAWN)
+        scene_tab.until(f"{held} === 1")
+
+
+def test_differences_below_their_uncertainty_are_not_drawn(planted: Planted) -> None:
+    _, tree, states, apart = planted
+    names = tuple(link.name for link in tree.links)
+    for share, rows in ((0.5, 0), (2.0, tree.nv)):
+        defects = StepDefects(defect=share * np.ones_like(apart), uncertainty=np.ones_like(apart))
+        errors = errors_record(tree, states, names, defects, apart)
+        assert len(errors.accelerations) == rows

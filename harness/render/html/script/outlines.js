@@ -109,6 +109,8 @@ class Projection {
     }
   }
 
+  end() {}
+
   #stroke(lines, pose, project) {
     this.pen.beginPath();
     for (const line of lines) {

@@ -36,6 +36,7 @@ async function route() {
     if (other === view) continue;
     other.classList.remove("current");
     for (const element of other.querySelectorAll("figure[data-drawn]")) element.rest();
+    for (const box of other.querySelectorAll("[data-scene]")) endScene(box);
   }
   view.classList.add("current");
   if (view instanceof HTMLDetailsElement) view.open = true;

@@ -134,10 +134,21 @@ async function buildScene(box) {
   if (lines) columns.append(lines);
   box.append(columns);
   if (states) box.append(heatMap(viewer));
-  new ResizeObserver(() => viewer.changed()).observe(canvas);
+  new ResizeObserver(() => { if (canvas.isConnected) viewer.changed(); }).observe(canvas);
   viewer.changed();
   if (viewer.mechanism.differs && !matchMedia("(prefers-reduced-motion: reduce)").matches) viewer.play();
   box.dataset.built = "scene";
+}
+
+/** Remove the picture of a page that the reader left. */
+function endScene(box) {
+  if (!box.viewer) return;
+  box.viewer.playing = false;
+  cancelAnimationFrame(box.viewer.request);
+  box.viewer.drawing.end();
+  box.replaceChildren();
+  delete box.viewer;
+  delete box.dataset.built;
 }
 
 /** Rotate with the pointer or the arrow keys, zoom with + and -, choose with a click. */

@@ -1,19 +1,25 @@
+let graphics = null;
+
+/** Return whether the browser has WebGL, and whether the processor draws it. */
+function webgl() {
+  if (graphics) return graphics;
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = names ? context.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  graphics = { present: Boolean(context), software: /swiftshader|llvmpipe|software/i.test(name) };
+  return graphics;
+}
+
 /** Load three.js from its pack; null if the page has none, or the browser has no WebGL. */
 async function three() {
   if (globalThis.THREE) return THREE;
-  if (!document.getElementById("pack-three") || !document.createElement("canvas").getContext("webgl2")) return null;
+  if (!document.getElementById("pack-three") || !webgl().present) return null;
   const { code } = await pack("pack-three");
   const script = make("script");
   script.textContent = code;
   document.head.append(script);
   return globalThis.THREE ?? null;
-}
-
-/** Return whether the processor draws instead of a graphics card. */
-function isSoftware() {
-  const context = document.createElement("canvas").getContext("webgl2");
-  const names = context?.getExtension("WEBGL_debug_renderer_info");
-  return Boolean(names) && /swiftshader|llvmpipe|software/i.test(context.getParameter(names.UNMASKED_RENDERER_WEBGL));
 }
 
 /** Forms as geometries of three.js; its cylinders are along y. */
@@ -35,7 +41,7 @@ const GEOMETRIES = {
 class Solids {
   constructor(canvas, scene, colours) {
     Object.assign(this, { canvas, data: scene, colours, layers: [] });
-    const fast = !isSoftware();
+    const fast = !webgl().software;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: fast, alpha: true });
     this.renderer.setPixelRatio(fast ? devicePixelRatio : 1);
     this.camera = new THREE.PerspectiveCamera();
@@ -43,6 +49,12 @@ class Solids {
     this.world.add(new THREE.HemisphereLight(0xffffff, 0xaab4bf, 0.8));
     this.light = new THREE.DirectionalLight(0xffffff, 0.35);
     this.world.add(this.light);
+  }
+
+  /** Give the context back, since browsers have few. */
+  end() {
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
   }
 
   /** Draw the layers: poses of all bodies, and the tone of each. */
