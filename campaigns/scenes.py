@@ -1,8 +1,8 @@
 """Whole steps of random scenes, compared with the law of their engine.
 
 `python -m campaigns.scenes mujoco --count 2000` draws bodies on a plane and on each other, with an
-arm at its limits; `pybullet` draws URDFs on a floor. A law is true if no error exceeds its
-uncertainty, also where the file's own solver stops early.
+arm at its limits; `pybullet` draws URDFs on a floor, `pymunk` bodies in a plane. A law is true if
+no error exceeds its uncertainty, also where the file's own solver stops early.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from campaigns.laws import RESOLUTION, spec_of
+from physics_crosscheck.harness.checks.planar_step import check_planar_step
 from physics_crosscheck.harness.checks.whole_step import (
     Evaluated,
     LawComparison,
@@ -99,10 +100,14 @@ def by_own_solver(
     return comparison.compare(stepped)
 
 
-def impulse_result(file: Path, engine: str, *, floating: bool = False) -> SceneResult:
+def impulse_result(file: Path) -> SceneResult:
     """Compare a scene of an engine of impulses."""
-    _, spec = spec_of(file, floating=floating)
-    check = check_whole_step(file, spec, engine, RESOLUTION)
+    if file.suffix == ".py":
+        spec = ModelSpec(file, settings={"step": 0.004})
+        check = check_planar_step(file, spec, "pymunk", RESOLUTION)
+    else:
+        engine, spec = spec_of(file, floating=True)
+        check = check_whole_step(file, spec, engine, RESOLUTION)
     assert check is not None
     record, judged = check.record, check.judgement
     if judged is None:
@@ -262,15 +267,77 @@ def _link(draw: SceneDraw, name: str) -> str:
     )
 
 
+def pymunk_scene(rng: np.random.Generator) -> str:
+    """Draw a Space: circles, boxes and segments on a floor, with joints between them."""
+    draw = SceneDraw(rng)
+    lines = [
+        "space = pymunk.Space()",
+        f"space.gravity = ({draw.number(-1, 1)}, -9.81)",
+        f"space.damping = {draw.pick(1, draw.number(0.5, 1))}",
+        f"space.iterations = {draw.pick(1, 5, 10, 30)}",
+        f"space.collision_slop = {draw.pick(0.1, draw.number(0, 0.01))}",
+        f"space.collision_bias = {draw.pick(0.9**60, draw.number(0, 0.1))}",
+        "ground = space.static_body",
+        f"shapes = [pymunk.Segment(ground, (-3, 0), (3, {draw.number(-0.2, 0.2)}), 0.02)]",
+        "bodies = {}",
+    ]
+    for k in range(int(rng.integers(1, 5))):
+        center = draw.pick("0, 0", draw.numbers(-0.02, 0.02, 2).replace(" ", ", "))
+        x, height = draw.number(-0.4, 0.4), 0.15 + 0.25 * k
+        size = draw.numbers(0.1, 0.3, 2).replace(" ", ", ")
+        shape = draw.pick(
+            f"pymunk.Circle(bodies['b{k}'], {draw.number(0.05, 0.15)}, ({center}))",
+            f"pymunk.Poly.create_box(bodies['b{k}'], ({size}), {draw.pick(0, 0.01)})",
+            f"pymunk.Segment(bodies['b{k}'], (-0.1, 0), ({size}), 0.03)",
+        )
+        lines += [
+            f"bodies['b{k}'] = pymunk.Body({draw.number(0.2, 3)}, {draw.number(0.005, 0.05)})",
+            f"bodies['b{k}'].position = {x}, {height}",
+            f"bodies['b{k}'].center_of_gravity = {center}",
+            f"shapes.append({shape})",
+        ]
+        if rng.uniform() < 0.6:
+            other = f"bodies['b{int(rng.integers(k))}']" if k else "space.static_body"
+            lines += _pymunk_joint(draw, other, f"bodies['b{k}']")
+    lines += [
+        "for shape in shapes:",
+        f"    shape.friction, shape.elasticity = {draw.number(0, 1.2)}, {draw.number(0, 1)}",
+        "shapes[-1].surface_velocity = (0.2, 0)",
+        "space.add(*bodies.values(), *shapes)",
+        "return space, bodies",
+    ]
+    return "import pymunk\n\ndef build():\n" + "".join(f"    {line}\n" for line in lines)
+
+
+def _pymunk_joint(draw: SceneDraw, first: str, other: str) -> list[str]:
+    ends = f"({draw.number(-0.1, 0.1)}, 0.1), (0, {draw.number(-0.1, 0.1)})"
+    numbers = f"{draw.number(-1, 0)}, {draw.number(0.1, 1)}"
+    spring = f"{draw.number(0.1, 0.5)}, {draw.number(1, 50)}, {draw.number(0, 2)}"
+    kind = draw.pick(
+        f"PinJoint({first}, {other}, {ends})", f"PivotJoint({first}, {other}, {ends})",
+        f"SlideJoint({first}, {other}, {ends}, 0.05, {draw.number(0.1, 0.5)})",
+        f"RotaryLimitJoint({first}, {other}, {numbers})",
+        f"GearJoint({first}, {other}, {numbers})",
+        f"SimpleMotor({first}, {other}, {draw.number(-3, 3)})",
+        f"GrooveJoint({first}, {other}, (-0.2, 0), (0.2, 0.1), (0, 0.05))",
+        f"DampedSpring({first}, {other}, {ends}, {spring})",
+        f"DampedRotarySpring({first}, {other}, {spring})",
+    )  # fmt: skip
+    return [
+        f"joint = pymunk.{kind}",
+        f"joint.max_force = {draw.pick('1e9', draw.number(0.1, 30))}",
+        f"joint.error_bias = {draw.pick(0.9**60, draw.number(0, 0.1))}",
+        f"joint.max_bias = {draw.pick('1e9', draw.number(0.01, 1))}",
+        "space.add(joint)",
+    ]
+
+
 Draw = Callable[[np.random.Generator], str]
 Compare = Callable[[Path], SceneResult]
 ENGINES: Mapping[str, tuple[str, Draw, Compare]] = {
     "mujoco": (".xml", mujoco_scene, mujoco_result),
-    "pybullet": (
-        ".urdf",
-        pybullet_scene,
-        lambda file: impulse_result(file, "pybullet", floating=True),
-    ),
+    "pybullet": (".urdf", pybullet_scene, impulse_result),
+    "pymunk": (".py", pymunk_scene, impulse_result),
 }
 """Suffix, draw and comparison of the scenes of each engine."""
 

@@ -22,6 +22,7 @@ from physics_crosscheck.harness.checks.case_record import (
     stepping_record,
     verdict_record,
 )
+from physics_crosscheck.harness.checks.planar_step import case_steps
 from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.scene import errors_record
@@ -32,7 +33,6 @@ from physics_crosscheck.harness.checks.verdict import (
     with_dynamics,
     with_full_runs,
 )
-from physics_crosscheck.harness.checks.whole_step import case_whole_step
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
@@ -235,7 +235,7 @@ PARTS: Mapping[
     str, Callable[[ModelTask[Prepared], LoadedModel, CoordinateMap], CasePart | None]
 ] = {
     "poses": case_poses,
-    "whole_step": case_whole_step,
+    "whole_step": case_steps,
 }
 """Every check beside a case's motion, by the field of its record; None if it does not apply."""
 

@@ -23,6 +23,7 @@ from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.reference.mechanism.laws import Contact, ImpulseRules
+from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarLaws
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -399,6 +400,49 @@ class WholeModel(ABC):
         """Return accelerations, contacts and the next state."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanarEngineStep:
+    """A step of bodies in a plane.
+
+    Attributes:
+        contacts: of the step, in the order in which the engine corrects them.
+        places, velocities: after it: origins and angles of the bodies, and their rates, (N, 3).
+    """
+
+    contacts: tuple[PlanarContact, ...]
+    places: Array
+    velocities: Array
+
+
+class PlanarWhole(ABC):
+    """A file of bodies in a plane with all its forces, loaded for steps from given states.
+
+    Attributes:
+        laws: the file's numbers.
+        home, speeds: places of the bodies as built, and their rates, (N, 3).
+        edits, uncovered: as in `WholeModel`; nothing is compared if something is uncovered.
+    """
+
+    laws: PlanarLaws
+    home: Array
+    speeds: Array
+    edits: tuple[str, ...] = ()
+    uncovered: tuple[str, ...] = ()
+
+    @property
+    @abstractmethod
+    def acts(self) -> bool:
+        """True if shapes can touch, or joints have limits or motors."""
+
+    @abstractmethod
+    def moved(self, places: Array, velocities: Array, steps: int) -> tuple[Array, Array]:
+        """Return places and velocities, (N, 3) each, after some steps."""
+
+    @abstractmethod
+    def evaluate(self, places: Array, velocities: Array) -> tuple[PlanarEngineStep, ...]:
+        """Return the steps from a state without impulses."""
+
+
 class Engine(ABC):
     """An adapter: its names, formats and capabilities, and how to load a model file.
 
@@ -472,6 +516,14 @@ class Engine(ABC):
 
     def load_whole(self, spec: ModelSpec) -> WholeModel | None:
         """Load a file with all its forces; None if their law is not documented here.
+
+        Raises:
+            EngineError: with file, place and remedy.
+        """
+        return None
+
+    def load_planar(self, spec: ModelSpec) -> PlanarWhole | None:
+        """Load a file of bodies in a plane with all its forces; None for other engines.
 
         Raises:
             EngineError: with file, place and remedy.

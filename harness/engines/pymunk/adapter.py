@@ -35,6 +35,7 @@ from physics_crosscheck.harness.engines.pymunk.own_step import (
     has_own_step,
     step_whole,
 )
+from physics_crosscheck.harness.engines.pymunk.whole import PymunkWhole
 from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
 from physics_crosscheck.harness.engines.source import one_line, read_source
 
@@ -238,7 +239,7 @@ class PymunkEngine(Engine):
         "accelerations: no",
         "linearization: from steps",
         "steps: semi-implicit Euler, positions first, order 1",
-        "whole step: not judged",
+        "whole step: contacts, limits, motors, joints",
     )
     usual_mistakes = (
         DefaultLeftOn(
@@ -272,6 +273,12 @@ class PymunkEngine(Engine):
                 "share of velocity that a body keeps per second, 1 for no damping"
             )
         return PymunkModel(spec)
+
+    def load_planar(self, spec: ModelSpec) -> PymunkWhole:
+        """Load a file with its contacts, limits and motors."""
+        model = self.load(spec)
+        with script_errors(spec.path, "build()"):
+            return PymunkWhole(model)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return a step."""
@@ -352,6 +359,11 @@ class PymunkModel(LoadedModel):
             space, _ = self._module.build()
         return space_remarks(space, self._spec.settings)
 
+    def rebuild(self) -> tuple[Any, Mapping[str, Any]]:
+        """Build the Space again; return it and its named bodies."""
+        self._build()
+        return self._space, self._bodies
+
     def _build(self) -> None:
         import pymunk
 
@@ -373,6 +385,7 @@ class PymunkModel(LoadedModel):
         self._space, self._bodies = space, bodies
         # C handles: calls on them take a third of the time of pymunk's own methods.
         self._handles = [body._body for body in bodies.values()]
+        self._centers = [tuple(body.center_of_gravity) for body in bodies.values()]
         self.coordinates = tuple(f"{name}.{kind}" for name in bodies for kind in _KINDS)
         self._home = self._places()
         self._own_step = has_own_step(space)
@@ -430,10 +443,21 @@ class PymunkModel(LoadedModel):
     def _set(self, q: list[float], v: list[float]) -> None:
         lib = self._lib
         for i, body in enumerate(self._handles):
+            lib.cpBodySetAngle(body, q[3 * i + 2])  # first: it turns about the center of mass
             lib.cpBodySetPosition(body, (q[3 * i], q[3 * i + 1]))
-            lib.cpBodySetAngle(body, q[3 * i + 2])
-            lib.cpBodySetVelocity(body, (v[3 * i], v[3 * i + 1]))
-            lib.cpBodySetAngularVelocity(body, v[3 * i + 2])
+            x, y = self._arm(i)
+            spin = v[3 * i + 2]
+            lib.cpBodySetVelocity(body, (v[3 * i] - spin * y, v[3 * i + 1] + spin * x))
+            lib.cpBodySetAngularVelocity(body, spin)
+
+    def _arm(self, i: int) -> tuple[float, float]:
+        """Return a body's center of mass from its origin, along the world's axes."""
+        x, y = self._centers[i]
+        if not x and not y:
+            return 0.0, 0.0
+        angle = self._lib.cpBodyGetAngle(self._handles[i])
+        c, s = math.cos(angle), math.sin(angle)
+        return c * x - s * y, s * x + c * y
 
     def _pushes(self, force: Force, b: int, n: int) -> Iterator[Sequence[float] | None]:
         """Yield the forces of each step of a row, by the state before it; None without any."""
@@ -484,9 +508,10 @@ class PymunkModel(LoadedModel):
     def _rates(self) -> list[float]:
         velocity, spin = self._lib.cpBodyGetVelocity, self._lib.cpBodyGetAngularVelocity
         values: list[float] = []
-        for body in self._handles:
-            rate = velocity(body)
-            values += (rate.x, rate.y, spin(body))
+        for i, body in enumerate(self._handles):
+            rate, turning = velocity(body), spin(body)
+            x, y = self._arm(i)
+            values += (rate.x + turning * y, rate.y - turning * x, turning)
         return values
 
 

@@ -252,8 +252,7 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         line := coverage_summary(results.models)
     ):
         print_wrapped(console, f"{line}; --details lists the rest")
-    steps = whole_step_lines(results.cases, details=False) if is_single_file(results) else []
-    for line in steps:
+    for line in whole_step_lines(results.cases, details=False):
         print_wrapped(console, line)
     if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
         verb = _verb(len(reserved), "agrees", "agree")

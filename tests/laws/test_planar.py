@@ -1,0 +1,136 @@
+"""Steps of pymunk against the law of its impulses, and planted faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.harness.checks.planar_step import check_planar_step
+from physics_crosscheck.harness.checks.whole_step import WholeStepCheck
+from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.laws.planar import PlanarModel
+from physics_crosscheck.reference.mechanism.planar import (
+    PlanarBody,
+    PlanarContact,
+    PlanarLaws,
+    PlanarShape,
+)
+from tests.laws.spaces import BALL, HEAD, JOINTS, STACK, TAIL
+
+SPACES = {"ball": BALL, "stack": STACK, "joints": JOINTS}
+STEP = {"step": 0.004}
+
+
+def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck | None:
+    """Compare the law of a text with pymunk on the same text or another one."""
+    pytest.importorskip("pymunk")
+    file, copy = tmp_path / "space.py", tmp_path / "copy.py"
+    file.write_text(text)
+    copy.write_text(loaded or text)
+    return check_planar_step(file, ModelSpec(copy, settings=STEP), "pymunk", 1e-9)
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_every_joint_and_contact_follows_its_law(tmp_path: Path, space: str) -> None:
+    """Catch a joint, a spring, a mixing rule or a cached impulse that is stated wrong."""
+    check = checked(tmp_path, SPACES[space])
+    assert check is not None
+    assert check.judgement is not None
+    assert check.record.outcome is Outcome.AGREES
+    assert check.judgement.largest_discrepancy < 1e-12
+    acted = {term.name for term in check.record.acted}
+    assert acted >= (
+        {"limits", "motors", "springs", "joints"} if space == "joints" else {"contacts"}
+    )
+
+
+FAULTS = {
+    "friction": (BALL, "ball.elasticity = 0.9", "ball.elasticity = 0.900001"),
+    "elasticity": (BALL, "0.9, 0.6", "0.9, 0.600001"),
+    "slop": (BALL, "space.collision_slop = 0.001", ""),
+    "bias": (STACK, "collision_bias = 0.001", "collision_bias = 0.00100001"),
+    "iterations": (STACK, "iterations = 12", "iterations = 11"),
+    "surface velocity": (STACK, "(0.3, 0)", "(0.300001, 0)"),
+    "limit": (JOINTS, "-0.3, 0.4)", "-0.3, 0.400001)"),
+    "limit's force": (JOINTS, "max_force = 4", "max_force = 4.000004"),
+    "motor": (JOINTS, "b, 2.0)", "b, -2.0)"),
+    "motor's torque": (JOINTS, "max_force = 0.4", "max_force = 0.4000004"),
+    "slide": (JOINTS, "0.1, 0.9)", "0.1, 0.900001)"),
+    "gear": (JOINTS, "0.2, 2.5)", "0.2, 2.500001)"),
+    "error_bias": (JOINTS, "= 2, 0.01", "= 2, 0.0100001"),
+    "max_bias": (JOINTS, "30, 0.05", "30, 0.05000005"),
+    "spring": (JOINTS, "20, 0.5)", "20, 0.5000005)"),
+    "rotary spring": (JOINTS, "2, 0.05)", "2.000002, 0.05)"),
+    "center": (JOINTS, "(0.02, 0.01)", "(0.020001, 0.01)"),
+    "damping": (JOINTS, "damping = 0.9", "damping = 0.900001"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_changed_number_is_seen(tmp_path: Path, fault: str) -> None:
+    """Catch a number of the law that the comparison does not depend on."""
+    space, right, wrong = FAULTS[fault]
+    assert right in space
+    check = checked(tmp_path, space, space.replace(right, wrong, 1))
+    assert check is not None
+    assert check.record.outcome is Outcome.DIFFERS
+
+
+def test_a_space_of_smooth_joints_alone_is_not_compared(tmp_path: Path) -> None:
+    """Catch steps of the built-in systems that their equations cover already."""
+    smooth = HEAD + '    space.add(pymunk.PinJoint(ground, body("a", 1, 1, (1, 0))))\n' + TAIL
+    assert checked(tmp_path, smooth) is None
+
+
+def test_what_has_no_law_is_named(tmp_path: Path) -> None:
+    """Catch a comparison that passes although a callback or a ratchet acts."""
+    ratchet = BALL.replace(
+        "space.add(floor", "space.add(pymunk.RatchetJoint(ball.body, ground, 0, 1), floor"
+    )
+    callback = BALL.replace("space.add(floor", "space.on_collision(begin=print); space.add(floor")
+    for text, name in ((ratchet, "RatchetJoint"), (callback, "callbacks")):
+        check = checked(tmp_path, text)
+        assert check is not None
+        assert check.record.outcome is None
+        assert name in check.record.uncovered[0]
+
+
+def test_a_ball_bounces_by_the_product_of_elasticities() -> None:
+    """Catch friction or restitution that is not the product, and gravity within the bounce."""
+    h, g, v = 0.01, 9.81, -2.0
+    laws = PlanarLaws(
+        bodies=(
+            PlanarBody(name="ground", mass=np.inf, moment=np.inf, weighed=False),
+            PlanarBody(name="ball", mass=2.0, moment=np.inf),
+        ),
+        shapes=(
+            PlanarShape(body=0, friction=0.5, elasticity=0.8),
+            PlanarShape(body=1, friction=0.6, elasticity=0.5),
+        ),
+        step=h, gravity=(0.0, -g), iterations=1, slop=0.0, error_bias=0.0,
+    )  # fmt: skip
+    arms = np.array([[0.0, 0.0], [0.0, -1.0]])
+    touch = PlanarContact(shapes=(0, 1), normal=np.array([0.0, 1.0]), arms=arms)
+    model = PlanarModel(laws=laws)
+    start = model.at_rest(np.array([[0, 0, 0], [0, 1.0, 0]]), np.array([[0, 0, 0], [9.0, v, 0]]))
+    after = model.advance(start, [touch])
+    bounced = -0.4 * v
+    assert after.velocities[1, 1] == pytest.approx(bounced)
+    impulse = 2.0 * (bounced - v + g * h)
+    assert after.velocities[1, 0] == pytest.approx(9.0 - 0.3 * impulse / 2.0)
+
+
+def test_a_body_turns_about_its_center_of_mass(tmp_path: Path) -> None:
+    """Catch a start that moves a body when it is turned, and velocities of another point."""
+    pytest.importorskip("pymunk")
+    file = tmp_path / "space.py"
+    file.write_text(HEAD.replace("-9.81", "0") + '    body("a", 1, 1, (0, 0), (0.3, 0.1))\n' + TAIL)
+    model = engines()["pymunk"].load(ModelSpec(file, settings=STEP))
+    z, w = np.array([[1.0, 2.0, 0.7]]), np.array([[0.5, -0.2, 3.0]])
+    places, rates = model.rollout(z, w, 1e-6, 1, None, 1)
+    assert (places[0, 0] - z[0]) / 1e-6 == pytest.approx(w[0], abs=1e-5)
+    assert rates[0, 0] == pytest.approx(w[0], abs=1e-5)
