@@ -19,6 +19,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     product,
     rotate,
     rotate_back,
+    weighted,
 )
 from physics_crosscheck.reference.mechanism.tree import TreeLink
 
@@ -148,8 +149,8 @@ class LinkMotion(NamedTuple):
         center = tall(link.center, self.linear.shape[1:])
         w, dw = self.angular, self.turning
         force = link.mass * (self.linear + cross(dw, center) + cross(w, cross(w, center)))
-        spin = np.tensordot(link.inertia, w, 1)
-        return force, np.tensordot(link.inertia, dw, 1) + cross(w, spin) + cross(center, force)
+        spin = weighted(link.inertia, w)
+        return force, weighted(link.inertia, dw) + cross(w, spin) + cross(center, force)
 
     def wrench_regressor(self, field: Field) -> tuple[Scalars, Scalars]:
         """Return the derivatives of this wrench by the ten inertial parameters, (3, 10, ...)."""
@@ -158,8 +159,8 @@ class LinkMotion(NamedTuple):
         centers = cross(dw, eye) + cross(w, cross(w, eye))
         still, point = 0 * centers, self.linear[:, None]
         inertias = field.array(INERTIAS)
-        spun = np.tensordot(inertias, self.angular, 1)
-        moments = np.tensordot(inertias, self.turning, 1) + cross(w, spun)
+        spun = weighted(inertias, self.angular)
+        moments = weighted(inertias, self.turning) + cross(w, spun)
         force = np.concatenate([point, centers, still, still], axis=1)
         return force, np.concatenate([0 * point, cross(eye, point), moments], axis=1)
 
@@ -169,13 +170,13 @@ class LinkMotion(NamedTuple):
         """Return the motion of a child link; without `a` its joint velocities are constant."""
         w, r = self.angular, here.origin
         carried = rotate_back(here.rotation, w)
-        turning, sliding = np.tensordot(link.turning, v, 1), np.tensordot(link.sliding, v, 1)
+        turning, sliding = weighted(link.turning, v), weighted(link.sliding, v)
         point = self.linear + cross(self.turning, r) + cross(w, cross(w, r))
         angular = rotate_back(here.rotation, self.turning) + cross(carried, turning)
         linear = rotate_back(here.rotation, point) + cross(2 * carried + turning, sliding)
         if a is not None:
-            angular = angular + np.tensordot(link.turning, a, 1)
-            linear = linear + np.tensordot(link.sliding, a, 1)
+            angular = angular + weighted(link.turning, a)
+            linear = linear + weighted(link.sliding, a)
         return LinkMotion(carried + turning, angular, linear)
 
 

@@ -34,6 +34,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     quaternion_rate,
     rotate,
     rotate_back,
+    weighted,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
@@ -174,8 +175,8 @@ class Recursion:
             angular = rotate_back(here.rotation, base.angular)
             velocities.append(
                 Moving(
-                    angular + np.tensordot(numbers.turning, v[there], 1),
-                    linear + np.tensordot(numbers.sliding, v[there], 1),
+                    angular + weighted(numbers.turning, v[there]),
+                    linear + weighted(numbers.sliding, v[there]),
                 )
             )
         return velocities
@@ -201,8 +202,8 @@ class Recursion:
     def _joint_force(self, link: int, force: Scalars, moment: Scalars) -> Scalars:
         """Return the joint force of a force and its moment about the link's origin."""
         numbers = self._links[link]
-        result: Scalars = np.tensordot(numbers.turning.T, moment, 1)
-        result = result + np.tensordot(numbers.sliding.T, force, 1)
+        result: Scalars = weighted(numbers.turning.T, moment)
+        result = result + weighted(numbers.sliding.T, force)
         return result
 
     def _placed(self, kind: str, numbers: LinkNumbers, q: Scalars) -> Placement:

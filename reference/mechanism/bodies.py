@@ -325,7 +325,7 @@ def _check(what: str, key: str, values: Sequence[float], count: int | None = Non
         TreeError: with the field and its value.
     """
     try:
-        fine = all(math.isfinite(value) for value in values)
+        fine = all(map(math.isfinite, values))
     except TypeError:
         fine = False
     if not fine or (count is not None and len(values) != count):

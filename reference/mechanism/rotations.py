@@ -90,6 +90,14 @@ def cross(a: Scalars, b: Scalars) -> Scalars:
     return result
 
 
+def weighted(matrix: Scalars, values: Scalars) -> Scalars:
+    """Return a matrix times the first axis of values, (rows, ...)."""
+    if matrix.ndim == values.ndim == 2:  # a fifth of the time of `tensordot` for small arrays
+        result: Scalars = matrix.dot(values)
+        return result
+    return np.tensordot(matrix, values, 1)
+
+
 def product(a: Scalars, b: Scalars) -> Scalars:
     """Return A B: (3, 3, ...) by (3, 3, ...)."""
     result: Scalars = (a[:, :, None] * b[None]).sum(axis=1)
