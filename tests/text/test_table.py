@@ -266,7 +266,7 @@ def test_the_deciding_checks_are_counted_with_their_largest_numbers() -> None:
     assert deciding_lines([case(Outcome.ABSENT)]) == []
 
 
-def test_whole_steps_that_are_not_compared_take_one_line_without_details() -> None:
+def test_whole_steps_without_a_verdict_take_one_line_without_details() -> None:
     """Catch a long reason of an engine for each case in the default output."""
     reason = "arm.urdf: PyBullet can't load it: Could not parse collision element"
     cases = [
@@ -274,5 +274,7 @@ def test_whole_steps_that_are_not_compared_take_one_line_without_details() -> No
         for engine in ("mujoco", "pybullet")
     ]
     short = whole_step_lines(cases, details=False)
-    assert short == ["whole steps not compared in mujoco, pybullet; --details gives the reason"]
+    assert short == [
+        "whole steps without a verdict in mujoco, pybullet; --details gives the reason"
+    ]
     assert [line.endswith(reason) for line in whole_step_lines(cases, details=True)] == [True, True]

@@ -417,7 +417,7 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         lines += [f"{case.id}: whole steps {why}" for case, why in others]
     elif others:
         names = ", ".join(dict.fromkeys(case.engine for case, _ in others))
-        lines.append(f"whole steps not compared in {names}; --details gives the reason")
+        lines.append(f"whole steps without a verdict in {names}; --details gives the reason")
     return lines
 
 
