@@ -480,18 +480,18 @@ class PymunkModel(LoadedModel):
         """Take a step under each of the forces, and record states after every `every` steps."""
         step, space, handles = self._lib.cpSpaceStep, self._space._space, self._handles
         set_force, set_torque = self._lib.cpBodySetForce, self._lib.cpBodySetTorque
+        first_forces = [(body, 3 * j) for j, body in enumerate(handles)]
         for i, push in enumerate(pushes, start=1):
             if self._own_step:
                 step_whole(self._space, handles, h, push)
             else:
-                # Zero forces need no call: each step leaves zero.
-                for body, x, y, torque in (
-                    zip(handles, *_by_kind(push), strict=True) if push else ()
-                ):
-                    if x or y:
-                        set_force(body, (x, y))
-                    if torque:
-                        set_torque(body, torque)
+                if push is not None:
+                    for body, k in first_forces:
+                        # Zero forces need no call: each step leaves zero.
+                        if push[k] or push[k + 1]:
+                            set_force(body, (push[k], push[k + 1]))
+                        if push[k + 2]:
+                            set_torque(body, push[k + 2])
                 step(space, h)
             if i % every == 0:
                 places.append(self._places())
@@ -513,11 +513,6 @@ class PymunkModel(LoadedModel):
             x, y = self._arm(i)
             values += (rate.x + turning * y, rate.y - turning * x, turning)
         return values
-
-
-def _by_kind(push: Sequence[float]) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
-    """Return the forces along x and y and the torques of all bodies."""
-    return push[0::3], push[1::3], push[2::3]
 
 
 def _kind(result: object) -> type:
