@@ -61,7 +61,8 @@ class Solids {
   draw(camera, layers, inertia) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
-    this.renderer.setSize(width, height, false);
+    if (this.size !== `${width} ${height}`) this.renderer.setSize(width, height, false);
+    this.size = `${width} ${height}`;
     const field = 2 * Math.atan(Math.tan(FIELD / 2) * Math.max(1, height / width));
     Object.assign(this.camera, { fov: (field * 180) / Math.PI, aspect: width / height, near: 0.01 * camera.radius, far: 100 * camera.radius });
     this.camera.up.set(0, 0, 1);
