@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from physics_crosscheck.harness.checks.not_run import cannot_run
+from physics_crosscheck.harness.documents.expanded import relocated
 from physics_crosscheck.harness.engines.registry import engines as registered
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -31,6 +32,7 @@ from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan
+from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -93,7 +95,8 @@ def audits(
     planned = [_TargetAudits(target, options) for target in targets]
     with executor(jobs=options.jobs, limits=options.limits, prestart=cache is None) as workers:
         run_jobs(chain.from_iterable(plan.jobs() for plan in planned), workers)
-    return tuple(chain.from_iterable(plan.results() for plan in planned))
+    results = chain.from_iterable(plan.results() for plan in planned)
+    return tuple(replace(one, findings=relocated(one.findings, SourceLine)) for one in results)
 
 
 class _TargetAudits:

@@ -25,6 +25,7 @@ from physics_crosscheck.harness.baseline.known import (
     mark_known,
     mark_models,
 )
+from physics_crosscheck.harness.documents.expanded import relocated
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import run_jobs
@@ -33,6 +34,7 @@ from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
 from physics_crosscheck.harness.planning.result_builder import Progress, ResultBuilder, RunControl
+from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.baseline import Measurement, RobotOptions
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.diff import Status
@@ -112,7 +114,7 @@ def run(
         not_run=tuple(case for _, case in builder.remaining),
         cached=builder.cached,
     )
-    return Run(results, builder.measured, builder.reads)
+    return Run(relocated(results, SourceLine), builder.measured, builder.reads)
 
 
 def _changes(

@@ -3,7 +3,7 @@
 This is the one name to import from: in a `system.py`, in tests, in notebooks.
 
     from physics_crosscheck import Constant, Coordinate, Scenario, System
-    from physics_crosscheck import check, compare, simulate, solve
+    from physics_crosscheck import check, compare, load, simulate, solve
 
 `physics_crosscheck.records` has the types of results, `physics_crosscheck.engine` what an
 adapter of another engine is made of.
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from physics_crosscheck.harness.interfaces.api import CheckResults, check
     from physics_crosscheck.harness.interfaces.notebook.ask import simulate, solve
     from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison, compare
+    from physics_crosscheck.harness.interfaces.notebook.robot import RobotJoint, RobotModel, load
     from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
     from physics_crosscheck.reference.mechanism.bodies import (
         Coupling,
@@ -60,6 +61,7 @@ _FROM = {
     "physics_crosscheck.harness.commands.compare.candidate": ("CompareError",),
     "physics_crosscheck.harness.interfaces.notebook.ask": ("simulate", "solve"),
     "physics_crosscheck.harness.interfaces.notebook.comparison": ("Comparison", "compare"),
+    "physics_crosscheck.harness.interfaces.notebook.robot": ("RobotJoint", "RobotModel", "load"),
     "physics_crosscheck.harness.interfaces.notebook.trajectory": ("MotionError", "Trajectory"),
     "physics_crosscheck.reference.mechanism.bodies": (
         "Coupling", "ForceElement", "Joint", "RigidBody", "Site",
@@ -109,6 +111,8 @@ __all__ = [
     "Quantity",
     "RigidBody",
     "RigidContact",
+    "RobotJoint",
+    "RobotModel",
     "SaturatedDrive",
     "Scenario",
     "Site",
@@ -117,6 +121,7 @@ __all__ = [
     "check",
     "compare",
     "ground",
+    "load",
     "rotation",
     "simulate",
     "solve",

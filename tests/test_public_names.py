@@ -20,7 +20,8 @@ TOP = {
     "CompareError", "Comparison", "Constant", "Coordinate", "CablePath", "Coupling",
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
     "Fluid", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
-    "ForceElement", "Quantity", "RigidBody", "Scenario", "Site", "System", "Trajectory", "check",
+    "ForceElement", "Quantity", "RigidBody", "RobotJoint", "RobotModel", "Scenario", "Site",
+    "System", "Trajectory", "check", "load",
     "Buffer", "CoulombFriction", "JointLimit", "RigidContact", "SaturatedDrive",
     "CheckResults", "compare", "ground", "rotation", "simulate", "solve", "t",
 }  # fmt: skip

@@ -216,18 +216,19 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
 
 def unaccepted_findings(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding, ...]:
     """Return the findings about a model that were not accepted."""
+    return tuple(one for one in model.findings if not is_accepted(one, model, audit))
+
+
+def is_accepted(finding: AuditFinding, model: Model, audit: AcceptedAudit | None) -> bool:
+    """Return whether a finding about a model was accepted."""
     accepted = () if audit is None else audit.findings
-    return tuple(
-        finding
-        for finding in model.findings
-        if not any(_same(_plain(finding, model), a) for a in accepted)
-    )
+    return any(_same(_plain(finding, model), one) for one in accepted)
 
 
 def accepted_audit(
     id_: ModelId, model: Model, before: AcceptedAudit | None, reason: str
 ) -> AcceptedAudit | None:
-    """Return the findings to accept for a model: the old ones if nothing is new; None without any.
+    """Return findings and advice to accept: the old ones if nothing is new; None without any.
 
     Args:
         id_: name of the model, with its system's name in the baseline.
@@ -235,17 +236,18 @@ def accepted_audit(
         before: the accepted findings.
         reason: reason for accepting them.
     """
-    findings = tuple(_plain(finding, model) for finding in model.findings)
-    if not findings:
+    present = (*model.findings, *(one for one in model.audit or () if one.severity == "advice"))
+    if not present:
         return None
-    if (
-        before is not None
-        and len(before.findings) == len(findings)
-        and not unaccepted_findings(model, before)
-    ):
+    is_old = all(is_accepted(one, model, before) for one in present)
+    if before is not None and len(before.findings) == len(present) and is_old:
         return before
     return AcceptedAudit(
-        system=id_.system, model=id_.model, engine=id_.engine, reason=reason, findings=findings
+        system=id_.system,
+        model=id_.model,
+        engine=id_.engine,
+        reason=reason,
+        findings=tuple(_plain(one, model) for one in present),
     )
 
 

@@ -17,6 +17,7 @@ import msgspec
 from physics_crosscheck.harness.baseline.classify import (
     classify,
     gone,
+    is_accepted,
     unaccepted,
     unaccepted_findings,
 )
@@ -208,10 +209,19 @@ def mark_models(models: Iterable[Model], baseline: Accepted | None) -> tuple[Mod
 
 def _marked_model(model: Model, baseline: Accepted) -> Model:
     accepted = baseline.system_of(model.folder, model.system)
-    if accepted is None or not model.findings:
+    if accepted is None or not model.audit:
         return model
     audit = accepted.audits.get(msgspec.structs.replace(model.id, system=accepted.system))
-    if audit is None or unaccepted_findings(model, audit):
+    if audit is None:
+        return model
+    marked = tuple(
+        msgspec.structs.replace(one, accepted=audit.reason)
+        if one.severity == "advice" and is_accepted(one, model, audit)
+        else one
+        for one in model.audit
+    )
+    model = msgspec.structs.replace(model, audit=marked)
+    if not model.findings or unaccepted_findings(model, audit):
         return model
     return msgspec.structs.replace(model, accepted=audit.reason)
 

@@ -9,12 +9,10 @@ from functools import cached_property
 import numpy as np
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.engines.compiled import CompiledTree
-from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.survey import ActingQuantity, Audit
+from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, rest_on
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
@@ -28,18 +26,6 @@ NAMED = 3
 
 DIAGONAL = float(np.sqrt(0.5))
 """Friction of a pyramid between its edges, relative to that along them."""
-
-
-def audit_acting(task: TreeTask) -> Audit:
-    """Return what the numbers of a file act as; nothing in engines without a documented law.
-
-    Raises:
-        EngineError: if the file cannot be compiled.
-    """
-    engine = engines()[task.engine]
-    if task.file.suffix not in engine.compiles:
-        return Audit(findings=())
-    return Audit(findings=(), acting=acting_quantities(engine.compiled(task.file)))
 
 
 def acting_quantities(compiled: CompiledTree) -> tuple[ActingQuantity, ...]:

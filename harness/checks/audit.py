@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import (
     finding,
@@ -16,6 +17,7 @@ from physics_crosscheck.harness.checks.findings import (
     robot_findings,
     source_line,
 )
+from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.documents.errors import LocationError
@@ -44,13 +46,11 @@ SWITCHING = {"contact", "dry friction", "joint limit"}
 def audit_file(task: TreeTask) -> Audit:
     """Audit a model of declared bodies by reading its file without the declaration."""
     sidecar = task.declared
-    robot = read_robot(
-        sidecar.model,
-        floating=bool(sidecar.settings.get("floating", False)),
-        model=str(sidecar.settings.get("model", "")),
-    )
+    model = str(sidecar.settings.get("model", ""))
+    floating = bool(sidecar.settings.get("floating", False))
+    robot = read_robot(sidecar.model, floating=floating, model=model)
     return Audit(
-        findings=robot_findings(robot),
+        findings=(*robot_findings(robot), *plausibility_findings(robot)),
         left_out=tuple(format_omission(one) for one in robot.left_out),
     )
 
@@ -70,6 +70,18 @@ def audit_terms(task: TreeTask) -> Audit:
         return Audit(findings=(finding("unresolved", ("terms",), message, severity="note"),))
     model, coordinates = task.load()
     return Audit(findings=tuple(Compiled.prepare(task, model, coordinates).findings()))
+
+
+def audit_acting(task: TreeTask) -> Audit:
+    """Return what the numbers of a file act as; nothing in engines without a documented law.
+
+    Raises:
+        EngineError: if the file cannot be compiled.
+    """
+    engine = engines()[task.engine]
+    if task.file.suffix not in engine.compiles:
+        return Audit(findings=())
+    return Audit(findings=(), acting=acting_quantities(engine.compiled(task.file)))
 
 
 def audit_declared(task: SystemTask) -> Audit:

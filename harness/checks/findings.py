@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
@@ -22,12 +21,17 @@ from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.numbers import Number, numerals
 from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
 from physics_crosscheck.harness.records.base import SourceLine, number
-from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
+from physics_crosscheck.harness.records.finding import (
+    AuditFinding,
+    AuditKind,
+    PlausibilityKind,
+    Severity,
+)
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
 
 def finding(
-    kind: AuditKind,
+    kind: AuditKind | PlausibilityKind,
     subject: tuple[str, ...],
     message: str,
     *,
@@ -35,7 +39,7 @@ def finding(
     expected: float | None = None,
     actual: float | None = None,
     replacement: str = "",
-    severity: Literal["finding", "note"] = "finding",
+    severity: Severity = "finding",
 ) -> AuditFinding:
     """Build a finding or a note; most have no source line and compare no two numbers."""
     return AuditFinding(

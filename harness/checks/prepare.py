@@ -25,6 +25,7 @@ from physics_crosscheck.harness.checks.findings import (
     sidecar_beside,
 )
 from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.checks.system_record import system_record, tree_record
 from physics_crosscheck.harness.checks.verdict import component_scale, nonzero_scale
@@ -523,7 +524,7 @@ def prepare_tree(
         record=_drawn(prepared, links, robot.placed),
         settings=settings_of(robot),
         left_out=left_out,
-        findings=robot_findings(robot),
+        findings=(*robot_findings(robot), *plausibility_findings(robot)),
         lines={part.name: part.line for part in robot.parts},
         placed=robot.placed,
     )

@@ -33,6 +33,9 @@ DIGITS = 7
 
 SIZE_DIGITS = 5
 
+_ELEMENTS = ("visual:", "collision:")
+"""Beginnings of the names of shapes in URDF and SDFormat files; their meshes are not drawn."""
+
 
 def scene_record(
     tree: Tree, states: Segments, bodies: Iterable[RigidBody], shapes: Sequence[PlacedShape] = ()
@@ -111,8 +114,14 @@ def _body(tree: Tree, body: RigidBody, shapes: Sequence[PlacedShape]) -> SceneBo
         place=_place(place),
         mass=number(body.mass),
         ellipsoid=_ellipsoid(body.spatial_inertia),
-        shapes=tuple(_shape(one) for one in shapes if one.body == body.name),
+        shapes=tuple(map(_shape, _drawn([one for one in shapes if one.body == body.name]))),
     )
+
+
+def _drawn(shapes: Sequence[PlacedShape]) -> Sequence[PlacedShape]:
+    """Return the visual shapes of a link of a URDF or SDFormat file, or all without any."""
+    solids = [one for one in shapes if one.kind != "mesh" or not one.name.startswith(_ELEMENTS)]
+    return [one for one in solids if one.name.startswith("visual:")] or solids
 
 
 def _shape(shape: PlacedShape) -> SceneShape:

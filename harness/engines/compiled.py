@@ -100,6 +100,8 @@ class CompiledShape:
         size: the numbers that give its extent, m; empty for a mesh.
         kind: its form.
         visual: whether it touches nothing.
+        mesh: path of the mesh's file as the engine resolves it; empty without one.
+        scale: factors of the mesh's coordinates.
     """
 
     name: str
@@ -107,6 +109,8 @@ class CompiledShape:
     size: Numbers
     kind: str
     visual: bool = False
+    mesh: str = ""
+    scale: Numbers = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,8 @@ def test_my_arm():
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +35,10 @@ from physics_crosscheck.harness.planning.options import (
 )
 from physics_crosscheck.harness.records import results
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.render.html import render
 from physics_crosscheck.harness.render.terminal.table import summary
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
 from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines, failure_message
@@ -79,6 +85,29 @@ class CheckResults(results.Results, frozen=True, kw_only=True):
         what = "more than one case has" if matches else "no case has"
         which = ", ".join(str(case.id) for case in matches or self.cases)
         raise LookupError(f"{what} {criteria}: {which}")
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Causes of the differences that a diagnosis explains, each once, with their lines."""
+        explained = (
+            model.diagnosis.explanations[0].causes
+            for model in self.models
+            if model.diagnosis is not None and model.diagnosis.explained
+        )
+        return tuple(dict.fromkeys(cause for causes in explained for cause in causes))
+
+    @property
+    def advice(self) -> tuple[AuditFinding, ...]:
+        """Implausible numbers of the model files, each once; they change no verdict."""
+        return tuple(dict.fromkeys(one for model in self.models for one in model.advice))
+
+    def summary(self) -> str:
+        """Return the problems and the last line as `crosscheck run` prints them."""
+        return str(self)
+
+    def show(self) -> ReportPage:
+        """Return the page of the results, which a notebook shows inline."""
+        return ReportPage(render(self))
 
     def trajectories(
         self,
@@ -146,6 +175,30 @@ class CheckResults(results.Results, frozen=True, kw_only=True):
         return "\n".join((*blocks, summary(self)))
 
     __repr__ = __str__
+
+
+@dataclass(frozen=True)
+class ReportPage:
+    """A page of results in a frame.
+
+    Attributes:
+        html: the page, one file that works offline.
+        height: of the frame, pixels.
+    """
+
+    html: str
+    height: int = 720
+
+    def write(self, path: str | PathLike[str]) -> None:
+        """Write the page to a file."""
+        write_whole(Path(path), self.html)
+
+    def _repr_html_(self) -> str:
+        style = f"width:100%;height:{self.height}px;border:0"
+        return f'<iframe title="report" style="{style}" srcdoc="{escape(self.html)}"></iframe>'
+
+    def __repr__(self) -> str:
+        return f"<report of {len(self.html) / 1e6:.1f} MB; .write(path) saves it>"
 
 
 MOST_JOBS = 4096

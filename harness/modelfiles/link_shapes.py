@@ -1,6 +1,6 @@
-"""Shapes of the links of URDF and SDFormat files, for pictures: `<visual>` and `<collision>`.
+"""Shapes of the links of URDF and SDFormat files: `<visual>` and `<collision>`.
 
-A shape that can't be read is left out, since no check depends on it.
+A shape that can't be read is left out, since no verdict depends on it.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ def placed_in(links: Mapping[str, Named], file: Path) -> tuple[PlacedShape, ...]
 
 
 def _shapes(name: str, link: XmlElement, file: Path) -> Iterator[PlacedShape]:
-    """Yield the shapes of a link; collision shapes only if it has no visual ones.
+    """Yield the shapes of a link, visual ones first.
 
     Args:
         name: name of the link.
         link: its element.
         file: path of the file.
     """
-    elements = link.findall("visual") or link.findall("collision")
+    elements = (*link.findall("visual"), *link.findall("collision"))
     for index, element in enumerate(elements):
         place, form = _pose(element), element.find("geometry/*")
         size = None if form is None else _size(form)
@@ -59,6 +59,8 @@ def _shapes(name: str, link: XmlElement, file: Path) -> Iterator[PlacedShape]:
             line=element.place[1] or 0,
             kind=form.tag,
             visual=element.tag == "visual",
+            mesh=form.get("filename") or form.findtext("uri").strip(),
+            scale=_scale(form),
         )
 
 
@@ -78,8 +80,15 @@ def _pose(element: XmlElement) -> Place | None:
     return Place(from_rpy(*angles), np.array(position))
 
 
+def _scale(form: XmlElement) -> tuple[float, ...]:
+    """Return the factors of a mesh's coordinates."""
+    return read_numbers(form.get("scale") or form.findtext("scale"), 3) or (1.0, 1.0, 1.0)
+
+
 def _size(form: XmlElement) -> tuple[float, ...] | None:
     """Return the half sizes of a form; None for an unknown form or sizes that are not numbers."""
+    if form.tag == "mesh":
+        return ()
     sizes: list[float] = []
     for key, count, factor in _SIZES.get(form.tag, (("", 0, 0.0),)):
         numbers = read_numbers(form.get(key) or form.findtext(key).strip(), count)

@@ -78,6 +78,8 @@ class PlacedShape:
         size_place: file and line that state its size, if they may be others.
         kind: its form.
         visual: whether it is drawn only.
+        mesh: name of the mesh's file, as `mesh_files.locate_mesh` takes it; empty without one.
+        scale: factors of the mesh's coordinates.
     """
 
     name: str
@@ -89,6 +91,8 @@ class PlacedShape:
     size_place: tuple[Path, int] | None = None
     kind: str = "mesh"
     visual: bool = False
+    mesh: str = ""
+    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, is_robot
+from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.results.visible import odd_name, visible
 
 MAX_DEPTH = 4
@@ -40,7 +40,11 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
     """Separate robot files, also missing ones, from the other names."""
     files, others, faults = list[Path](), list[str](), dict[str, str]()
     for name in names:
-        path = Path(name)
+        try:
+            path = source_file(name) or Path(name)
+        except FolderError as error:
+            faults[name] = visible(str(error))
+            continue
         if path.suffix in FORMATS and not path.exists():
             faults[name] = f"{visible(name)}: there is no such file"
             continue
@@ -51,25 +55,12 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             formats = (
                 f"only {_FORMAT_LIST} run without a folder; name one of these, or a system folder"
             )
-            faults[name] = f"{visible(name)}: {xacro_remedy(path) or formats}"
+            faults[name] = f"{visible(name)}: {formats}"
         elif (why := odd_name(name)) is not None:
             faults[name] = f"{visible(name)}: its name has {why}; rename it"
         elif path not in files:
             files.append(path)
     return NamedRobots(files, others, faults)
-
-
-def xacro_remedy(file: Path) -> str:
-    """Return how to expand source for xacro; empty for any other file."""
-    if file.suffix != ".xacro":
-        return ""
-    stem = file.name.removesuffix(".xacro")
-    robot = file.with_name(stem if Path(stem).suffix == ".urdf" else f"{stem}.urdf")
-    source, target = (visible(shlex.quote(str(one))) for one in (file, robot))
-    return (
-        "it is source for xacro, which no engine reads; expand it with"
-        f" `xacro {source} > {target}`, and give {target}"
-    )
 
 
 def models_below(here: Path) -> list[str]:

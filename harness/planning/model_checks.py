@@ -167,7 +167,7 @@ CHECKS = (
     ),
     ModelCheck(
         kind="acting",
-        function="checks.acting.audit_acting",
+        function="checks.audit.audit_acting",
         wanted=lambda facts, options: facts.declares == "robot file",
         fail=lambda model, failure: model,  # other checks report that the file cannot be read
     ),

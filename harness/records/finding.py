@@ -27,6 +27,15 @@ that no body can have; a compiled term compared with the equations; a pose; and 
 format ignores, adds or assumes (`physics_crosscheck.harness.engines.remark`).
 """
 
+PlausibilityKind = Literal[
+    "mesh unit", "equal inertias", "moving without inertia", "inertia too large", "center outside",
+    "density", "inertia too small", "swapped axes", "left and right", "weak drive",
+    "damping ratio", "rest outside limits",
+]  # fmt: skip
+"""Subject of advice about a number that real robots do not have; the most certain kind first."""
+
+Severity = Literal["finding", "advice", "note"]
+
 BEYOND: AuditKind = "reach"
 """Kind of a note on a joint limit or a contact that no motion reaches, so that it is not tested."""
 
@@ -59,10 +68,12 @@ class AuditFinding(Record, frozen=True, kw_only=True):
         expected: Expected number; None without one.
         actual: Number in the model; None without one.
         replacement: Text to write in the span of `location`; empty if no number must change.
-        severity: `finding` for an error, `note` for information.
+        severity: `finding` for an error, `advice` for an implausible number, which changes no
+            verdict, `note` for information.
+        accepted: Reason for accepting advice; empty if it is not accepted.
     """
 
-    kind: AuditKind
+    kind: AuditKind | PlausibilityKind
     code: str = ""
     subject: tuple[str, ...]
     message: str
@@ -70,7 +81,8 @@ class AuditFinding(Record, frozen=True, kw_only=True):
     expected: Number
     actual: Number
     replacement: str = ""
-    severity: Literal["finding", "note"]
+    severity: Severity
+    accepted: str = ""
 
     def __post_init__(self) -> None:
         msgspec.structs.force_setattr(self, "code", finding_code(self.kind))

@@ -154,6 +154,12 @@ class Model(Record, frozen=True, kw_only=True):
         return (*audit, *(_other_linearization(one) for one in self.linearization_differs))
 
     @property
+    def advice(self) -> tuple[AuditFinding, ...]:
+        """Implausible numbers that are not accepted; they change no verdict."""
+        audit = self.audit or ()
+        return tuple(one for one in audit if one.severity == "advice" and not one.accepted)
+
+    @property
     def unexplained_findings(self) -> tuple[AuditFinding, ...]:
         """Audit findings, if no one or two causes explain the motions.
 

@@ -26,7 +26,7 @@ def survey_lines(
     findings: Iterable[AuditFinding], left_out: Sequence[str], *, mechanics: bool
 ) -> list[str]:
     """Return the lines of a model of bodies; `mechanics`: whether its terms were compared."""
-    success = "ok: no inertia or sign is implausible"
+    success = "ok: no inertia or sign is impossible"
     success += "; compiled terms match the equations" if mechanics else ""
     lines = audit_lines(findings, success=success)
     skipped = [f"{'note':<8} left out: {', '.join(left_out)}"] if left_out else []
@@ -44,9 +44,37 @@ def audit_lines(
     for severity in ("finding", "note") if notes else ("finding",):
         for finding in all_findings:
             if finding.severity == severity:
-                text = f"{_place(finding.location)}{finding.message}"
-                lines.append(f"{severity:<8} {with_code(finding.code, text)}")
+                lines.append(f"{severity:<8} {_coded(finding)}")
     return lines or [success]
+
+
+MAX_ADVICE_KINDS = 4
+"""Maximum number of kinds of advice in a short list."""
+
+
+def advice_lines(advice: Sequence[AuditFinding], *, details: bool = False) -> list[str]:
+    """Return one line per kind of advice: its worst finding and the number of others.
+
+    Args:
+        advice: of one file, by kind, the worst first in each.
+        details: whether to return one line per finding.
+    """
+    kinds: dict[str, list[AuditFinding]] = {}
+    for finding in advice:
+        kinds.setdefault(finding.kind, []).append(finding)
+    if details:
+        return [_coded(one) for one in advice]
+    lines = [
+        _coded(worst) + (f" (and {len(others)} more like it)" if others else "")
+        for worst, *others in kinds.values()
+    ]
+    hidden = lines[MAX_ADVICE_KINDS:]
+    more = [f"{len(hidden)} more kinds; --details lists all"] if hidden else []
+    return [*lines[:MAX_ADVICE_KINDS], *more]
+
+
+def _coded(finding: AuditFinding) -> str:
+    return with_code(finding.code, f"{_place(finding.location)}{finding.message}")
 
 
 def acting_lines(quantities: Iterable[ActingQuantity]) -> list[str]:

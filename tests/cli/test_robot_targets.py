@@ -109,7 +109,7 @@ def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None
     file = Path("robots", "deep", "lamp.xml")
     assert done.stdout.splitlines() == [
         f"swing/arm.urdf [{', '.join(names('.urdf'))}]",
-        "  ok: no inertia or sign is implausible; compiled terms match the equations",
+        "  ok: no inertia or sign is impossible; compiled terms match the equations",
         f"lamp/lamp.xml [{', '.join(names('.xml'))}]",
         f"  finding  XC109 {file}:2: joint[hinge]@damping is -0.1: negative damping"
         " adds energy to the motion. Write a positive number",

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.records.case import Case, CaseId, CaseKind
 from physics_crosscheck.harness.records.cause import Cause, CauseKind
 from physics_crosscheck.harness.records.codes import GROUPS, codes
 from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
-from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
+from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind, PlausibilityKind
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.records.made import case, finding
 
@@ -38,7 +38,7 @@ def of(group: str) -> set[str]:
 
 def test_every_kind_has_one_code_and_every_code_a_kind() -> None:
     assert len(set(KINDS)) == len(KINDS)
-    assert of("audit") == set(get_args(AuditKind))
+    assert of("audit") == {*get_args(AuditKind), *get_args(PlausibilityKind)}
     assert of("cause") == set(get_args(CauseKind))
     assert of("case") == set(get_args(CaseKind))
     states = {kind.split(":")[1] for kind in KINDS if kind.startswith("gate:")}

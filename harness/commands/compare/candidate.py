@@ -11,14 +11,15 @@ import numpy as np
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
+from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.model_files import check_springs
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
 from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS, read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
-from physics_crosscheck.harness.modelfiles.robot_targets import xacro_remedy
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.reference.mechanism.tree import Tree
 
@@ -230,10 +231,12 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         NotInstalledError: if no suitable engine is installed.
         SidecarError: for an unreadable sidecar.
     """
+    try:
+        path = source_file(str(path)) or path
+    except FolderError as error:
+        raise CompareError(str(error)) from None
     if not path.is_file():
         raise CompareError(f"{path}: there is no such file")
-    if why := xacro_remedy(path):
-        raise CompareError(f"{path}: {why}")
     sidecar_file = Path(f"{path}.toml")
     try:
         check_parts(path)

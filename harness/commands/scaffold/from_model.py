@@ -14,10 +14,11 @@ from physics_crosscheck.harness.commands.scaffold.from_energies import (
 from physics_crosscheck.harness.commands.scaffold.from_tree import from_tree
 from physics_crosscheck.harness.commands.scaffold.text import plain
 from physics_crosscheck.harness.documents.reading import read_regular
+from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot
-from physics_crosscheck.harness.modelfiles.robot_targets import xacro_remedy
+from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import odd_name, visible
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
@@ -56,8 +57,10 @@ def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str
     Raises:
         NewError: naming file, line and the unreadable part.
     """
-    if remedy := xacro_remedy(model):
-        raise NewError(f"{model}: {remedy}")
+    try:
+        model = source_file(str(model)) or model
+    except FolderError as error:
+        raise NewError(str(error)) from None
     if model.suffix not in FORMATS:
         raise NewError(
             f"{model}: unknown kind of model file; use a URDF (.urdf), an SDFormat "

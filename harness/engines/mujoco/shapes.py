@@ -6,7 +6,8 @@ and their files may be missing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,8 +74,34 @@ def shape_name(kind: str, name: str, index: int) -> str:
     return f"{kind}:{name or f'#{index}'}"
 
 
+MeshFile = tuple[str, tuple[float, ...]]
+"""Path of a mesh's file, and the factors of its coordinates."""
+
+_NO_MESH: MeshFile = ("", (1.0, 1.0, 1.0))
+
+
+def mesh_files(tree: Any) -> dict[str, MeshFile]:
+    """Return the files of meshes by their names, without those with a reference frame."""
+    folder = Path(tree.modelfiledir, tree.meshdir)
+    return {
+        mesh.name or Path(mesh.file).stem: (str(folder / mesh.file), numbers_of(mesh.scale))
+        for mesh in tree.meshes
+        if mesh.file and not np.any(mesh.refpos) and mesh.refquat[0] == 1.0
+    }
+
+
+def with_mesh_files(
+    placed: Iterable[CompiledShape], meshes: Mapping[str, MeshFile]
+) -> tuple[CompiledShape, ...]:
+    """Return shapes with the files of their meshes in place of the meshes' names."""
+    rows = [(one, *meshes.get(one.mesh, _NO_MESH)) for one in placed]
+    return tuple(
+        replace(one, mesh=file, scale=scale) if one.mesh else one for one, file, scale in rows
+    )
+
+
 def placed_shapes(m: Any) -> Iterator[CompiledShape]:
-    """Yield geoms and sites, in the frames that the file states."""
+    """Yield geoms and sites, in the frames that the file states; `mesh` is a mesh's name."""
     for i in range(m.ngeom):
         frame = _frame(m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])
         if (mesh := mesh_of(m, i)) >= 0:
@@ -82,7 +109,14 @@ def placed_shapes(m: Any) -> Iterator[CompiledShape]:
         kind, count = _FORMS.get(int(m.geom_type[i]), ("mesh", 0))
         name, size = shape_name("geom", m.geom(i).name, i), numbers_of(m.geom_size[i][:count])
         visual = not (m.geom_contype[i] or m.geom_conaffinity[i])
-        yield CompiledShape(name=name, frame=frame, size=size, kind=kind, visual=visual)
+        yield CompiledShape(
+            name=name,
+            frame=frame,
+            size=size,
+            kind=kind,
+            visual=visual,
+            mesh=m.mesh(mesh).name if mesh >= 0 else "",
+        )
     for i in range(m.nsite):
         frame = _frame(m.site_bodyid[i], m.site_pos[i], m.site_quat[i])
         count = _FORMS.get(int(m.site_type[i]), ("", 0))[1]

@@ -41,7 +41,9 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import (
     files_of_shapes,
+    mesh_files,
     placed_shapes,
+    with_mesh_files,
     without_idle_files,
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import besides, uncovered
@@ -130,6 +132,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
     try:
         with Warnings().collecting():
             tree = _spec(path, texts)
+            meshes = mesh_files(tree)
             without_idle_files(tree)
             shapes = files_of_shapes(tree)
             m: Any = tree.compile()
@@ -153,7 +156,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         engine_variants=_read_once(_engine_variants, m, path),
         laws=laws,
         paths=paths,
-        placed=_read_once(_placed, m, path),
+        placed=with_mesh_files(_read_once(_placed, m, path), meshes),
     )
 
 

@@ -30,7 +30,12 @@ from physics_crosscheck.harness.render.terminal.console import (
     terminal,
     wrapped,
 )
-from physics_crosscheck.harness.results.failure import acting_lines, audit_lines, survey_lines
+from physics_crosscheck.harness.results.failure import (
+    acting_lines,
+    advice_lines,
+    audit_lines,
+    survey_lines,
+)
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 
 
@@ -60,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
         code = FAIL
     console, codes = terminal(), list[str]()
     for _, alike in groupby(model_audits, _without_engine):
-        code = max(code, _print(console, list(alike), codes))
+        code = max(code, _print(console, list(alike), codes, options.details))
     print_hint(console, explain_hint(codes))
     return with_unknown(code, wanted.named)
 
@@ -69,8 +74,11 @@ def _without_engine(model: ModelAudit) -> ModelAudit:
     return replace(model, id=structs.replace(model.id, engine=""))
 
 
-def _print(console: Console, models: Sequence[ModelAudit], codes: list[str]) -> int:
+def _print(console: Console, models: Sequence[ModelAudit], codes: list[str], details: bool) -> int:
     """Print an audit shared by several engines, and note its message codes.
+
+    Args:
+        details: whether to list all advice.
 
     Returns:
         The exit code.
@@ -90,10 +98,13 @@ def _print(console: Console, models: Sequence[ModelAudit], codes: list[str]) -> 
             if model.bodies
             else audit_lines(model.findings)
         )
-        lines = [*lines, *acting_lines(model.acting)]
+        advice = [one for one in model.findings if one.severity == "advice"]
+        shown = advice_lines(advice, details=details)
+        lines = [*lines, *(f"{'advice':<8} {line}" for line in shown), *acting_lines(model.acting)]
         found_codes = [one.code for one in model.findings if one.severity == "finding"]
         codes += found_codes
         code = DIFFER if found_codes else AGREE
+        codes += [one.code for one in advice]
     for line in lines:
         print_status_lines(console, wrapped(f"  {line}", console.width))
     return code

@@ -229,13 +229,13 @@ COMMANDS: Mapping[str, Command] = {
         group="Check models",
         purpose="Check the numbers of model files without running motions",
         description="Check the numbers of model files and engines without running motions.\n"
-        "Print each wrong number with its file and line.",
+        "Print each wrong number with its file and line, and implausible ones as advice.",
         examples={
             "Audit every model of a folder, and a robot file": "crosscheck audit my_arm robot.urdf",
             "Audit one model in one engine": "crosscheck audit my_arm/arm.xml --engine mujoco",
         },
         exit_codes={
-            "0": "No number is wrong.",
+            "0": "No number is wrong; advice does not count.",
             "1": "A number is wrong.",
             "2": "Wrong usage, or an unknown target.",
             "3": "An audit failed, or no engine of the models is installed.",
@@ -248,6 +248,12 @@ COMMANDS: Mapping[str, Command] = {
             arguments.limits,
             arguments.jobs,
             arguments.cache,
+            option(
+                "Output",
+                "--details",
+                action="store_true",
+                help="List every implausible number, not only the worst of each kind",
+            ),
         ),
         function=f"{_CLI}.audit:main",
         settings=("engines", "limit", "memory", "jobs", "cache"),

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.expanded import XACRO
 from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
 from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
 from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.model_files import check_springs, model_files
+from physics_crosscheck.harness.modelfiles.robot_sources import ROBOT
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.planning.options import check_text
@@ -84,7 +86,7 @@ def system_named(name: Name) -> NotebookSubject:
     built_in = named_model(text)
     if built_in is not None:
         return NotebookSubject(folder=built_in.folder, file=None)
-    if Path(text).suffix in FORMATS:
+    if Path(text).suffix in (*FORMATS, XACRO) or text.startswith(ROBOT):
         return NotebookSubject(folder=None, file=model_named(text).file)
     (folder,) = _single_folder(system_folders([text]), text)
     return NotebookSubject(folder=folder, file=None)

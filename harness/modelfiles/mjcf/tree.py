@@ -204,6 +204,8 @@ def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
             size_place=place.size,
             kind=shape.kind,
             visual=shape.visual,
+            mesh=shape.mesh,
+            scale=shape.scale,
         )
 
 

@@ -277,6 +277,7 @@ class ModelFile:
         covers: what a verdict on it covers, in each engine.
         failures: why its linearization or its audit is missing, in each engine.
         acting: what its numbers act as: engine, subject, quantity, value, rule.
+        advice: implausible numbers: code, place, message, reason for accepting it.
     """
 
     model: str
@@ -285,6 +286,7 @@ class ModelFile:
     covers: tuple[str, ...]
     failures: tuple[str, ...]
     acting: tuple[tuple[str, ...], ...] = ()
+    advice: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -400,6 +402,7 @@ def _files(models: Sequence[Model]) -> tuple[ModelFile, ...]:
                 covers=tuple(_covers(model) for model in same if coverage_line(model)),
                 failures=tuple(failure for model in same for failure in _failures(model)),
                 acting=tuple(row for model in same for row in _acting(model)),
+                advice=tuple(dict.fromkeys(row for model in same for row in _advice(model))),
             )
         )
     return tuple(rows)
@@ -411,6 +414,13 @@ def _acting(model: Model) -> Iterator[tuple[str, ...]]:
         yield (
             shown(model.engine), shown(row.subject), shown(row.quantity), value, shown(row.rule)
         )  # fmt: skip
+
+
+def _advice(model: Model) -> Iterator[tuple[str, ...]]:
+    for finding in model.audit or ():
+        if finding.severity == "advice":
+            where = str(finding.location or "").rpartition("/")[2]
+            yield finding.code, shown(where), shown(finding.message), shown(finding.accepted)
 
 
 def _covers(model: Model) -> str:

@@ -32,6 +32,7 @@ from physics_crosscheck.harness.render.terminal.problems import (
     print_problems,
 )
 from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
+from physics_crosscheck.harness.results.failure import advice_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import counted, percent
@@ -72,6 +73,7 @@ def print_results(
         _print_header(console, results)
     codes = print_problems(console, results, details=details)
     if not quiet:
+        _print_advice(console, results, details)
         _print_models(console, results, details)
         if details:
             _print_details(console, results)
@@ -208,6 +210,15 @@ def _print_header(console: Console, results: Results) -> None:
     words = ", ".join(f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one])
     if systems:
         print_wrapped(console, f"{name.ljust(min(COUNTS_AT, console.width // 2))}  {words}")
+
+
+def _print_advice(console: Console, results: Results, details: bool) -> None:
+    """Print implausible numbers of each model file, by kind, unless they are accepted."""
+    files = {(model.folder, model.model): model for model in results.models if model.advice}
+    for model in files.values():
+        count = counted(len(model.advice), "implausible number")
+        title = f"{shown_path(model.model)}: {count} (advice, not part of the verdict)"
+        _print_list(console, title, advice_lines(model.advice, details=details))
 
 
 def _print_models(console: Console, results: Results, details: bool) -> None:

@@ -1,0 +1,124 @@
+"""Advice about many robots' files: counts by kind and collection, and a sample to judge by hand.
+
+`python -m campaigns.plausibility OUT.json NAME=FOLDER...` writes all advice and prints a table;
+`python -m campaigns.plausibility --sample 60 OUT.json` prints advice that was drawn at random.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import get_args
+
+from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.records.finding import PlausibilityKind
+
+SUFFIXES = (".urdf", ".xml", ".sdf")
+
+ROOTS = (b"<robot", b"<mujoco", b"<sdf")
+
+Row = dict[str, object]
+
+
+def robot_files(folder: Path) -> Iterator[Path]:
+    """Yield model files; scenes, which include a robot's file, repeat it."""
+    for path in sorted(folder.rglob("*")):
+        if path.suffix not in SUFFIXES or not path.is_file() or path.stem.startswith("scene"):
+            continue
+        if any(root in path.read_bytes()[:20000] for root in ROOTS):
+            yield path
+
+
+def advice_of(path: Path) -> Iterator[Row]:
+    """Yield the advice about a file; nothing for one without a tree."""
+    robot = read_robot(path)
+    for one in plausibility_findings(robot):
+        if one.severity == "advice" and one.location is not None:
+            yield {
+                "kind": one.kind,
+                "line": str(one.location),
+                "subject": one.subject,
+                "message": one.message,
+            }
+
+
+def measure(collections: dict[str, Path]) -> Row:
+    """Collect the advice about all files of some folders."""
+    rows: list[Row] = []
+    files: Counter[str] = Counter()
+    refused: list[str] = []
+    for name, folder in collections.items():
+        for path in robot_files(folder):
+            began = time.perf_counter()
+            try:
+                if read_robot(path).tree is None:
+                    refused.append(str(path))
+                    continue
+                found = list(advice_of(path))
+            except Exception as error:  # so that one file does not end the campaign
+                refused.append(f"{path}: {type(error).__name__}: {error}")
+                continue
+            files[name] += 1
+            seconds = time.perf_counter() - began
+            rows += [{"collection": name, "file": str(path), **row} for row in found]
+            print(f"{path}: {len(found)} in {seconds:.1f} s", file=sys.stderr, flush=True)
+    return {"files": files, "refused": refused, "advice": rows}
+
+
+def table(results: Row) -> Iterator[str]:
+    """Yield Markdown: a row per kind, a column per collection."""
+    files, rows = results["files"], results["advice"]
+    assert isinstance(files, dict)
+    assert isinstance(rows, list)
+    counts = Counter((row["kind"], row["collection"]) for row in rows)
+    yield f"| kind | {' | '.join(f'{name} ({files[name]} files)' for name in files)} | all |"
+    yield f"|---|{'---|' * (len(files) + 1)}"
+    for kind in get_args(PlausibilityKind):
+        cells = [counts[kind, name] for name in files]
+        yield f"| {kind} | {' | '.join(map(str, [*cells, sum(cells)]))} |"
+    flagged = Counter(row["collection"] for row in {row["file"]: row for row in rows}.values())
+    cells = [flagged[name] for name in files]
+    yield f"| files with advice | {' | '.join(map(str, [*cells, sum(cells)]))} |"
+
+
+def sample(results: Row, count: int) -> list[Row]:
+    """Draw advice at random: of each kind alike, and one per file and kind while there is one."""
+    rows = results["advice"]
+    assert isinstance(rows, list)
+    generator = random.Random(20260101)
+    generator.shuffle(rows)
+    kinds: dict[object, list[Row]] = {}
+    for row in sorted(rows, key=lambda row: _repeats(rows, row)):
+        kinds.setdefault(row["kind"], []).append(row)
+    drawn: list[Row] = []
+    while len(drawn) < count and any(kinds.values()):
+        drawn += [waiting.pop(0) for waiting in kinds.values() if waiting]
+    return drawn[:count]
+
+
+def _repeats(rows: Sequence[Row], row: Row) -> int:
+    """Return how many rows before this one have its file and kind."""
+    before = rows[: rows.index(row)]
+    return sum((one["file"], one["kind"]) == (row["file"], row["kind"]) for one in before)
+
+
+def main(arguments: Sequence[str]) -> None:
+    if arguments[0] == "--sample":
+        results = json.loads(Path(arguments[2]).read_text(encoding="utf-8"))
+        for i, row in enumerate(sample(results, int(arguments[1])), start=1):
+            print(f"{i}. [{row['kind']}] {row['line']}: {row['message']}")
+        return
+    pairs = (argument.partition("=") for argument in arguments[1:])
+    results = measure({name: Path(folder) for name, _, folder in pairs})
+    Path(arguments[0]).write_text(json.dumps(results, indent=1), encoding="utf-8")
+    print("\n".join(table(results)))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

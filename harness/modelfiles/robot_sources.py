@@ -1,0 +1,103 @@
+"""Files behind other names: sources for xacro, and robots of robot_descriptions."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from importlib import import_module
+from pathlib import Path
+from unittest.mock import patch
+
+from physics_crosscheck.harness.documents.expanded import XACRO, ExpansionError, expand
+from physics_crosscheck.harness.modelfiles.folders import FolderError
+
+ROBOT = "robot:"
+"""Prefix of a robot's name in robot_descriptions."""
+
+_ATTRIBUTES = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
+
+
+def source_file(name: str) -> Path | None:
+    """Return the model file that a name stands for; None for a name that is a path itself.
+
+    `robot:panda` is a robot of robot_descriptions, from its cache. A `.xacro` file is expanded.
+
+    Raises:
+        FolderError: naming the problem and the remedy.
+    """
+    if name.startswith(ROBOT):
+        return _plain(_known_robot(name))
+    path = Path(name)
+    return _plain(path) if path.suffix == XACRO and path.is_file() else None
+
+
+def _plain(file: Path) -> Path:
+    """Return a file, expanded if it is a source.
+
+    Raises:
+        FolderError: naming the problem and the remedy.
+    """
+    if file.suffix != XACRO:
+        return file
+    try:
+        return expand(file)
+    except ImportError:
+        stem = file.name.removesuffix(XACRO).removesuffix(".urdf")
+        raise FolderError(
+            f"{file}: it is source for xacro, which no engine reads; expand it with"
+            f" `xacro {file} > {stem}.urdf`, or pip install 'physics-crosscheck[ros]'"
+        ) from None
+    except ExpansionError as error:
+        raise FolderError(str(error)) from None
+
+
+def _known_robot(name: str) -> Path:
+    """Return the file of a robot from the cache of robot_descriptions, without network.
+
+    Raises:
+        FolderError: naming the problem and the remedy.
+    """
+    try:
+        from robot_descriptions import _cache
+        from robot_descriptions._descriptions import DESCRIPTIONS
+        from robot_descriptions._repositories import REPOSITORIES
+    except ImportError:
+        raise FolderError(
+            f"{name}: needs robot_descriptions; pip install 'physics-crosscheck[robots]'"
+        ) from None
+    module = _module_of(name, list(DESCRIPTIONS))
+    root = os.environ.get("ROBOT_DESCRIPTIONS_CACHE", "~/.cache/robot_descriptions")
+    folder = Path(root).expanduser()
+
+    def in_cache(repository: str, commit: str | None = None) -> str:
+        place = folder / REPOSITORIES[repository].cache_path
+        if not place.is_dir():
+            raise FolderError(
+                f"{name}: {repository} is not in {folder}; download it once with"
+                f" `python -m robot_descriptions pull {module}`"
+            )
+        return str(place)
+
+    with patch.object(_cache, "clone_to_cache", in_cache):
+        described = import_module(f"robot_descriptions.{module}")
+    paths = (getattr(described, one, None) for one in _ATTRIBUTES)
+    path = next((Path(one) for one in paths if one), None)
+    if path is None or not path.is_file():
+        raise FolderError(f"{name}: {path or 'its model file'} is missing; download it again")
+    return path
+
+
+def _module_of(name: str, modules: list[str]) -> str:
+    """Return the module of a robot: `panda` is `panda_description`.
+
+    Raises:
+        FolderError: for an unknown robot, with similar names.
+    """
+    robot = name.removeprefix(ROBOT)
+    for module in (robot, f"{robot}_description", f"{robot}_mj_description"):
+        if module in modules:
+            return module
+    short = {one.removesuffix("_description"): one for one in modules}
+    close = difflib.get_close_matches(robot, short)
+    hint = f"; similar: {', '.join(ROBOT + one for one in close)}" if close else ""
+    raise FolderError(f"{name}: robot_descriptions has no such robot{hint}")

@@ -1,0 +1,211 @@
+"""Advice about implausible numbers of robots' files: one planted fault of each kind."""
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.records.finding import AuditFinding
+
+BOX = '<geometry><box size="0.1 0.1 0.4"/></geometry>'
+
+
+def link(
+    name: str,
+    mass: float = 2.0,
+    moments: tuple[float, float, float] = (0.0283, 0.0283, 0.0033),
+    center: str = "0 0 0",
+    shape: str = BOX,
+) -> str:
+    """A box of 0.1 x 0.1 x 0.4 m with its moments at uniform density."""
+    xx, yy, zz = moments
+    return f"""
+  <link name="{name}">
+    <inertial><origin xyz="{center}"/><mass value="{mass}"/>
+      <inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision>{shape}</collision>
+  </link>"""
+
+
+def joint(child: str, limit: str = 'lower="-1" upper="1" effort="100" velocity="1"') -> str:
+    return f"""
+  <joint name="{child}_joint" type="revolute"><parent link="base"/><child link="{child}"/>
+    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/><limit {limit}/></joint>"""
+
+
+def advice(folder: Path, *parts: str, suffix: str = ".urdf") -> list[AuditFinding]:
+    file = folder / f"robot{suffix}"
+    base = link("base", mass=2.5)
+    whole = f'<robot name="r">{base}{"".join(parts)}\n</robot>\n'
+    file.write_text(whole if suffix == ".urdf" else parts[0])
+    found = [one for one in plausibility_findings(read_robot(file)) if one.severity == "advice"]
+    for one in found:
+        assert one.code
+        assert one.location is not None
+    return found
+
+
+def only(folder: Path, kind: str, *parts: str, suffix: str = ".urdf") -> AuditFinding:
+    found = advice(folder, *parts, suffix=suffix)
+    assert [one.kind for one in found] == [kind], [one.message for one in found]
+    return found[0]
+
+
+def text_at(one: AuditFinding) -> str:
+    assert one.location is not None
+    assert one.location.line is not None
+    return Path(one.location.file).read_text().splitlines()[one.location.line - 1]
+
+
+def test_a_robot_of_uniform_boxes_gets_no_advice(tmp_path: Path) -> None:
+    parts = (link("left_arm"), joint("left_arm"), link("right_arm"), joint("right_arm"))
+    assert advice(tmp_path, *parts) == []
+
+
+def test_unlike_links_with_one_round_tensor_are_a_placeholder(tmp_path: Path) -> None:
+    tensor = (0.01, 0.01, 0.01)
+    parts = (link("a", 1.0, tensor), joint("a"), link("b", 3.0, tensor), joint("b"))
+    one = only(tmp_path, "equal inertias", *parts)
+    assert one.subject == ("a", "b")
+    assert one.actual == 0.01
+    assert one.expected == pytest.approx(1.0 / 12 * (0.1**2 + 0.4**2), rel=1e-9)
+
+
+def test_like_links_with_one_tensor_are_fine(tmp_path: Path) -> None:
+    parts = [text for name in "abc" for text in (link(name), joint(name))]
+    assert advice(tmp_path, *parts) == []
+
+
+def test_moments_beyond_all_mass_at_the_corners_are_too_large(tmp_path: Path) -> None:
+    one = only(tmp_path, "inertia too large", link("a", 2.0, (0.5, 0.5, 0.1)), joint("a"))
+    assert "impossible" in one.message
+    assert "<inertial>" in text_at(one)
+    assert one.expected == pytest.approx(0.0283, rel=0.01)
+
+
+def test_moments_of_a_point_are_too_small(tmp_path: Path) -> None:
+    one = only(tmp_path, "inertia too small", link("a", 2.0, (1e-6, 1e-6, 1e-6)), joint("a"))
+    assert one.actual == pytest.approx(1e-6)
+
+
+def test_a_center_of_mass_outside_the_box_is_noted_with_its_distance(tmp_path: Path) -> None:
+    one = only(tmp_path, "center outside", link("a", center="0 0 0.3"), joint("a"))
+    assert one.actual == pytest.approx(0.1)
+
+
+def test_a_mass_denser_than_lead_is_noted(tmp_path: Path) -> None:
+    one = only(tmp_path, "density", link("a", 80.0, (1.1, 1.1, 0.13)), joint("a", EFFORT))
+    assert one.expected == pytest.approx(4.0)
+
+
+EFFORT = 'lower="-1" upper="1" effort="1000" velocity="1"'
+
+
+def test_moments_along_other_axes_than_the_shape_are_swapped(tmp_path: Path) -> None:
+    moments = (0.0033, 0.0283, 0.0283)
+    one = only(tmp_path, "swapped axes", link("a", 2.0, moments), joint("a"))
+    assert "rotation" in one.message
+
+
+def test_left_and_right_with_different_masses_are_noted(tmp_path: Path) -> None:
+    parts = (link("left_arm", 2.2), joint("left_arm"), link("right_arm"), joint("right_arm"))
+    one = only(tmp_path, "left and right", *parts)
+    assert one.subject == ("left_arm", "right_arm")
+    assert (one.actual, one.expected) == (2.2, 2.0)
+
+
+def test_a_moving_mass_without_moments_is_noted(tmp_path: Path) -> None:
+    part = link("a", 2.0, (0, 0, 0), center="0.04 0 0")
+    one = only(tmp_path, "moving without inertia", part, joint("a"))
+    assert one.expected == pytest.approx(0.0283, rel=0.01)
+
+
+def test_a_joint_that_engines_hold_is_noted(tmp_path: Path) -> None:
+    frame = '<link name="a"/>'
+    one = only(tmp_path, "moving without inertia", frame, joint("a"), link("b"), joint("b"))
+    assert one.subject == ("a_joint",)
+    assert 'name="a_joint"' in text_at(one)
+
+
+def test_limits_that_exclude_the_drawn_pose_are_noted_at_the_limit(tmp_path: Path) -> None:
+    limit = 'lower="0.2" upper="1" effort="100" velocity="1"'
+    one = only(tmp_path, "rest outside limits", link("a"), joint("a", limit))
+    assert one.expected == 0.2
+    assert one.actual == 0.0
+    assert "<limit" in text_at(one)
+
+
+def test_an_effort_below_gravity_is_noted_with_the_torque(tmp_path: Path) -> None:
+    limit = 'lower="-1" upper="1" effort="0.5" velocity="1"'
+    part = link("a", center="0.04 0 0")
+    one = only(tmp_path, "weak drive", part, joint("a", limit))
+    assert one.expected == pytest.approx(2.0 * 9.81 * 0.04, rel=1e-3)
+    assert one.actual == 0.5
+
+
+ARM = """<mujoco>
+  <worldbody>
+    <body name="arm"><joint name="elbow" axis="0 1 0" range="-60 60" damping="{damping}"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0 0 -0.3"/></body>
+  </worldbody>
+  <actuator>
+    <position name="servo" joint="elbow" kp="50"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def test_a_drive_without_damping_oscillates(tmp_path: Path) -> None:
+    one = only(tmp_path, "damping ratio", ARM.format(damping=0.001), suffix=".xml")
+    assert one.actual is not None
+    assert one.actual < 0.1
+    assert "<position" in text_at(one)
+
+
+def test_a_drive_near_critical_damping_is_fine(tmp_path: Path) -> None:
+    assert advice(tmp_path, ARM.format(damping=2.0), suffix=".xml") == []
+
+
+def test_a_keyframe_states_an_initial_pose(tmp_path: Path) -> None:
+    text = ARM.format(damping=2.0).replace('range="-60 60"', 'range="10 60"')
+    only(tmp_path, "rest outside limits", text, suffix=".xml")
+    key = '<keyframe><key qpos="0.5"/></keyframe></mujoco>'
+    assert advice(tmp_path, text.replace("</mujoco>", key), suffix=".xml") == []
+
+
+def stl(size: float) -> str:
+    """A cube as an STL file."""
+    corners = [(x, y, z) for x in (0, size) for y in (0, size) for z in (0, size)]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    facets = [three for a, b, c, d in sides for three in ((a, b, c), (a, c, d))]
+    lines = ["solid cube"]
+    for three in facets:
+        vertices = "\n".join("vertex {} {} {}".format(*corners[i]) for i in three)
+        lines.append(f"facet normal 0 0 0\nouter loop\n{vertices}\nendloop\nendfacet")
+    return "\n".join([*lines, "endsolid cube"])
+
+
+def test_a_mesh_in_millimetres_is_recognized_by_its_density(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    (tmp_path / "cube.stl").write_text(stl(50.0))
+    mesh = '<geometry><mesh filename="package://r/cube.stl"/></geometry>'
+    part = link("a", 0.1, (4e-5, 4e-5, 4e-5), center="0.025 0.025 0.025", shape=mesh)
+    one = only(tmp_path, "mesh unit", part, joint("a"))
+    assert one.expected == 0.001
+    small = part.replace("cube.stl", 'cube.stl" scale="0.001 0.001 0.001')
+    assert advice(tmp_path, small, joint("a")) == []
+
+
+def test_a_missing_mesh_gives_no_advice_about_shapes(tmp_path: Path) -> None:
+    mesh = '<geometry><mesh filename="package://r/absent.stl"/></geometry>'
+    part = link("a", 0.1, (0.5, 0.5, 0.5), shape=mesh)
+    assert advice(tmp_path, part, joint("a")) == []
+
+
+def test_shapes_of_welded_links_count_for_their_body(tmp_path: Path) -> None:
+    """A frame without shapes that carries the inertia of its parent is a common pattern."""
+    bare = link("inner", 2.0).replace("<collision>", "<!--").replace("</collision>", "-->")
+    fixed = """<joint name="weld" type="fixed"><parent link="a"/><child link="inner"/></joint>"""
+    shell = '<link name="a"><collision>' + BOX + "</collision></link>"
+    assert advice(tmp_path, shell, joint("a"), bare, fixed) == []
