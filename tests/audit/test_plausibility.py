@@ -209,3 +209,18 @@ def test_shapes_of_welded_links_count_for_their_body(tmp_path: Path) -> None:
     fixed = """<joint name="weld" type="fixed"><parent link="a"/><child link="inner"/></joint>"""
     shell = '<link name="a"><collision>' + BOX + "</collision></link>"
     assert advice(tmp_path, shell, joint("a"), bare, fixed) == []
+
+
+def test_a_shape_that_is_fitted_to_a_mesh_has_no_size_of_its_own(tmp_path: Path) -> None:
+    """Fitted to the small mesh that replaces the file, it would be a metre large."""
+    (tmp_path / "cube.stl").write_text(stl(0.1))
+    text = ARM.format(damping=2.0)
+    text = text.replace("<worldbody>", '<asset><mesh file="cube.stl"/></asset><worldbody>')
+    geom = '<geom type="capsule" mesh="cube"/><inertial pos="0.05 0.05 0.05" mass="0.1"'
+    text = text.replace(
+        '<geom type="capsule" size="0.03" fromto="0 0 0 0 0 -0.3"/>',
+        f'{geom} diaginertia="0.00017 0.00017 0.00017"/>',
+    )
+    kinds = [one.kind for one in advice(tmp_path, text, suffix=".xml")]
+    assert "density" not in kinds
+    assert "inertia too small" not in kinds

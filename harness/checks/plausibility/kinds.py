@@ -154,7 +154,7 @@ def _differ(parts: Sequence[LinkPart], bodies: Mapping[str, WeldedBody]) -> bool
     masses = [part.inertia.mass for part in parts]
     if max(masses) > UNLIKE * min(masses):
         return True
-    hulls = [bodies[part.name].hull for part in parts]
+    hulls = [body.hull for part in parts if len((body := bodies[part.name]).parts) == 1]
     sizes = [hull.volume for hull in hulls if hull is not None]
     return len(sizes) > 1 and max(sizes) > UNLIKE**3 * min(sizes)
 

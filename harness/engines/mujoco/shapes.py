@@ -6,7 +6,7 @@ and their files may be missing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -90,11 +90,25 @@ def mesh_files(tree: Any) -> dict[str, MeshFile]:
     }
 
 
+def fitted_shapes(tree: Any) -> frozenset[int]:
+    """Return the indices of geoms of a compiled specification that are fitted to a mesh."""
+    import mujoco
+
+    mesh = mujoco.mjtGeom.mjGEOM_MESH
+    return frozenset(one.id for one in tree.geoms if one.meshname and one.type != mesh)
+
+
 def with_mesh_files(
-    placed: Iterable[CompiledShape], meshes: Mapping[str, MeshFile]
+    placed: Iterable[CompiledShape], meshes: Mapping[str, MeshFile], fitted: Collection[int]
 ) -> tuple[CompiledShape, ...]:
-    """Return shapes with the files of their meshes in place of the meshes' names."""
-    rows = [(one, *meshes.get(one.mesh, _NO_MESH)) for one in placed]
+    """Return shapes with the files of their meshes in place of the meshes' names.
+
+    Fitted shapes have no kind: they are fitted to a mesh that replaces the file's.
+    """
+    rows = [
+        (replace(one, kind="") if i in fitted else one, *meshes.get(one.mesh, _NO_MESH))
+        for i, one in enumerate(placed)
+    ]
     return tuple(
         replace(one, mesh=file, scale=scale) if one.mesh else one for one, file, scale in rows
     )

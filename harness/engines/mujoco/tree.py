@@ -41,6 +41,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import (
     files_of_shapes,
+    fitted_shapes,
     mesh_files,
     placed_shapes,
     with_mesh_files,
@@ -156,7 +157,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         engine_variants=_read_once(_engine_variants, m, path),
         laws=laws,
         paths=paths,
-        placed=with_mesh_files(_read_once(_placed, m, path), meshes),
+        placed=with_mesh_files(_read_once(_placed, m, path), meshes, fitted_shapes(tree)),
     )
 
 
