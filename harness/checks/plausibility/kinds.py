@@ -118,7 +118,8 @@ def equal_inertias(facts: RobotFacts) -> Iterator[Advice]:
     alike: dict[tuple[float, ...], list[LinkPart]] = {}
     for body in facts.bodies:
         for part in body.parts:
-            if part.inertia.mass > NEGLIGIBLE_SHARE * body.inertia.mass and any(part.link.inertia):
+            is_heavy = part.inertia.mass > NEGLIGIBLE_SHARE * body.inertia.mass
+            if is_heavy and any(part.link.inertia) and not _fits_shape(part, body):
                 alike.setdefault(part.link.inertia, []).append(part)
     for tensor, parts in alike.items():
         need = 2 if _is_round(tensor) else MIN_EQUAL
@@ -157,6 +158,14 @@ def _differ(parts: Sequence[LinkPart], bodies: Mapping[str, WeldedBody]) -> bool
     hulls = [body.hull for part in parts if len((body := bodies[part.name]).parts) == 1]
     sizes = [hull.volume for hull in hulls if hull is not None]
     return len(sizes) > 1 and max(sizes) > UNLIKE**3 * min(sizes)
+
+
+def _fits_shape(part: LinkPart, body: WeldedBody) -> bool:
+    """Return whether the moments of a link are about those at uniform density."""
+    if body.hull is None or len(body.parts) > 1:
+        return False
+    even = part.inertia.mass * _moments(body.hull.moments_about(body.inertia.center))
+    return _misfit(_moments(part.inertia.inertia), even) < FIT_RATIO
 
 
 def _by_shape(part: LinkPart, body: WeldedBody) -> tuple[str, float] | None:
