@@ -1,7 +1,7 @@
 """One function for each kind of advice, and the table of all.
 
-Thresholds are those at which at most one finding in twenty is wrong on the robots of
-`campaigns.plausibility`; `docs/plausibility.md` has the counts.
+Thresholds are chosen on the robots of `campaigns.plausibility`; `docs/plausibility.md` has the
+counts.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from physics_crosscheck.harness.interfaces.notebook.subject import Name, system_
 from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.load import load_declaration
@@ -162,8 +163,8 @@ class RobotModel:
         return np.array([float(given.get(name, 0.0)) for name in names])
 
     def __repr__(self) -> str:
-        moving = f"{len(self.joints)} joints, {len(self.bodies)} links, {self.mass:.4g} kg"
-        return f"<{self.name} of {self.file}: {moving}>"
+        joints, links = counted(len(self.joints), "joint"), counted(len(self.bodies), "link")
+        return f"<{self.name} of {self.file}: {joints}, {links}, {self.mass:.4g} kg>"
 
     def _repr_html_(self) -> str:
         rows = [
