@@ -13,7 +13,7 @@ import re
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -216,10 +216,9 @@ def faults(
     paths: Iterable[Path], each: int, seed: int, kinds: Collection[str], *, floating: bool
 ) -> None:
     """Print, for each attribute and size, how many faults act, differ, and are named."""
-    rng = np.random.default_rng(seed)
-    counts: dict[tuple[str, str], Counter[str]] = {}
+    rng, total = np.random.default_rng(seed), dict[tuple[str, str], Counter[str]]()
     for path in paths:
-        began = time.process_time()
+        began, counts = time.process_time(), dict[tuple[str, str], Counter[str]]()
         for key, size, address, fault in planted(path, each, rng, kinds, floating=floating):
             count = counts.setdefault((key, size), Counter())
             acts = not fault.acts <= RESOLUTION
@@ -228,14 +227,23 @@ def faults(
             count.update(caught=acts and caught, named=acts and fault.named)
             if caught != acts or fault.named != caught:
                 print(f"{path.name} {address} {size}: {fault}", flush=True)
-        print(f"{path.parent.name}/{path.name}: {time.process_time() - began:.0f} s", flush=True)
-    for (key, size), count in sorted(counts.items()):
+        print(f"{path.parent.name}/{path.name}: {time.process_time() - began:.0f} s")
+        _print_counts(counts)
+        for row, count in counts.items():
+            total.setdefault(row, Counter()).update(count)
+    print("together")
+    _print_counts(total)
+
+
+def _print_counts(counts: Mapping[tuple[str, str], Counter[str]]) -> None:
+    """Print the counts of each attribute and size, and their sum."""
+    whole = sum(counts.values(), Counter[str]())
+    for (key, size), count in [*sorted(counts.items()), (("all", ""), whole)]:
         print(
             f"{key:18} {size:8} planted {count['planted']:4}  acts {count['acts']:4}"
-            f"  caught {count['caught']:4}  named {count['named']:4}"
+            f"  caught {count['caught']:4}  named {count['named']:4}  refused {count['refused']:3}",
+            flush=True,
         )
-    total = sum(counts.values(), Counter[str]())
-    print(dict(total))
 
 
 NOT_DYNAMIC = re.compile(

@@ -379,13 +379,16 @@ def _restarted(problem: AnyLawProblem, uncertainty: Array) -> list[Fit]:
             for fault in _faults(problem, slopes[i])
         }
         if sizes:
-            fits.append(refine(whole, {i: min(sizes, key=sizes.__getitem__)}, slopes))
+            start = {i: min(sizes, key=sizes.__getitem__)}
+            near = slopes.copy()
+            near[i] = problem.slopes(start, [i])[0]
+            fits.append(refine(whole, start, near))
     accepted = max(NAMED, 2 * whole.floor)
     return sorted((fit for fit in fits if fit.remaining <= accepted), key=lambda f: f.remaining)
 
 
-STARTS = 6
-"""States whose faults are tried."""
+STARTS, MULTIPLES = 6, (1.0, 2.0, 4.0)
+"""States whose faults are tried, and multiples of these: a row that stops acting hides the rest."""
 
 
 def _faults(problem: AnyLawProblem, slope: Array) -> tuple[float, ...]:
@@ -397,7 +400,8 @@ def _faults(problem: AnyLawProblem, slope: Array) -> tuple[float, ...]:
     slopes = slope.reshape(defects.shape)
     power = np.sum(slopes**2, axis=1)
     states = [k for k in np.argsort(-power).tolist() if power[k] > 0][:STARTS]
-    return tuple(float(slopes[k] @ defects[k] / power[k]) for k in states)
+    single = (float(slopes[k] @ defects[k] / power[k]) for k in states)
+    return tuple(multiple * fault for fault in single for multiple in MULTIPLES)
 
 
 def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem | None:
