@@ -104,7 +104,7 @@ def impulse_result(file: Path) -> SceneResult:
     """Compare a scene of an engine of impulses."""
     if file.suffix == ".py":
         spec = ModelSpec(file, settings={"step": 0.004})
-        check = check_planar_step(file, spec, "pymunk", RESOLUTION)
+        check = check_planar_step(spec, spec, "pymunk", RESOLUTION)
     else:
         engine, spec = spec_of(file, floating=True)
         check = check_whole_step(file, spec, engine, RESOLUTION)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -164,17 +163,17 @@ def case_steps(
     whole = case_whole_step(task, model, coordinates)
     if whole is not None or task.sidecar is None:
         return whole
-    return check_planar_step(task.file, task.spec, task.engine, task.resolution)
+    return check_planar_step(task.spec, task.spec, task.engine, task.resolution)
 
 
 def check_planar_step(
-    file: Path, spec: ModelSpec, engine: str, resolution: float
+    source: ModelSpec, spec: ModelSpec, engine: str, resolution: float
 ) -> WholeStepCheck | None:
     """Compare steps of a file; None if nothing touches, and no joint has a limit or a motor.
 
     Args:
-        file: whose numbers the law takes.
-        spec: what the engine loads: the same file, or a changed copy, with its settings.
+        source: the file and the settings whose numbers the law takes.
+        spec: what the engine loads: the same, or a changed copy.
         engine: name of the engine.
         resolution: relative discrepancy to resolve.
     """
@@ -182,15 +181,12 @@ def check_planar_step(
         whole = engines()[engine].load_planar(spec)
         if whole is None or not whole.acts:
             return None
-        source = whole
-        if file != spec.path:
-            stated = engines()[engine].load_planar(replace(spec, path=file))
-            assert stated is not None
-            source = stated
-        uncovered = (*source.uncovered, *whole.uncovered)
+        stated = whole if source == spec else engines()[engine].load_planar(source)
+        assert stated is not None
+        uncovered = (*stated.uncovered, *whole.uncovered)
         if uncovered:
             return WholeStepCheck(record=WholeStep(uncovered=tuple(dict.fromkeys(uncovered))))
-        return _check(PlanarModel(laws=source.laws), whole, resolution)
+        return _check(PlanarModel(laws=stated.laws), whole, resolution)
     except EngineError as error:
         return WholeStepCheck(record=WholeStep(uncovered=(str(error),)))
 

@@ -87,11 +87,12 @@ HELP: Mapping[str, str] = MappingProxyType({
     "bounded_speeds": "Limit the speeds of links and joints as SAPIEN does",
     "dropped_inertials": "Drop inertials without mass or moments as SAPIEN does",
     "solver": "Solver: PGS or TGS",
+    "collision_slop": "Overlap of shapes that is not corrected, m (`Space.collision_slop`)",
 })  # fmt: skip
 """Settings of single engines, with their meaning."""
 
 _SPACE: Mapping[str, str] = MappingProxyType({
-    "damping": "Share of its velocity that a body keeps in a second (`Space.damping`)",
+    "damping": "Share of its velocity that a body keeps in a second (`Space.damping`)"
 })  # fmt: skip
 
 _MUJOCO: Mapping[str, object] = MappingProxyType({
@@ -103,7 +104,7 @@ _ADAPTER_DEFAULTS: Mapping[str, Mapping[str, object]] = MappingProxyType({
     "mujoco": _MUJOCO,
     "mjx": {**_MUJOCO, "bits": 64},
     "pybullet": PYBULLET,
-    "pymunk": {"damping": "of the file"},
+    "pymunk": {"damping": "of the file", "collision_slop": "of the file"},
 })  # fmt: skip
 """Defaults of adapters that are not `UrdfEngine`s."""
 

@@ -420,12 +420,14 @@ class PlanarWhole(ABC):
     Attributes:
         laws: the file's numbers.
         home, speeds: places of the bodies as built, and their rates, (N, 3).
+        numbers: values of whole steps by the cause of a wrong one, as in `DefaultLeftOn`.
         edits, uncovered: as in `WholeModel`; nothing is compared if something is uncovered.
     """
 
     laws: PlanarLaws
     home: Array
     speeds: Array
+    numbers: Mapping[str, float] = MappingProxyType({})
     edits: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
 

@@ -31,7 +31,9 @@ def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck | Non
     file, copy = tmp_path / "space.py", tmp_path / "copy.py"
     file.write_text(text)
     copy.write_text(loaded or text)
-    return check_planar_step(file, ModelSpec(copy, settings=STEP), "pymunk", 1e-9)
+    return check_planar_step(
+        ModelSpec(file, settings=STEP), ModelSpec(copy, settings=STEP), "pymunk", 1e-9
+    )
 
 
 @pytest.mark.parametrize("space", SPACES)

@@ -19,6 +19,7 @@ from physics_crosscheck.harness.commands.mutation.mistakes import (
 )
 from physics_crosscheck.harness.commands.mutation.mistakes.registry import (
     axes,
+    contact_defaults,
     degrees,
     exchanges,
     gravity,
@@ -279,3 +280,23 @@ def test_gravity_is_changed_where_the_model_states_it() -> None:
 def test_an_armature_that_stands_for_a_constant_is_not_made_again() -> None:
     found = [m for m in left_in(subject("drum_pendulum", "mujoco.xml")) if "armature" in m.name]
     assert [m.location for m in found] == ["theta"]
+
+
+FLOOR = """space.gravity = (0, 0)
+    space.collision_slop = 0.001
+    ball = pymunk.Body(1, 0.1)
+    ball.position = (5, 0.1)
+    floor = pymunk.Segment(space.static_body, (4, 0), (6, 0), 0)
+    space.add(ball, pymunk.Circle(ball, 0.1), floor)
+"""
+
+
+def test_a_slop_of_centimeters_is_named_where_shapes_touch(copied: Copied, few: None) -> None:
+    """Catch a default that no motion shows, and that whole steps show."""
+    sidecar = copied(MSD, "space.py", ("space.py", "space.gravity = (0, 0)\n", FLOOR))
+    [row] = rows(
+        sound(MSD, "space.py", "pymunk", sidecar), lambda fault: fault.name == "slop of 0.1 m"
+    )
+    assert row.verdict is FaultVerdict.NAMED
+    assert row.message == "Space.collision_slop is 0.1; the file states 0.001"
+    assert not list(contact_defaults(subject(MSD, "space.py", "pymunk")))

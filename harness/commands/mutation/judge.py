@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
+from physics_crosscheck.harness.checks.planar_step import check_planar_step
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.commands.mutation.faults import FAULTS, SIZES
@@ -18,6 +19,7 @@ from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.documents.errors import original_paths
 from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.numerics.full_run import follow
 from physics_crosscheck.harness.numerics.segments import BlownUpError
@@ -94,6 +96,7 @@ def _judged(task: MutationTask, wrong: SystemTask) -> Mutation:
             coarse = f"unresolved, to {np.max(uncertainty):.0e}"
             return _row(task, FaultVerdict.CAUGHT, size, coarse)
         row = _in_frames(task, wrong, _row(task, FaultVerdict.UNTESTED, size))
+        row = _in_steps(task, wrong, row) if row.verdict is FaultVerdict.UNTESTED else row
         return _unnoticed(row, bool(moved.any())) if row.verdict is FaultVerdict.UNTESTED else row
 
 
@@ -114,6 +117,29 @@ def _in_frames(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation
         verdict=FaultVerdict.NAMED if right else FaultVerdict.CAUGHT,
         message=message,
         first_caught=number(min(one.share for one in findings)),
+    )
+
+
+def _in_steps(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation:
+    """Build the row of a fault that no motion shows: caught if steps with contacts differ."""
+    sound, engine = task.model.spec, engines()[wrong.engine]
+    check = check_planar_step(sound, wrong.spec, wrong.engine, RESOLUTION)
+    if check is None or not check.record.differs:
+        return row
+    present, stated = (engine.load_planar(spec) for spec in (wrong.spec, sound))
+    assert present is not None
+    assert stated is not None
+    changed = {name for name, value in present.numbers.items() if value != stated.numbers[name]}
+    named = {CauseId(kind="default", subject=(name,)) for name in changed}
+    values = ", ".join(
+        f"{name} is {present.numbers[name]:g}; the file states {stated.numbers[name]:g}"
+        for name in sorted(changed)
+    )
+    return msgspec.structs.replace(
+        row,
+        verdict=FaultVerdict.NAMED if named and named <= task.fault.causes else FaultVerdict.CAUGHT,
+        message=values or f"whole steps differ in {check.record.component}",
+        first_caught=None,
     )
 
 

@@ -245,6 +245,13 @@ class PymunkEngine(Engine):
         DefaultLeftOn(
             name="Space.damping left in", setting="damping", value=0.9, cause="Space.damping"
         ),
+        DefaultLeftOn(
+            name="slop of 0.1 m",
+            setting="collision_slop",
+            value=0.1,
+            cause="Space.collision_slop",
+            whole=True,
+        ),
     )
 
     def version(self) -> str | None:
@@ -253,7 +260,7 @@ class PymunkEngine(Engine):
 
     def load(self, spec: ModelSpec) -> PymunkModel:
         """Run the file, and call its `build`."""
-        unknown = set(spec.settings) - {"step", "gravity", "damping"}
+        unknown = set(spec.settings) - {"step", "gravity", "damping", "collision_slop"}
         if unknown:
             raise EngineError(f"{spec.path}.toml: pymunk has no setting {', '.join(unknown)}")
         if "step" not in spec.settings:
@@ -271,6 +278,12 @@ class PymunkEngine(Engine):
             raise EngineError(
                 f"{spec.path}.toml: [settings] damping is {damping!r}; set the "
                 "share of velocity that a body keeps per second, 1 for no damping"
+            )
+        slop = spec.settings.get("collision_slop", 0)
+        if isinstance(slop, bool) or not isinstance(slop, (int, float)) or not slop >= 0:
+            raise EngineError(
+                f"{spec.path}.toml: [settings] collision_slop is {slop!r}; set the overlap that"
+                " is not corrected, in m"
             )
         return PymunkModel(spec)
 
@@ -304,6 +317,8 @@ class PymunkModel(LoadedModel):
         self._gravity: Any = spec.settings.get("gravity")
         # Overrides Space.damping, the share of its velocity that a body keeps in a second.
         self._damping: Any = spec.settings.get("damping")
+        # Overrides Space.collision_slop.
+        self._slop: Any = spec.settings.get("collision_slop")
         self._module = run_file(spec.path)
         self._build()
         # pymunk's own step checks masses and moments; the C call does not.
@@ -381,6 +396,8 @@ class PymunkModel(LoadedModel):
             space.gravity = tuple(self._gravity[:2])
         if self._damping is not None:
             space.damping = float(self._damping)
+        if self._slop is not None:
+            space.collision_slop = float(self._slop)
         self.gravity = tuple(map(float, space.gravity))
         self._space, self._bodies = space, bodies
         # C handles: calls on them take a third of the time of pymunk's own methods.

@@ -101,6 +101,7 @@ class PymunkWhole(PlanarWhole):
             slop=float(self._space.collision_slop),
             error_bias=float(self._space.collision_bias),
         )
+        self.numbers = {"Space.collision_slop": self.laws.slop}
         self.home = self._places()
         self.speeds = self._velocities()
 

@@ -305,6 +305,24 @@ def defaults(subject: Subject) -> Iterator[Mistake]:
             )
 
 
+def contact_defaults(subject: Subject) -> Iterator[Mistake]:
+    """Yield each default that only whole steps depend on, if contacts or limits can act."""
+    whole = subject.engine.load_planar(subject.task.spec)
+    if whole is None or not whole.acts or whole.uncovered:
+        return
+    for usual in subject.engine.usual_mistakes:
+        if (
+            isinstance(usual, DefaultLeftOn)
+            and whole.numbers.get(usual.cause, usual.value) != usual.value
+        ):
+            yield Mistake(
+                usual.name,
+                f"settings.{usual.setting}",
+                Edit(settings={usual.setting: usual.value}),
+                frozenset({CauseId(kind="default", subject=(usual.cause,))}),
+            )
+
+
 def steps(subject: Subject) -> Iterator[Mistake]:
     """Yield twice the time step, and every other integrator that suits the model."""
     step = 2 * subject.model.step
@@ -315,7 +333,8 @@ def steps(subject: Subject) -> Iterator[Mistake]:
 
 
 FAMILIES: tuple[Callable[[Subject], Iterator[Mistake]], ...] = (
-    axes, bases, gravity, exchanges, rests, degrees, left_in, left_out, defaults, steps,
+    axes, bases, gravity, exchanges, rests, degrees, left_in, left_out, defaults,
+    contact_defaults, steps,
 )  # fmt: skip
 
 
