@@ -336,6 +336,10 @@ class WholeStepComparison(ABC, Generic[M, S]):
             names += [f"state {i + 1} of the drives" for i in range(self.model.activations)]
         return tuple(names)
 
+    def velocity_uncertainty(self, sample: Evaluated[S], unsure: Array) -> Array:
+        """Return the uncertainty of the next velocities, (nv,), from that of accelerations."""
+        return self.model.step * unsure
+
     def _answer(self, sample: Evaluated[S]) -> Array:
         """Return the components by the engine, (C,)."""
         engine, order = sample.engine, self.order
@@ -360,7 +364,7 @@ class WholeStepComparison(ABC, Generic[M, S]):
         return np.concatenate(
             [
                 unsure,
-                h * unsure + eps * (np.abs(posture.m) + speed),
+                self.velocity_uncertainty(sample, unsure) + eps * (np.abs(posture.m) + speed),
                 DIGITS * eps * (h * speed + turned),
                 np.full(len(after.activations), DIGITS * eps),
             ]
@@ -406,6 +410,10 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
                 back = max(0.0, -outwards[place] * float(free[there]))
                 speed[place] = outwards[place] * min(MAX_OUTWARD, back / damping)
         return speed
+
+    def velocity_uncertainty(self, sample: Evaluated[LawSolution], unsure: Array) -> Array:
+        """Return the uncertainty of the next velocities, (nv,), from that of accelerations."""
+        return self.laws.velocity_uncertainty(sample.solution.law, sample.acceleration, unsure)
 
     def expected(self, sample: Evaluated[LawSolution]) -> Array:
         """Return the components by the laws, (C,)."""

@@ -96,7 +96,7 @@ class Rows:
         safe: whether time constants are at least two steps.
         velocities: stored, (nv,).
         limits: number of rows of limits.
-        magnitudes: of the terms of each row, (nv,).
+        arms: magnitudes of the positions whose differences are arms in each row, (nv,).
     """
 
     step: float
@@ -110,7 +110,7 @@ class Rows:
     sizes: list[float] = field(default_factory=list)
     cones: list[Cone] = field(default_factory=list)
     limits: int = 0
-    magnitudes: list[Array] = field(default_factory=list)
+    arms: list[Array] = field(default_factory=list)
 
     def add(
         self,
@@ -143,9 +143,8 @@ class Rows:
         d, full = impedance(softness, violation if depth is None else depth)
         k, b = gains(softness.reference, full, self.step, safe=self.safe)
         rate = float(row @ self.velocities)
-        magnitude = np.abs(row) + arms
-        size = b * float(magnitude @ np.abs(self.velocities)) + abs(bias)
-        self.magnitudes.append(magnitude)
+        size = b * float(np.abs(row) @ np.abs(self.velocities)) + abs(bias)
+        self.arms.append(arms + np.zeros_like(row))
         self.kinds.append(kind)
         self.jacobian.append(row)
         self.reference.append(-b * rate - k * d * violation - bias)
@@ -160,7 +159,7 @@ class Rows:
             free=free,
             loads=loads,
             jacobian=np.array(self.jacobian).reshape(-1, len(free)),
-            magnitudes=np.array(self.magnitudes).reshape(-1, len(free)),
+            arms=np.array(self.arms).reshape(-1, len(free)),
             reference=np.array(self.reference),
             softness=np.array(self.softness),
             kinds=np.array([kind.value for kind in self.kinds], dtype=int),
@@ -179,7 +178,7 @@ class Problem:
         free: a0, (nv,).
         loads: sums of the magnitudes in the smooth forces, (nv,).
         jacobian: J, (K, nv).
-        magnitudes: sums of the magnitudes in J, (K, nv).
+        arms: magnitudes of the positions whose differences are arms in J, (K, nv).
         reference: aref, (K,).
         softness: R, (K,).
         kinds: values of `Kind`, (K,).
@@ -192,7 +191,7 @@ class Problem:
     free: Array
     loads: Array
     jacobian: Array
-    magnitudes: Array
+    arms: Array
     reference: Array
     softness: Array
     kinds: NDArray[np.int_]
@@ -280,9 +279,10 @@ class Problem:
     def rounding(self, a: Array) -> Array:
         """Return the effect of a last digit of every term on the minimizer, relative to epsilon."""
         force, slope = self.forces(a)
-        size = self.magnitudes @ np.abs(a) + self.sizes
+        size = np.abs(self.jacobian) @ np.abs(a) + self.sizes
         loose = np.abs(self.mass) @ (np.abs(a) + np.abs(self.free)) + self.loads
-        loose = loose + self.magnitudes.T @ (np.abs(force) + np.abs(slope) @ size)
+        loose = loose + np.abs(self.jacobian).T @ (np.abs(force) + np.abs(slope) @ size)
+        loose = loose + self.arms.T @ np.abs(force)
         hessian = self.mass + self.jacobian.T @ slope @ self.jacobian
         result: Array = np.abs(np.linalg.inv(hessian)) @ loose
         return result

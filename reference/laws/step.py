@@ -66,6 +66,9 @@ class LawStep:
 DIGITS = 16
 """Last digits by which each term of an acceleration may be rounded."""
 
+SLOWEST = 1e-3
+"""Smallest velocity by which derivatives of forces are scaled, rad/s or m/s."""
+
 _NAMES = {Kind.EQUALITY: "equalities", Kind.FRICTION: "dry friction"}
 
 
@@ -181,6 +184,28 @@ class LawModel(Constraints):
         result: Array = law.posture.m + h * np.linalg.solve(mass + h * damping, mass @ a)
         return result
 
+    def velocity_uncertainty(self, law: LawStep, a: Array, unsure: Array) -> Array:
+        """Return the uncertainty of the velocities after a step, (nv,), from accelerations'.
+
+        Args:
+            law: the forces.
+            a, unsure: accelerations and their uncertainty, (nv,).
+        """
+        damping, h = self._implicit_damping(law), self.laws.step
+        if damping is None or not damping.any():
+            return h * unsure
+        mass, loose = law.posture.mass, np.zeros_like(a)
+        if self.laws.integrator != "euler":  # derivatives of forces that cancel
+            fastest = max(float(np.max(np.abs(law.posture.m))), SLOWEST)
+            largest = float(np.max(np.abs(a)))
+            loose = h * largest / fastest * law.posture.loads
+            # Engines take the arms in M from differences of positions.
+            far = max(float(np.linalg.norm(pose.origin)) for pose in law.posture.poses)
+            loose = DIGITS * np.finfo(float).eps * (loose + far * largest * np.diagonal(mass))
+        inverse = np.linalg.inv(mass + h * damping)
+        result: Array = h * (np.abs(inverse @ mass) @ unsure + np.abs(inverse) @ loose)
+        return result
+
     def _implicit_damping(self, law: LawStep) -> Array | None:
         """Return the damping that the integrator evaluates at the step's end, (nv, nv)."""
         match self.laws.integrator:
@@ -255,7 +280,7 @@ def _by_velocity(tree: LawTree, posture: Posture) -> Array:
     Central differences are exact for forces that are quadratic in the velocities.
     """
     n = len(posture.m)
-    size = max(float(np.max(np.abs(posture.m))), 1e-3)
+    size = max(float(np.max(np.abs(posture.m))), SLOWEST)
     moved = size * np.eye(n)
     y, nothing = np.tile(posture.y, (n, 1)), np.zeros((n, n))
     forward, backward = (tree.force(y, posture.m + by, nothing) for by in (moved, -moved))
