@@ -28,13 +28,18 @@ DIAGONAL = float(np.sqrt(0.5))
 """Friction of a pyramid between its edges, relative to that along them."""
 
 
-def acting_quantities(compiled: CompiledTree) -> tuple[ActingQuantity, ...]:
-    """Return what the numbers of a compiled file act as; nothing for bodies without laws."""
+def acting_quantities(compiled: CompiledTree, *, apart: bool = False) -> tuple[ActingQuantity, ...]:
+    """Return what the numbers of a compiled file act as; nothing for bodies without laws.
+
+    Args:
+        compiled: the file.
+        apart: whether each joint and body has its rows.
+    """
     try:
         model = law_model(compiled)
     except TreeError:
         model = None
-    return () if model is None else tuple(Acting(model, compiled).quantities())
+    return () if model is None else tuple(Acting(model, compiled, apart=apart).quantities())
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +48,7 @@ class Acting:
 
     model: LawModel
     compiled: CompiledTree
+    apart: bool = False
 
     def quantities(self) -> Iterator[ActingQuantity]:
         """Yield all quantities: contacts with the ground, joint limits, drives."""
@@ -69,6 +75,16 @@ class Acting:
         alike: dict[tuple[ContactParameters, str], list[tuple[int, int]]] = {}
         for pair, parameters, rule in self._pairs():
             alike.setdefault((parameters, rule), []).append(pair)  # the rule states both numbers
+        if self.apart:
+            for (parameters, rule), pairs in alike.items():
+                bodies = dict.fromkeys(self.model.laws.surfaces[j].body for _, j in pairs)
+                for body in bodies:
+                    rest = [
+                        pair for pair in pairs if self.model.laws.surfaces[pair[1]].body == body
+                    ]
+                    subject = f"ground with {self.compiled.bodies[body - 1].name}"
+                    yield from self._contact(subject, parameters, rule, rest)
+            return
         for (parameters, rule), pairs in alike.items():
             subject = f"{self._shape(pairs[0][0])} with {_listed(self._shape(j) for _, j in pairs)}"
             yield from self._contact(subject, parameters, rule, pairs)
@@ -122,7 +138,8 @@ class Acting:
         alike: dict[object, list[SoftLimit]] = {}
         for limit in self.model.laws.limits:
             if limit.joint >= 0:
-                alike.setdefault(limit.softness, []).append(limit)
+                key = (limit.softness, limit.joint if self.apart else -1)
+                alike.setdefault(key, []).append(limit)
         for limits in alike.values():
             names = _listed(self.model.tree.tree.links[one.joint].name for one in limits)
             motion, subject = pressed(limits[0].softness, self.model.laws), f"limits of {names}"

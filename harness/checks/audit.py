@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.checks.acting import acting_quantities
+from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities, merged
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import (
     finding,
@@ -79,9 +80,9 @@ def audit_acting(task: TreeTask) -> Audit:
         EngineError: if the file cannot be compiled.
     """
     engine = engines()[task.engine]
-    if task.file.suffix not in engine.compiles:
-        return Audit(findings=())
-    return Audit(findings=(), acting=acting_quantities(engine.compiled(task.file)))
+    if task.file.suffix in engine.compiles:
+        return Audit(findings=(), acting=acting_quantities(engine.compiled(task.file)))
+    return Audit(findings=(), acting=tuple(merged(impulse_quantities(task.spec, task.engine))))
 
 
 def audit_declared(task: SystemTask) -> Audit:

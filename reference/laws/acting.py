@@ -162,3 +162,8 @@ class Servo:
         """
         h, difference = self.step, self.implicit_damping - self.damping
         return max(0.0, (4 * self.inertia + 2 * h * difference) / h**2)
+
+
+def recovery_time(share: float, step: float) -> float:
+    """Return the time constant of an error of which each step removes a share, s."""
+    return float(-step / np.log1p(-share)) if share < 1 else 0.0

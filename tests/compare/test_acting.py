@@ -36,3 +36,31 @@ def test_equal_files_have_no_such_lines(tmp_path: Path, capsys: pytest.CaptureFi
     (tmp_path / "b.xml").write_text(ARM.replace('name="arm"', 'name="arm" rgba="1 0 0 1"'))
     main(["compare", str(tmp_path / "a.xml"), str(tmp_path / "b.xml"), "--engine", "mujoco"])
     assert "act as" not in capsys.readouterr().out
+
+
+URDF = """<robot name="arm"><link name="base"/>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+<origin xyz="0 0 1"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="20" velocity="9"/></joint>
+<link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+SOFT = """<mujoco><compiler angle="radian"/><worldbody><body name="upper" pos="0 0 1">
+<joint name="shoulder" axis="0 1 0" range="-1 1"/>
+<inertial pos="0.2 0 0" mass="2" diaginertia="0.01 0.02 0.02"/></body></worldbody>
+<actuator><position joint="shoulder" kp="50" forcerange="-20 20"/></actuator></mujoco>"""
+
+
+def test_impulses_and_soft_constraints_are_side_by_side(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Catch quantities of an impulse engine that compare leaves out, or pairs with nothing."""
+    pytest.importorskip("pybullet")
+    (tmp_path / "a.urdf").write_text(URDF)
+    (tmp_path / "b.xml").write_text(SOFT)
+    engines = ["--engine-a", "pybullet", "--engine-b", "mujoco"]
+    main(["compare", str(tmp_path / "a.urdf"), str(tmp_path / "b.xml"), *engines])
+    text = " ".join(capsys.readouterr().out.split())
+    assert "limits of shoulder: rebound 0.2 in A, 0.1353 in B: in A, at most, by the phase" in text
+    assert "each step of 0.002 s removes 0.2 of a violation" in text
+    assert "drive of shoulder: sag none in A, 0.07848 rad in B" in text
+    assert "share of force" not in text  # equal

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from physics_crosscheck.harness.checks.acting import acting_quantities
+from msgspec.structs import replace
+
+from physics_crosscheck.harness.checks.acting import NAMED, acting_quantities
+from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities
 from physics_crosscheck.harness.commands.compare.candidate import Facts
+from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
+from physics_crosscheck.harness.results.status import listed
 
 EQUAL = 1e-9
 """Relative difference below which two values are equal."""
@@ -19,25 +24,52 @@ ALIKE = 0.01
 
 FRICTION, FREQUENCY, DAMPING = "friction", "natural frequency", "damping ratio"
 
+BY_SOLVER = (FRICTION, "restitution", "rest depth", "creep", "rebound", "time constant")
+"""Quantities that a solver of impulses determines itself."""
+
 _Key = tuple[str, str]
 
 
 def compare_acting(a: Facts, b: Facts) -> tuple[ComparedActing, ...]:
-    """Return the quantities that differ; nothing unless both engines act by a documented law."""
-    tables = _table(a), _table(b)
+    """Return the quantities that differ; nothing unless both engines act by a documented law.
+
+    If the laws are of two kinds, each joint and body is compared with that of the same name.
+    """
+    both = [_is_compiled(facts) for facts in (a, b)]
+    tables = [_table(facts, apart=not all(both)) for facts in (a, b)]
     if not all(tables):
         return ()
     keys = dict.fromkeys(key for table in tables for key in table)
-    return tuple(row for key in keys for row in _compared(key, *tables))
+    rows = tuple(row for key in keys for row in _compared(key, *tables))
+    return rows if all(both) else tuple(_merged(rows))
 
 
-def _table(facts: Facts) -> Mapping[_Key, ActingQuantity]:
-    """Return a file's quantities by subject and name."""
+def _is_compiled(facts: Facts) -> bool:
     suffix = facts.candidate.sidecar.model.suffix
-    if facts.compiled is None or suffix not in engines()[facts.candidate.engine].compiles:
-        return {}
-    rows = acting_quantities(facts.compiled)
+    return facts.compiled is not None and suffix in engines()[facts.candidate.engine].compiles
+
+
+def _table(facts: Facts, *, apart: bool) -> Mapping[_Key, ActingQuantity]:
+    """Return a file's quantities by subject and name; none if its engine has no law."""
+    candidate = facts.candidate
+    if facts.compiled is not None and _is_compiled(facts):
+        rows = acting_quantities(facts.compiled, apart=apart)
+    else:
+        try:
+            rows = impulse_quantities(candidate.sidecar.spec(candidate.engine), candidate.engine)
+        except EngineError:
+            return {}
     return {(row.subject, row.quantity): row for row in rows}
+
+
+def _merged(rows: Iterable[ComparedActing]) -> Iterator[ComparedActing]:
+    """Merge rows that differ only in the last word of the subject, such as a joint."""
+    alike: dict[tuple[str, ComparedActing], list[str]] = {}
+    for row in rows:
+        kind, _, name = row.subject.rpartition(" ")
+        alike.setdefault((kind, replace(row, subject="")), []).append(name)
+    for (kind, row), names in alike.items():
+        yield replace(row, subject=f"{kind} {listed(names, NAMED)}")
 
 
 def _compared(
@@ -70,8 +102,10 @@ def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
     here, there = (None if row is None else row.value for row in rows)
     if here is None or there is None:
         return ""
-    if quantity == FRICTION:
-        return _mixing(rows[0], rows[1])
+    if quantity == FRICTION and (mixing := _mixing(rows[0], rows[1])):
+        return mixing
+    if quantity in BY_SOLVER and (rule := _by_solver(rows)):
+        return rule
     if not subject.startswith("drive of"):
         return ""
     if quantity == FREQUENCY and here and there:
@@ -82,6 +116,17 @@ def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
     if quantity == DAMPING and not here * there:
         return f"the damping of {'A' if not here else 'B'} is lost"
     return ""
+
+
+def _by_solver(rows: Sequence[ActingQuantity | None]) -> str:
+    """Return the rule of an impulse solver in the only file whose engine has one, or ""."""
+    words = ("product", "slop", "step", "impulse")
+    labelled = [
+        f"in {label}, {row.rule}"
+        for label, row in zip("AB", rows, strict=True)
+        if row is not None and any(word in row.rule for word in words)
+    ]
+    return labelled[0] if len(labelled) == 1 else ""
 
 
 def _mixing(a: ActingQuantity | None, b: ActingQuantity | None) -> str:

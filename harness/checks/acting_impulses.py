@@ -1,0 +1,132 @@
+"""Quantities that the numbers of a file act as in an engine whose constraints are impulses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from msgspec.structs import replace
+
+from physics_crosscheck.harness.checks.whole_step import ImpulseComparison
+from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
+from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.survey import ActingQuantity
+from physics_crosscheck.harness.results.status import listed
+from physics_crosscheck.reference.laws.acting import recovery_time
+from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.mechanism.laws import HardJoint, HardSurface, ImpulseLaws
+from physics_crosscheck.reference.mechanism.tree import TreeError
+
+NAMED = 3
+"""Largest number of subjects that a line names."""
+
+
+def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
+    """Return what the numbers of a file act as in an engine whose constraints are impulses.
+
+    Each joint and body has its rows. Other engines have no rows.
+
+    Raises:
+        EngineError: if the file cannot be loaded.
+    """
+    model = engines()[engine].load_whole(spec)
+    if model is None or model.rules is None:
+        return ()
+    try:
+        robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
+        laws = impulse_model(robot, model.rules)
+        rows = ActingImpulses(ImpulseComparison(laws, model)).quantities() if laws else ()
+        return tuple(rows)
+    except TreeError:
+        return ()
+
+
+@dataclass(frozen=True, eq=False)
+class ActingImpulses:
+    """The impulses of a file, in its drawn configuration at rest; one row for each subject."""
+
+    comparison: ImpulseComparison
+
+    def quantities(self) -> Iterator[ActingQuantity]:
+        """Yield all quantities: contacts with the ground, joint limits, drives."""
+        laws = self._laws
+        if laws.root is not None:  # only a floating root meets the floor
+            floor, *surfaces = laws.surfaces
+            for name, surface in zip(laws.rules.bodies[1:], surfaces, strict=True):
+                yield from self._contact(f"ground with {name}", floor, surface)
+        for joint in laws.joints:
+            if joint.lower <= joint.upper:
+                yield from self._limit(joint)
+            if joint.effort:
+                yield from self._motor(joint)
+
+    @property
+    def _laws(self) -> ImpulseLaws:
+        return self.comparison.laws.laws
+
+    @cached_property
+    def _posture(self) -> Posture:
+        comparison = self.comparison
+        start = next(iter(comparison.model.starts))
+        return next(comparison.postures([start._replace(m=0 * start.m)]))
+
+    def _contact(
+        self, subject: str, floor: HardSurface, surface: HardSurface
+    ) -> Iterator[ActingQuantity]:
+        rules, parts = self._laws.rules, (floor.friction, surface.friction)
+        rule = f"product of {parts[0]:g} and {parts[1]:g}"
+        friction = _quantity(subject, "friction", parts[0] * parts[1], rule=rule)
+        yield replace(friction, parts=parts)
+        bounce = floor.restitution * surface.restitution
+        rule = f"product of {floor.restitution:g} and {surface.restitution:g}"
+        rule = f"{rule}, above {rules.bounce:g} m/s; less with a smaller step"
+        yield _quantity(subject, "restitution", bounce, rule=rule)
+        if surface.spring is None:
+            yield _quantity(subject, "rest depth", rules.slop, "m", "slop of the solver")
+            yield _quantity(subject, "creep", 0.0, "m/s", "friction is an impulse")
+
+    def _limit(self, joint: HardJoint) -> Iterator[ActingQuantity]:
+        rules, subject = self._laws.rules, f"limits of {self._name(joint)}"
+        share = rules.limit_recovery
+        yield _quantity(subject, "rebound", share, rule="at most, by the phase of the step")
+        yield _quantity(
+            subject, "time constant", recovery_time(share, rules.step), "s",
+            f"each step of {rules.step:.3g} s removes {share:g} of a violation",
+        )  # fmt: skip
+
+    def _motor(self, joint: HardJoint) -> Iterator[ActingQuantity]:
+        rules, subject = self._laws.rules, f"drive of {self._name(joint)}"
+        there = self.comparison.laws.tree.tree.velocities[joint.joint].start
+        load = float(self._posture.smooth[there])
+        if load:
+            share = abs(load) / joint.effort
+            yield _quantity(subject, "share of force for weight", share, rule="as drawn")
+        yield _quantity(
+            subject, "time constant", recovery_time(rules.gain, rules.step), "s",
+            f"each step of {rules.step:.3g} s removes {rules.gain:g} of an error",
+        )  # fmt: skip
+
+    def _name(self, joint: HardJoint) -> str:
+        return self.comparison.laws.tree.tree.links[joint.joint].name
+
+
+def _quantity(
+    subject: str, quantity: str, value: float, unit: str = "", rule: str = ""
+) -> ActingQuantity:
+    return ActingQuantity(
+        subject=subject, quantity=quantity, value=number(value), unit=unit, rule=rule
+    )
+
+
+def merged(rows: Iterable[ActingQuantity]) -> Iterator[ActingQuantity]:
+    """Merge rows that differ only in the last word of the subject, such as a joint."""
+    alike: dict[tuple[str, ActingQuantity], list[str]] = {}
+    for row in rows:
+        kind, _, name = row.subject.rpartition(" ")
+        alike.setdefault((kind, replace(row, subject="")), []).append(name)
+    for (kind, row), names in alike.items():
+        yield replace(row, subject=f"{kind} {listed(names, NAMED)}")

@@ -1,0 +1,80 @@
+"""Quantities that a URDF's numbers act as in PyBullet are those of its own motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities, merged
+from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
+from physics_crosscheck.harness.engines.protocol import ModelSpec, WholeState
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.urdf import SETTINGS
+from tests.laws.scenes import URDF_ARM, URDF_BOX
+
+pytest.importorskip("pybullet")
+
+FREE = {**SETTINGS, **STANDALONE_SETTINGS, "gravity": [0, 0, 0]}
+
+
+def spec_of(tmp_path: Path, text: str, *, floating: bool = False) -> ModelSpec:
+    """Write a file, and return what PyBullet loads."""
+    file = tmp_path / "robot.urdf"
+    file.write_text(text)
+    return ModelSpec(file, settings={**FREE, "floating": floating})
+
+
+def quantities(spec: ModelSpec) -> dict[tuple[str, str], float]:
+    """Return the quantities by subject and name."""
+    rows = impulse_quantities(spec, "pybullet")
+    return {(row.subject, row.quantity): float(row.value or 0.0) for row in rows}
+
+
+def test_friction_and_restitution_are_products(tmp_path: Path) -> None:
+    """Catch friction that is the larger of two, a body without its rows, and lost restitution."""
+    table = quantities(spec_of(tmp_path, URDF_BOX, floating=True))
+    assert table["ground with body", "friction"] == pytest.approx(0.7)
+    assert table["ground with wheel", "friction"] == pytest.approx(0.9)
+    assert table["ground with body", "restitution"] == pytest.approx(0.6)
+    assert table["ground with body", "rest depth"] == 1e-5
+    assert ("ground with wheel", "rest depth") not in table  # on its spring
+    assert not [key for key in quantities(spec_of(tmp_path, URDF_ARM)) if "ground" in key[0]]
+
+
+def test_a_motor_approaches_its_target_with_its_time_constant(tmp_path: Path) -> None:
+    """Catch a gain that is not per step, or a step of another size."""
+    spec = spec_of(tmp_path, URDF_ARM.replace('effort="7"', 'effort="1e6"'))
+    model, table = engines()["pybullet"].load_whole(spec), quantities(spec)
+    assert model is not None
+    state = WholeState(np.array([0.1, 0.1]), np.zeros(2), np.zeros(2), np.zeros(0))
+    count = 10
+    moved = model.moved(model.moved(state, 1), count)
+    first = model.moved(state, 1)
+    time = count * model.step / np.log(first.z[0] / moved.z[0])
+    assert table["drive of shoulder", "time constant"] == pytest.approx(time, rel=1e-3)
+
+
+def test_a_limit_rebounds_at_most_by_its_share(tmp_path: Path) -> None:
+    """Catch a rebound that the engine exceeds, or never comes near to."""
+    spec = spec_of(tmp_path, URDF_ARM)
+    model, table = engines()["pybullet"].load_whole(spec), quantities(spec)
+    assert model is not None
+    most = table["limits of shoulder", "rebound"]
+    rebounds = []
+    for phase in np.linspace(0.02, 0.98, 25):
+        z = np.array([0.7 - 0.5 * phase * model.step, 0.0])
+        state = WholeState(z, np.array([0.5, 0.0]), np.full(2, np.nan), np.zeros(0))
+        after = model.moved(state, 30)
+        momentum = -after.m[0] / 0.5
+        rebounds.append(momentum)
+    assert max(rebounds) < most
+    assert max(rebounds) > most / 2
+
+
+def test_equal_rows_are_one_line(tmp_path: Path) -> None:
+    """Catch a list of one line for each joint."""
+    rows = impulse_quantities(spec_of(tmp_path, URDF_ARM), "pybullet")
+    lines = [row for row in merged(rows) if row.quantity == "time constant"]
+    assert [row.subject for row in lines] == ["limits of shoulder", "drive of shoulder, elbow"]
