@@ -13,12 +13,13 @@ report: .venv/.report
 # Two workers; a file's tests stay together, and files are dealt as they stand: the built-in systems last.
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-# The checks of the code run beside the tests.
+# The checks of the code run beside the tests. Motions with events are among the slow ones.
 test: .venv/.test
 	$(MAKE) --no-print-directory --jobs 2 check pytest
 
 pytest: .venv/.test
-	$(PYTEST) tests -m "not slow" --crosscheck models --crosscheck-thorough --require-engines --durations 10
+	$(PYTEST) tests -m "not slow" --crosscheck models --crosscheck-thorough --require-engines \
+		--ignore models/events --durations 10
 
 # Whole pages, files and matrices, each five seconds and more; the longest folders first.
 test-slow: .venv/.test

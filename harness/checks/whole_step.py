@@ -104,14 +104,22 @@ class WholeStepCheck:
         judgement: of accelerations and the next state; None if nothing was compared.
         resolution: relative discrepancy that it resolves.
         misread: numbers that the compiler of the file resolves otherwise than its text.
-        kind: kind of a case that differs by it.
     """
 
     record: WholeStep
     judgement: LimitVerdict | None = None
     resolution: float = 0.0
     misread: tuple[MisreadNumber, ...] = ()
-    kind: CaseKind = "whole step"
+
+    @property
+    def _differs(self) -> bool:
+        """Steps differ from the law."""
+        return self.judgement is not None and self.judgement.outcome is Outcome.DIFFERS
+
+    @property
+    def kind(self) -> CaseKind:
+        """Kind of a case that differs by it."""
+        return "compiled number" if self.misread and not self._differs else "whole step"
 
     @property
     def locations(self) -> tuple[SourceLine, ...]:
@@ -121,12 +129,12 @@ class WholeStepCheck:
 
     def combined(self, verdict: CaseJudgement) -> CaseJudgement:
         """Combine the verdict on a motion with this one: a difference in either counts."""
-        if self.misread and verdict.outcome is not Outcome.DIFFERS:
-            return self._misread(verdict)
         judged, record = self.judgement, self.record
-        if judged is None or judged.outcome is not Outcome.DIFFERS:
-            return verdict
         if verdict.outcome is Outcome.DIFFERS:
+            return verdict
+        if self.misread:
+            return self._misread(verdict)
+        if judged is None or not self._differs:
             return verdict
         return decided(
             verdict,
@@ -158,7 +166,8 @@ class WholeStepCheck:
             by="whole steps",
             kind=self.kind,
             component=first.subject,
-            reason=f"{first.sentence}{more}; {motions_in_words(verdict)}",
+            reason=f"{first.file.name}:{first.line}: {first.sentence}{more};"
+            f" {motions_in_words(verdict)}",
             resolution=self.resolution,
         )  # fmt: skip
 

@@ -26,7 +26,7 @@ from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 
-NO_MOTION = ("pose",)
+NO_MOTION = ("pose", "compiled number")
 """Kinds of differences that no number of a motion or of a step explains."""
 
 
@@ -108,7 +108,7 @@ class ModelPlan:
         self._results.enter(self.key, CASE, case)
         self._remaining -= 1
         mine = [c for c in self._results.cases if c.key == self.key]
-        # Motions show no number that only poses depend on.
+        # Motions show no number that only poses depend on, and a misread one has its line already.
         differs = any(c.outcome is Outcome.DIFFERS and c.kind not in NO_MOTION for c in mine)
         if differs and self._options.diagnosed and not self._remaining:
             yield from self._do(DIAGNOSIS, (self.key,))

@@ -23,7 +23,7 @@ from physics_crosscheck.harness.records.scene import StateErrors
 
 CaseKind = Literal[
     "",
-    "motion", "coordinate map", "acceleration", "pose", "whole step",
+    "motion", "coordinate map", "acceleration", "pose", "whole step", "compiled number",
     "stands still", "diverges", "wrong order", "not smooth", "coarse", "rounding",
     "full run", "time step",
     "not finite", "blows up", "too coarse", "long step",
@@ -36,9 +36,9 @@ Each has a message code and a page.
 """
 
 MEASURED: tuple[CaseKind, ...] = (
-    "motion", "coordinate map", "acceleration", "pose", "whole step", "stands still", "diverges",
-    "wrong order", "not smooth", "coarse", "rounding", "full run", "time step", "not finite",
-    "blows up", "too coarse",
+    "motion", "coordinate map", "acceleration", "pose", "whole step", "compiled number",
+    "stands still", "diverges", "wrong order", "not smooth", "coarse", "rounding", "full run",
+    "time step", "not finite", "blows up", "too coarse",
 )  # fmt: skip
 """Kinds whose reasons differ only in the numbers of a case."""
 

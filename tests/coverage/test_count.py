@@ -49,6 +49,7 @@ def task(tmp_path: Path) -> SystemTask:
     states = np.random.default_rng(0).uniform(-1, 1, (30, 2))
     target: Any = SimpleNamespace(system=SWING, visited=states)
     target.spec = lambda sidecar, engine: sidecar.spec(engine)
+    target.under_laws = lambda sidecar: target
     target.coordinates = lambda sidecar, file, engine, there: coordinate_map(SWING, sidecar, there)
     return model_task(target, "mujoco", read_sidecar(tmp_path / "rod.xml.toml"))
 

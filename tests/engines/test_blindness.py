@@ -32,6 +32,7 @@ ALLOWED = (
     OWN,
     "physics_crosscheck.harness.documents",
     "physics_crosscheck.reference.mechanism.laws",
+    "physics_crosscheck.reference.mechanism.planar",
     "physics_crosscheck.reference.mechanism.rotations",
 )
 ADAPTERS = sorted(HOME.rglob("*.py"))

@@ -16,6 +16,8 @@ EXAMPLES = (
     "harness/interfaces/cli/arguments.py",
     "harness/interfaces/cli/commands.py",
     "harness/interfaces/cli/reference.py",
+    "harness/modelfiles/mjcf/stated.py",
+    "harness/modelfiles/mjcf/stated_drives.py",
     "reference/laws",
     "reference/mechanism/laws.py",
 )

@@ -50,6 +50,7 @@ def links(declared: System) -> tuple[TreeLink, TreeLink]:
 
 def as_tree(declared: System) -> TreeEquations:
     plain = {f.name: getattr(declared, f.name) for f in dataclasses.fields(declared)}
+    del plain["interactions"]
     plain |= {"T": sp.Integer(0), "V": sp.Integer(0), "D": sp.Integer(0), "equilibria": ()}
     gravity = np.array([0.0, 0.0, -9.81])
     return TreeEquations(TreeSystem(**plain, tree=Tree(links=links(declared), gravity=gravity)))

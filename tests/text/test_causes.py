@@ -47,7 +47,7 @@ def sentences(*causes: Cause, tied: tuple[CauseId, ...] = ()) -> list[str]:
         (cause("exchange", "k1", "k2"), "k1, k2 exchanged explains the motion"),
         (cause("default", "Space.damping"), "Space.damping explains the motion"),
         (cause("constant", "m", estimate=1.5, error=0.0),
-         "m is 1.5 ± 0 in the model, but 1 in the equations"),
+         "m is 1.5 in the model, but 1 in the equations"),
         (cause("zero", "x", nominal=0.0, estimate=0.5),
          "zero of x is 0.5 ± 1e-06 in the model, but 0 in the equations"),
         (cause("quadratic damping", "theta", nominal=0.0),

@@ -147,7 +147,7 @@ def _compiled_rows(
         ("option", 0),
         {
             "timestep": (laws.step,),
-            "integrator": (laws.integrator,),
+            **({"integrator": (laws.integrator,)} if laws.integrator else {}),
             "cone": ("elliptic" if laws.elliptic else "pyramidal",),
             "impratio": (laws.friction_ratio,),
             "refsafe": (float(laws.safe),),
@@ -289,7 +289,7 @@ class _RestInertias:
         return next(self._model.tree.postures(home, np.zeros_like(home)))
 
     def of_drive(self, index: int) -> Iterator[float]:
-        """Yield 1/(J M^-1 J^T); then the sum of M_jj/J_j^2, the rule before MuJoCo 3.15."""
+        """Yield 1/(J M^-1 J^T); then the sum of M_jj/J_j^2, the rule of older compilers."""
         posture = self._posture
         row = posture.rows[self._model.laws.drives[index].path]
         yield 1 / float(row @ posture.inverse @ row)

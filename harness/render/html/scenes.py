@@ -164,7 +164,7 @@ def body_lines(text: str, name: str, bodies: Sequence[str]) -> tuple[Spans, ...]
         root = read_elements(source)[0]
     except (LocationError, IndexError):
         return ((),) * len(bodies)
-    stated = _nested(root, source) if root.tag == "mujoco" else _flat(root, source)
+    stated = _flat(root, source) if root.tag in ("robot", "sdf") else _nested(root, source)
     spans: dict[str, list[tuple[int, int]]] = {}
     for body, span in stated:
         spans.setdefault(body, []).append(span)

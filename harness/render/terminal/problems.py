@@ -233,6 +233,8 @@ def difference(case: Case) -> str:
         return case.reason
     if case.kind == "pose" and case.poses is not None:
         return _poses_differ(case.poses)
+    if case.kind == "compiled number":
+        return case.reason
     if case.kind == "whole step":
         return f"{verdict.component} off by up to {percent(verdict.discrepancy)} {WITH_ALL}"
     if _is_motion(verdict):

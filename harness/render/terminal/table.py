@@ -73,11 +73,11 @@ def print_results(
         _print_header(console, results)
     codes = print_problems(console, results, details=details)
     if not quiet:
-        _print_advice(console, results, details)
         _print_models(console, results, details)
         if details:
             _print_details(console, results)
         _print_notes(console, results, details)
+        _print_advice(console, results, details)
     if results.baseline is not None:
         _print_changes(console, results.baseline)
         codes += [
@@ -418,11 +418,12 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         acted = Counter[str]()
         for step, _ in alike:
             acted.update({term.name: term.count for term in step.acted})
-        kinds = ", ".join(f"{count} {name}" for name, count in acted.items()) or "no such forces"
+        kinds = ", ".join(f"{count} {name}" for name, count in acted.items())
+        forces = f", with {kinds}," if kinds else ", where no limit, contact or drive acts,"
         number = counted(sum(step.states for step, _ in alike), "state")
         which = f" (worst: {worst.id})" if len(alike) > 1 else ""
         size = largest.discrepancy or 0.0
-        lines.append(f"whole steps at {number}, with {kinds}, agree to {size:.1e}{which}")
+        lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}")
     others = [(case, why) for step, case in steps if (why := _why_not_compared(step))]
     if details:
         lines += [f"{case.id}: whole steps {why}" for case, why in others]
