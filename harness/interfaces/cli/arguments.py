@@ -97,6 +97,15 @@ def cache(command: argparse.ArgumentParser) -> None:
     )
 
 
+def details(command: argparse.ArgumentParser) -> None:
+    """Add --details."""
+    group(command, "Output").add_argument(
+        "--details",
+        action="store_true",
+        help="Print errors, coverage, steps and every implausible number too",
+    )
+
+
 def scheduler(command: argparse.ArgumentParser) -> None:
     """Add --scheduler ADDRESS."""
     group(command, "Limits").add_argument(

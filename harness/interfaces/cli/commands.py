@@ -54,12 +54,7 @@ _RUN_OPTIONS = (
     ),
     partial(arguments.out, default="reports"),
     partial(arguments.output_format, formats=("text", "json", "github", "sarif")),
-    option(
-        "Output",
-        "--details",
-        action="store_true",
-        help="Print errors, coverage, linearizations and single steps too",
-    ),
+    arguments.details,
     _verbosity,
     arguments.cache,
     arguments.baseline,
@@ -229,7 +224,7 @@ COMMANDS: Mapping[str, Command] = {
         group="Check models",
         purpose="Check the numbers of model files without running motions",
         description="Check the numbers of model files and engines without running motions.\n"
-        "Print each wrong number with its file and line, and implausible ones as advice.",
+        "Print wrong numbers with file and line, and implausible ones as advice.",
         examples={
             "Audit every model of a folder, and a robot file": "crosscheck audit my_arm robot.urdf",
             "Audit one model in one engine": "crosscheck audit my_arm/arm.xml --engine mujoco",
@@ -248,12 +243,7 @@ COMMANDS: Mapping[str, Command] = {
             arguments.limits,
             arguments.jobs,
             arguments.cache,
-            option(
-                "Output",
-                "--details",
-                action="store_true",
-                help="List every implausible number, not only the worst of each kind",
-            ),
+            arguments.details,
         ),
         function=f"{_CLI}.audit:main",
         settings=("engines", "limit", "memory", "jobs", "cache"),
