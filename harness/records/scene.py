@@ -80,6 +80,10 @@ class Scene(Record, frozen=True, kw_only=True):
     length: Number
 
     def __post_init__(self) -> None:
+        if any(not -1 <= joint.parent < i for i, joint in enumerate(self.joints)):
+            raise ValueError("a joint of the scene precedes the one that carries it")
+        if any(not -1 <= body.joint < len(self.joints) for body in self.bodies):
+            raise ValueError("a body of the scene has no joint")
         one_length("the joints", self.joints, self.placements)
         one_length("the states", *self.velocities, *self.accelerations)
 

@@ -46,7 +46,10 @@ def _of(wanted: inspect.Type) -> Any:
 def _named(field: inspect.Field) -> Any:
     # A point of a sketch is a pair of trees, which the types don't say.
     # The example's case agrees, so that nothing is misread.
-    exceptions = {"center": [0.5, 0.5], "misread": []}
+    # The one body of its scene is on the one joint, and that is on the world.
+    exceptions = {"center": [0.5, 0.5], "misread": [], "parent": -1}
+    if isinstance(field.type, inspect.IntType):
+        exceptions["joint"] = 0
     return exceptions.get(field.encode_name, _of(field.type))
 
 
