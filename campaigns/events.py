@@ -24,7 +24,7 @@ from physics_crosscheck.harness.modelfiles.bindings import bindings, with_litera
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.dynamics.derive import derive
-from physics_crosscheck.reference.events.motion import EventError, solve_events
+from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.numeric import Array

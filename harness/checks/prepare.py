@@ -50,7 +50,7 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.events.motion import solve_events
+from physics_crosscheck.reference.laws.motion import solve_events
 from physics_crosscheck.reference.load import load_declaration, load_system, with_location
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.couplings import Coupled

@@ -1,7 +1,7 @@
 """Forces that switch: contacts, joint limits, dry friction, buffers and saturated drives.
 
 A system folder declares them beside its energies. Gaps and slips are expressions of the
-coordinates, as energies are. `reference.events.modes` derives the equations of each mode.
+coordinates, as energies are. `reference.laws.modes` derives the equations of each mode.
 """
 
 from __future__ import annotations

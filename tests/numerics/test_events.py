@@ -11,7 +11,7 @@ import pytest
 from physics_crosscheck.harness.numerics.ladder import ODD_RUNGS, RUNGS
 from physics_crosscheck.harness.numerics.segments import MisplacedEventError, check_events
 from physics_crosscheck.reference.dynamics.derive import derive
-from physics_crosscheck.reference.events.motion import solve_events
+from physics_crosscheck.reference.laws.motion import solve_events
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.solving.segments import Segments
 

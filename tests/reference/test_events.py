@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import derive
-from physics_crosscheck.reference.events.motion import EventError, solve_events
+from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import (
     Constant,

@@ -17,7 +17,7 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.events.modes import (
+from physics_crosscheck.reference.laws.modes import (
     FREE,
     Contacting,
     ModeEquations,

@@ -1,1 +1,0 @@
-"""Motions with events: modes of contacts, friction and drives, and the transitions between them."""
