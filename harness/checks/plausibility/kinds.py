@@ -503,7 +503,7 @@ def damping_ratios(facts: RobotFacts) -> Iterator[Advice]:
             line=facts.drive_line(joint),
             expected=1.0,
             actual=ratio,
-            excess=MIN_RATIO / ratio if ratio < 1 else ratio / MAX_RATIO,
+            excess=MIN_RATIO / max(ratio, 1e-9) if ratio < 1 else ratio / MAX_RATIO,
         )
 
 
