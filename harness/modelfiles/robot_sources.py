@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import shlex
 from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
@@ -42,10 +43,11 @@ def _plain(file: Path) -> Path:
     try:
         return expand(file)
     except ImportError:
-        stem = file.name.removesuffix(XACRO).removesuffix(".urdf")
+        target = f"{file.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
+        command = f"{shlex.join(['xacro', str(file)])} > {shlex.quote(target)}"
         raise FolderError(
             f"{file}: it is source for xacro, which no engine reads; expand it with"
-            f" `xacro {file} > {stem}.urdf`, or pip install 'physics-crosscheck[ros]'"
+            f" `{command}`, and give {shlex.quote(target)}, or pip install 'physics-crosscheck[ros]'"
         ) from None
     except ExpansionError as error:
         raise FolderError(str(error)) from None
