@@ -46,8 +46,8 @@ def _plain(file: Path) -> Path:
         target = f"{file.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
         command = f"{shlex.join(['xacro', str(file)])} > {shlex.quote(target)}"
         raise FolderError(
-            f"{file}: it is source for xacro, which no engine reads; expand it with"
-            f" `{command}`, and give {shlex.quote(target)}, or pip install 'physics-crosscheck[ros]'"
+            f"{file}: it is source for xacro, which no engine reads; expand it with `{command}`,"
+            f" and give {shlex.quote(target)}, or pip install 'physics-crosscheck[ros]'"
         ) from None
     except ExpansionError as error:
         raise FolderError(str(error)) from None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -49,16 +49,17 @@ def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_
     )
 
 
-WITHOUT_XACRO = pytest.mark.skipif(
-    importlib.util.find_spec("xacrodoc") is not None, reason="xacro expands it"
-)
+@pytest.fixture
+def _without_xacro(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As without the extra `ros`."""
+    monkeypatch.setitem(sys.modules, "xacrodoc", None)
 
 
+@pytest.mark.usefixtures("_without_xacro")
 @pytest.mark.parametrize(("name", "said"), [
     ("pendulum/mujoco.xml [pymunk]", "no model matches these names and engines; run `cross"),
     ("pendulum/other.xml", "pendulum/other.xml: there is no such file"),
-    pytest.param("arm.xacro", "arm.xacro: it is source for xacro, which no engine reads; expand it",
-                 marks=WITHOUT_XACRO),
+    ("arm.xacro", "arm.xacro: it is source for xacro, which no engine reads; expand it"),
 ])  # fmt: skip
 def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
     place: Path, name: str, said: str
@@ -70,9 +71,10 @@ def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
     assert ran.stderr.count("\n") == 1
 
 
+@pytest.mark.usefixtures("_without_xacro")
 @pytest.mark.parametrize(("name", "said"), [
     ("pendulums", "pendulums: no such folder"),
-    pytest.param("arm.xacro", "arm.xacro: it is source for", marks=WITHOUT_XACRO),
+    ("arm.xacro", "arm.xacro: it is source for"),
 ])  # fmt: skip
 def test_what_can_t_be_audited_beside_a_model_is_told_and_the_model_audited(
     place: Path, name: str, said: str
