@@ -75,7 +75,8 @@ def line(file: Path, *, floating: bool = False) -> tuple[str, str]:
     acted = ", ".join(f"{term.count} {term.name}" for term in record.acted)
     sizes = f"E {judged.largest_discrepancy:.1e} U {judged.largest_uncertainty:.1e}"
     seconds = time.process_time() - began
-    states = f"{record.states} states, {acted}; {seconds:.1f} s"
+    text = f"{record.stated} attributes of the text, {len(record.misread)} compiled otherwise"
+    states = f"{record.states} states, {acted}; {text}; {seconds:.1f} s"
     return str(judged.outcome), f"{file.name}: {judged.outcome} {sizes}; {states}"
 
 
