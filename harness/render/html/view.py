@@ -398,7 +398,8 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     baseline = results.baseline
     groups = _groups(results, pages, shown_names, pairs, diagnoses, content)
     return Report(
-        title=f"{counts[Outcome.AGREES]} of {counted(len(views), 'case')} agree",
+        title=f"{counts[Outcome.AGREES]} of {counted(len(views), 'case')}"
+        f" agree{'s' if len(views) == 1 else ''}",
         verdict=verdict(results, issues),
         summary=shown(summary(results)),
         settings=(
