@@ -17,14 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from campaigns.laws import RESOLUTION, spec_of
+from physics_crosscheck.harness.checks.law_comparison import Evaluated, LawComparison, LawDefect
+from physics_crosscheck.harness.checks.law_states import drawn_states
 from physics_crosscheck.harness.checks.planar_step import check_planar_step
-from physics_crosscheck.harness.checks.whole_step import (
-    Evaluated,
-    LawComparison,
-    LawDefect,
-    check_whole_step,
-    drawn_states,
-)
+from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines

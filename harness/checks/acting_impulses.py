@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.whole_step import ImpulseComparison
+from physics_crosscheck.harness.checks.acting import NAMED
+from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
 from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.laws.acting import recovery_time
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.mechanism.laws import HardJoint, HardSurface, ImpulseLaws
 from physics_crosscheck.reference.mechanism.tree import TreeError
-
-NAMED = 3
-"""Largest number of subjects that a line names."""
 
 
 def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
@@ -122,9 +122,13 @@ def _quantity(
     )
 
 
-def merged(rows: Iterable[ActingQuantity]) -> Iterator[ActingQuantity]:
+R = TypeVar("R", ActingQuantity, ComparedActing)
+"""A quantity of one file, or of two."""
+
+
+def merged(rows: Iterable[R]) -> Iterator[R]:
     """Merge rows that differ only in the last word of the subject, such as a joint."""
-    alike: dict[tuple[str, ActingQuantity], list[str]] = {}
+    alike: dict[tuple[str, R], list[str]] = {}
     for row in rows:
         kind, _, name = row.subject.rpartition(" ")
         alike.setdefault((kind, replace(row, subject="")), []).append(name)

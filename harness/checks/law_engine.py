@@ -8,7 +8,7 @@ from typing import Generic
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.whole_step import (
+from physics_crosscheck.harness.checks.law_comparison import (
     Evaluated,
     M,
     S,

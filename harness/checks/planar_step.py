@@ -12,14 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from physics_crosscheck.harness.checks.law_comparison import LEAST_GAIN, LawDefect
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask
-from physics_crosscheck.harness.checks.whole_step import (
-    LEAST_GAIN,
-    LawDefect,
-    WholeStepCheck,
-    case_whole_step,
-)
+from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, case_whole_step
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,

@@ -14,17 +14,17 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.law_engine import LawEngine
-from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.checks.whole_step import (
+from physics_crosscheck.harness.checks.law_comparison import (
     Evaluated,
     ImpulseComparison,
     LawComparison,
     LawDefect,
     S,
     WholeStepComparison,
-    drawn_states,
 )
+from physics_crosscheck.harness.checks.law_engine import LawEngine
+from physics_crosscheck.harness.checks.law_states import drawn_states
+from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import (
     Faults,

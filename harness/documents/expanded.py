@@ -59,11 +59,15 @@ def expand(source: Path) -> Path:
     return target
 
 
+def expanded_name(source: Path) -> str:
+    """Return the name of the URDF of a source: `arm.urdf` of `arm.urdf.xacro` or `arm.xacro`."""
+    return f"{source.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
+
+
 def _target(source: Path) -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = hashlib.sha256(str(source).encode()).hexdigest()[:12]
-    stem = source.name.removesuffix(XACRO).removesuffix(".urdf")
-    return cache / "physics-crosscheck" / "xacro" / folder / f"{stem}.urdf"
+    return cache / "physics-crosscheck" / "xacro" / folder / expanded_name(source)
 
 
 def _one_line(error: Exception) -> str:
@@ -122,11 +126,6 @@ def in_source(file: str, line: int | None) -> tuple[str, int] | None:
         return None
     before = [one for one in lines if one <= line]
     return lines[max(before)] if before else None
-
-
-def is_expanded() -> bool:
-    """Return whether a source was expanded in this process."""
-    return bool(_LINES)
 
 
 def relocated(value: T, line_type: type[msgspec.Struct]) -> T:

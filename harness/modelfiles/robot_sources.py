@@ -9,7 +9,12 @@ from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
 
-from physics_crosscheck.harness.documents.expanded import XACRO, ExpansionError, expand
+from physics_crosscheck.harness.documents.expanded import (
+    XACRO,
+    ExpansionError,
+    expand,
+    expanded_name,
+)
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 
 ROBOT = "robot:"
@@ -43,11 +48,11 @@ def _plain(file: Path) -> Path:
     try:
         return expand(file)
     except ImportError:
-        target = f"{file.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
-        command = f"{shlex.join(['xacro', str(file)])} > {shlex.quote(target)}"
+        target = shlex.quote(expanded_name(file))
+        command = f"{shlex.join(['xacro', str(file)])} > {target}"
         raise FolderError(
             f"{file}: it is source for xacro, which no engine reads; expand it with `{command}`,"
-            f" and give {shlex.quote(target)}, or pip install 'physics-crosscheck[ros]'"
+            f" and give {target}, or pip install 'physics-crosscheck[ros]'"
         ) from None
     except ExpansionError as error:
         raise FolderError(str(error)) from None

@@ -19,7 +19,7 @@ import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.simplify import simplify_bounded, solved
-from physics_crosscheck.reference.laws.soft import IMPEDANCE, SMALLEST, gains
+from physics_crosscheck.reference.laws.soft import SMALLEST, clipped_impedance, gains
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.interactions import (
     Buffer,
@@ -134,13 +134,10 @@ class Contacting:
     def _branches(self) -> tuple[tuple[float, float, Callable[[sp.Expr], sp.Expr]], ...]:
         """Depths between which the impedance is one formula, with that formula."""
         assert self.law is not None
-        start, full, width, middle, power = self.law.softness.impedance
-        start, full, middle = (
-            min(max(x, IMPEDANCE[0]), IMPEDANCE[1]) for x in (start, full, middle)
-        )
+        start, full, width, middle, power = clipped_impedance(self.law.softness)
         if start == full or width <= SMALLEST:
             return ((0.0, float("inf"), lambda depth: sp.Float((start + full) / 2, 17)),)
-        span, exponent = full - start, sp.nsimplify(max(1.0, power))
+        span, exponent = full - start, sp.nsimplify(power)
 
         def below(depth: sp.Expr) -> sp.Expr:
             return start + span * (depth / width) ** exponent / middle ** (exponent - 1)
@@ -204,10 +201,7 @@ class Contacting:
     def _targets(self, branch: int) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
         """Return aref of both directions, and the softness over the inverse inertia."""
         assert self.law is not None
-        full = min(max(self.law.softness.impedance[1], IMPEDANCE[0]), IMPEDANCE[1])
-        start = min(max(self.law.softness.impedance[0], IMPEDANCE[0]), IMPEDANCE[1])
-        if start == full:
-            full = (start + full) / 2
+        full = clipped_impedance(self.law.softness)[1]
         k, b = gains(self.law.softness.reference, full, 0.0, safe=False)
         d = self._branches[branch][2](-self.gap)
         across = sp.Integer(0) if self.slip is None else -b * self.slip.value
@@ -284,8 +278,7 @@ class Rubbing:
     def _target(self) -> tuple[sp.Expr, sp.Expr]:
         if self.law is None:
             return sp.Integer(0), sp.Integer(0)
-        start, full, *_ = self.law.softness.impedance
-        start, full = (min(max(x, IMPEDANCE[0]), IMPEDANCE[1]) for x in (start, full))
+        start, full, *_ = clipped_impedance(self.law.softness)
         _, b = gains(self.law.softness.reference, full, 0.0, safe=False)
         return -b * self.slip.value, sp.Float((1 - start) / start, 17) * self.weight
 

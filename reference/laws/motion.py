@@ -39,7 +39,7 @@ from physics_crosscheck.reference.solving.integrate import (
     field_of,
     solve_numerically,
 )
-from physics_crosscheck.reference.solving.segments import Motion, Span
+from physics_crosscheck.reference.solving.segments import Motion, Span, chebyshev_nodes
 from physics_crosscheck.reference.solving.solve import (
     SEGMENTS_A_PERIOD,
     SEGMENTS_AT_LEAST,
@@ -278,16 +278,14 @@ def _until_event(
     hybrid: Hybrid, mode: ModeEquations, time: float, state: Array, step: float, duration: float
 ) -> tuple[float, Array, list[int]]:
     """Return the time and state of the next event, and its parts; at the duration, none."""
-    from physics_crosscheck.reference.solving.segments import chebyshev_nodes
-
+    share = chebyshev_nodes()
     while time < duration:
         length = min(_step_to_event(hybrid, mode, time, state, step), duration - time)
         inside = hybrid.flow(mode, time, state, length)
-        values = hybrid.evaluate(mode.guards, time + length * chebyshev_nodes(), inside)
+        values = hybrid.evaluate(mode.guards, time + length * share, inside)
         below = (values[1:] <= 0).any(axis=1)
         if below.any():
             node = int(np.argmax(below)) + 1
-            share = chebyshev_nodes()
             low = share[node - 1] * length if node > 1 else SOON_SHARE * length / 2
             roots = {
                 g: _root(hybrid, mode, time, state, g, (low, float(share[node]) * length))

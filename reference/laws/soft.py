@@ -36,11 +36,16 @@ class Kind(Enum):
     CONE = 3
 
 
-def impedance(softness: Softness, distance: float) -> tuple[float, float]:
-    """Return d at a violation (m or rad), and d at full depth."""
+def clipped_impedance(softness: Softness) -> tuple[float, float, float, float, float]:
+    """Return d at zero and full depth, width, midpoint and power, within the documented ranges."""
     start, full, width, middle, power = softness.impedance
     start, full, middle = (float(np.clip(x, *IMPEDANCE)) for x in (start, full, middle))
-    width, power = max(0.0, width), max(1.0, power)
+    return start, full, max(0.0, width), middle, max(1.0, power)
+
+
+def impedance(softness: Softness, distance: float) -> tuple[float, float]:
+    """Return d at a violation (m or rad), and d at full depth."""
+    start, full, width, middle, power = clipped_impedance(softness)
     if start == full or width <= SMALLEST:
         return (start + full) / 2, full
     x = abs(distance) / width

@@ -344,8 +344,8 @@ def test_the_faultless_system_passes() -> None:
     assert System(**two()).q == (X.q, Y.q)
 
 
-# No motion is computed from a sketch, from a quantity of published equations, or from a frame (that
-# none is declared is said): a system may do without. Smooth systems have no interactions.
+# No motion is computed from a sketch, from a quantity of published equations, or from a frame (the
+# report states that none is declared): a system may do without. Smooth ones have no interactions.
 @pytest.mark.parametrize(
     "field",
     [

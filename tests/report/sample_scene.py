@@ -88,11 +88,11 @@ def humanoid_results(folder: Path) -> tuple[Results, Tree, Segments, Array]:
     line = next(i for i, row in enumerate(text.splitlines(), 1) if "2.97" in row)
     where = located(SourceLine(file="humanoid.xml", line=line), text, "2.97")
     cause = explanation(CauseId(kind="literal", subject=("geom[29]@mass",)), 1e-10, (), "there")
-    told = replace(cause.causes[0], nominal=2.97, estimate=2.0, locations=(where,))
+    shown = replace(cause.causes[0], nominal=2.97, estimate=2.0, locations=(where,))
     found = results(1)
     changed = changed_model(
         found, 0, model="humanoid.xml", text=text, folder=str(file),
-        diagnosis=Diagnosis(explained=True, explanations=(replace(cause, causes=(told,)),)),
+        diagnosis=Diagnosis(explained=True, explanations=(replace(cause, causes=(shown,)),)),
     ).models[0]  # fmt: skip
     case = replace(
         found.cases[0], model="humanoid.xml", folder=str(file), scenario="states", series=None,

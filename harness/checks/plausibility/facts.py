@@ -1,4 +1,4 @@
-"""RobotFacts about a robot's file that plausibility compares: bodies with hulls, joints, lines."""
+"""Facts about a robot's file that plausibility compares: bodies with hulls, joints, lines."""
 
 from __future__ import annotations
 

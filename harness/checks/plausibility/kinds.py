@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from types import MappingProxyType
 from typing import get_args
 
 import numpy as np
@@ -180,7 +179,7 @@ def unlike_shapes(facts: RobotFacts) -> Iterator[Advice]:
     """Yield the first of `BODY_KINDS` that holds for each body with shapes."""
     for body in facts.bodies:
         if body.hull is not None:
-            advice = (_judged(judge, facts, body, body.hull) for judge in BODY_KINDS.values())
+            advice = (_judged(judge, facts, body, body.hull) for judge in BODY_KINDS)
             yield from [one for one in advice if one is not None][:1]
 
 
@@ -255,14 +254,8 @@ def inertia_too_large(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice
     stated, limit = float(np.trace(tensor)) / 2, mass * hull.farthest(center) ** 2
     if stated <= FAR_RATIO * limit:
         return None
-    return _of_moments(
-        facts,
-        body,
-        hull,
-        "inertia too large",
-        "impossible within its shapes",
-        stated / limit,
-    )
+    what = "impossible within its shapes"
+    return _of_moments(facts, body, hull, "inertia too large", what, stated / limit)
 
 
 def inertia_too_small(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
@@ -522,17 +515,15 @@ def _oscillators(facts: RobotFacts) -> Mapping[str, tuple[float, float]]:
     }
 
 
-BODY_KINDS: Mapping[PlausibilityKind, BodyJudge] = MappingProxyType(
-    {
-        "mesh unit": mesh_in_millimetres,
-        "inertia too large": inertia_too_large,
-        "center outside": center_outside,
-        "density": implausible_density,
-        "inertia too small": inertia_too_small,
-        "swapped axes": swapped_axes,
-    }
+BODY_KINDS: tuple[BodyJudge, ...] = (
+    mesh_in_millimetres,
+    inertia_too_large,
+    center_outside,
+    implausible_density,
+    inertia_too_small,
+    swapped_axes,
 )
-"""Kinds of advice that compare a body with its shapes, most certain first."""
+"""Functions that compare a body with its shapes, most certain first."""
 
 KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     equal_inertias,

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from msgspec.structs import replace
-
-from physics_crosscheck.harness.checks.acting import NAMED, acting_quantities
-from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities
+from physics_crosscheck.harness.checks.acting import acting_quantities
+from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities, merged
 from physics_crosscheck.harness.commands.compare.candidate import Facts
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
-from physics_crosscheck.harness.results.status import listed
 
 EQUAL = 1e-9
 """Relative difference below which two values are equal."""
@@ -41,7 +38,7 @@ def compare_acting(a: Facts, b: Facts) -> tuple[ComparedActing, ...]:
         return ()
     keys = dict.fromkeys(key for table in tables for key in table)
     rows = tuple(row for key in keys for row in _compared(key, *tables))
-    return rows if all(both) else tuple(_merged(rows))
+    return rows if all(both) else tuple(merged(rows))
 
 
 def _is_compiled(facts: Facts) -> bool:
@@ -60,16 +57,6 @@ def _table(facts: Facts, *, apart: bool) -> Mapping[_Key, ActingQuantity]:
         except EngineError:
             return {}
     return {(row.subject, row.quantity): row for row in rows}
-
-
-def _merged(rows: Iterable[ComparedActing]) -> Iterator[ComparedActing]:
-    """Merge rows that differ only in the last word of the subject, such as a joint."""
-    alike: dict[tuple[str, ComparedActing], list[str]] = {}
-    for row in rows:
-        kind, _, name = row.subject.rpartition(" ")
-        alike.setdefault((kind, replace(row, subject="")), []).append(name)
-    for (kind, row), names in alike.items():
-        yield replace(row, subject=f"{kind} {listed(names, NAMED)}")
 
 
 def _compared(

@@ -1,0 +1,346 @@
+"""An engine's steps with all forces, and the law that it documents, component by component.
+
+An answer is judged by the rounding of all terms and by a bound of the solver's error: the cost is
+convex in M, so |a - a*|_M <= |grad|_(M^-1).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineStep,
+    WholeModel,
+    WholeState,
+)
+from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
+from physics_crosscheck.harness.numerics.ladder import floored
+from physics_crosscheck.reference.laws.drives import unsaturated
+from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.soft import gains
+from physics_crosscheck.reference.laws.step import (
+    DIGITS,
+    STEPPED,
+    LawModel,
+    LawSolution,
+    LawStep,
+)
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.tree import TreeError
+
+SHARE = 1e-3
+"""Smallest scale of an acceleration, as a share of the largest sample."""
+
+LEAST_GAIN = 1e-6
+"""Smallest scale of a step's gain in velocity, as a share of the largest velocity."""
+
+MAX_OUTWARD = 50.0
+"""Half of the largest speed of a joint beyond its limit, rad/s or m/s."""
+
+M = TypeVar("M", bound=LawModel | ImpulseModel)
+
+S = TypeVar("S", LawSolution, ImpulseStep)
+"""The laws, and their solution at one state."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluated(Generic[S]):
+    """The laws and the engine at one state, in the order of the tree's velocities."""
+
+    state: WholeState
+    solution: S
+    engine: EngineStep
+
+    @property
+    def acceleration(self) -> Array:
+        """The solution of the laws, (nv,)."""
+        return self.solution.acceleration
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawDefect:
+    """Engine minus laws at S states, relative to the scale of each component.
+
+    Attributes:
+        defect, uncertainty: (S, C).
+        scale: of accelerations and the next state, (C,).
+    """
+
+    defect: Array
+    uncertainty: Array
+    scale: Array
+
+    def at_states(self, kept: NDArray[np.bool_]) -> LawDefect:
+        """Return the defects at some states, at the same scale."""
+        return replace(self, defect=self.defect[kept], uncertainty=self.uncertainty[kept])
+
+    def relative_to(self, scale: Array) -> LawDefect:
+        """Return the defects relative to another scale, (C,)."""
+        ratio = self.scale / scale
+        return LawDefect(
+            defect=self.defect * ratio, uncertainty=self.uncertainty * ratio, scale=scale
+        )
+
+    def resolved(self, resolution: float) -> NDArray[np.bool_]:
+        """Return the states with bounds below the resolution, or that differ, (S,).
+
+        Return all states if these are fewer than half.
+        """
+        fine: NDArray[np.bool_] = np.max(self.uncertainty, axis=1) <= resolution
+        kept = fine | np.any(np.abs(self.defect) > self.uncertainty, axis=1)
+        return kept if 2 * np.sum(kept) >= len(kept) else np.ones_like(kept)
+
+
+class WholeStepComparison(ABC, Generic[M, S]):
+    """Laws and an engine that loaded their file.
+
+    Args:
+        laws: on the file's bodies.
+        model: the file in the engine.
+
+    Attributes:
+        names: of the coordinates, in the tree's order.
+        order: their indices among the engine's.
+
+    Raises:
+        TreeError: if the engine's joints are not those of the file.
+    """
+
+    def __init__(self, laws: M, model: WholeModel) -> None:
+        self.laws, self.model = laws, model
+        links = laws.tree.tree.links
+        self.names = tuple(
+            name for link in links for name, _ in coordinate_names(link.kind, link.name)
+        )
+        if set(self.names) != set(model.coordinates):
+            raise TreeError("joints that the engine names otherwise")
+        self.order = [model.coordinates.index(name) for name in self.names]
+
+    def under(self, laws: M) -> Self:
+        """Return the comparison of other laws with the same engine."""
+        return type(self)(laws, self.model)
+
+    def of_engine(self, model: WholeModel) -> Self:
+        """Return the comparison of the same laws with another engine."""
+        return type(self)(self.laws, model)
+
+    @property
+    @abstractmethod
+    def steps(self) -> bool:
+        """True if the next state has a rule."""
+
+    @property
+    @abstractmethod
+    def drives(self) -> int:
+        """Number of drives."""
+
+    @abstractmethod
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return controls and states at which drives exert shares of their limits."""
+
+    @abstractmethod
+    def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> S:
+        """Solve the laws at a state."""
+
+    @abstractmethod
+    def expected(self, sample: Evaluated[S]) -> Array:
+        """Return the components by the laws, (C,)."""
+
+    def outward_speed(self, state: WholeState, outwards: Array) -> Array:
+        """Return speeds at which limits act although other forces pull joints back, (nz,).
+
+        `outwards` are the signs of the joints that are beyond a limit, 0 for others, (nz,).
+        """
+        return np.zeros(len(outwards))
+
+    @property
+    def rotations(self) -> Iterator[int]:
+        """Indices of the coordinates that are rotations, in the engine's order."""
+        tree = self.laws.tree.tree
+        for link, there in zip(tree.links, tree.velocities, strict=True):
+            count = {"free": 3, "ball": 3, "hinge": 1}.get(link.kind, 0)
+            yield from self.order[there.start : there.start + count]
+
+    def postures(self, states: Sequence[WholeState]) -> Iterator[Posture]:
+        """Yield the tree at each state."""
+        y, m = (np.array([state[k][self.order] for state in states]) for k in range(2))
+        return self.laws.tree.postures(y, m)
+
+    def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated[S]]:
+        """Evaluate the engine and the laws at states."""
+        result = []
+        for state, posture in zip(states, self.postures(states), strict=True):
+            engine = self.model.evaluate(state)
+            solution = self.solve(posture, state, engine)
+            result.append(Evaluated(state=state, solution=solution, engine=engine))
+        return [sample for sample in result if sample.solution.converged]
+
+    def judge(self, compared: LawDefect, resolution: float) -> LimitVerdict:
+        """Judge accelerations, the next velocities and positions, and states of drives."""
+        kept = compared.resolved(resolution)
+        uncertainty = np.maximum(compared.uncertainty[kept], np.finfo(float).eps)
+        return judge(np.abs(compared.defect[kept]), uncertainty, resolution, None)
+
+    def compare(self, evaluated: Sequence[Evaluated[S]]) -> LawDefect:
+        """Compare accelerations, the next velocities and positions, and states of drives."""
+        speeds = [
+            np.maximum(np.abs(sample.solution.posture.m), np.abs(sample.engine.after.m[self.order]))
+            for sample in evaluated
+        ]
+        speed, h = floored(np.max(speeds, axis=0)), self.model.step
+        size = np.max([np.abs(sample.acceleration) for sample in evaluated], axis=0)
+        # Of a joint that nothing accelerates, only rounding is left.
+        scale = np.maximum(size, np.maximum(SHARE * np.max(size), LEAST_GAIN * speed / h))
+        parts = [scale]
+        if self.steps:
+            drives = np.ones(self.model.activations)
+            parts += [h * scale, h * speed, drives]
+        whole = np.concatenate(parts)
+        defect = [self._answer(sample) - self.expected(sample) for sample in evaluated]
+        unsure = [self._uncertainty(sample) for sample in evaluated]
+        return LawDefect(
+            defect=np.array(defect) / whole, uncertainty=np.array(unsure) / whole, scale=whole
+        )
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the judged components."""
+        names: list[str] = [f"{name}_ddot" for name in self.names]
+        if self.steps:
+            names += [f"{name}_dot" for name in self.names] + list(self.names)
+            names += [f"state {i + 1} of the drives" for i in range(self.model.activations)]
+        return tuple(names)
+
+    def velocity_uncertainty(self, sample: Evaluated[S], unsure: Array) -> Array:
+        """Return the uncertainty of the next velocities, (nv,), from that of accelerations."""
+        return self.model.step * unsure
+
+    def _answer(self, sample: Evaluated[S]) -> Array:
+        """Return the components by the engine, (C,)."""
+        engine, order = sample.engine, self.order
+        parts: list[Array] = [engine.acceleration[order]]
+        if self.steps:
+            after = engine.after
+            parts += [after.m[order], after.z[order], after.activations / state_sizes(engine)]
+        return np.concatenate(parts)
+
+    def _uncertainty(self, sample: Evaluated[S]) -> Array:
+        """Return the uncertainty of each component, (C,)."""
+        order, posture = self.order, sample.solution.posture
+        eps, h = np.finfo(float).eps, self.model.step
+        unsure = sample.solution.law.uncertainty(
+            sample.acceleration, sample.engine.unbalanced[order]
+        )
+        if not self.steps:
+            return unsure
+        after = sample.engine.after
+        speed, y = np.abs(after.m[order]), after.z[order]
+        turned = 1 + np.abs(y) + y**2  # a last digit of a rotation's coordinate
+        return np.concatenate(
+            [
+                unsure,
+                self.velocity_uncertainty(sample, unsure) + eps * (np.abs(posture.m) + speed),
+                DIGITS * eps * (h * speed + turned),
+                np.full(len(after.activations), DIGITS * eps),
+            ]
+        )
+
+
+class LawComparison(WholeStepComparison[LawModel, LawSolution]):
+    """The convex laws of a file, and an engine that loaded it."""
+
+    @property
+    def steps(self) -> bool:
+        """True if the next state has a rule."""
+        return self.laws.laws.integrator in STEPPED
+
+    @property
+    def drives(self) -> int:
+        """Number of drives."""
+        return len(self.laws.laws.drives)
+
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return controls and states at which drives exert shares of their limits."""
+        laws = self.laws
+        return unsaturated(laws.laws, posture, laws.weights.path_accelerations, shares)
+
+    def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> LawSolution:
+        """Solve the laws at a state, from the engine's accelerations."""
+        start = engine.acceleration[self.order]
+        contacts = engine.contacts
+        return self.laws.solve(posture, state.controls, state.activations, contacts, start)
+
+    def outward_speed(self, state: WholeState, outwards: Array) -> Array:
+        """Return the speeds at which the reference of each limit resists the free acceleration."""
+        laws = self.laws.laws
+        posture = next(self.postures([state]))
+        free = self.laws.evaluate(posture, state.controls, state.activations, ()).problem.free
+        speed = np.zeros(len(outwards))
+        for limit in laws.limits:
+            if limit.joint >= 0:
+                there = self.laws.tree.tree.velocities[limit.joint].start
+                place, softness = self.order[there], limit.softness
+                damping = gains(softness.reference, softness.impedance[1], laws.step,
+                                safe=laws.safe)[1]  # fmt: skip
+                back = max(0.0, -outwards[place] * float(free[there]))
+                speed[place] = outwards[place] * min(MAX_OUTWARD, back / damping)
+        return speed
+
+    def velocity_uncertainty(self, sample: Evaluated[LawSolution], unsure: Array) -> Array:
+        """Return the uncertainty of the next velocities, (nv,), from that of accelerations."""
+        return self.laws.velocity_uncertainty(sample.solution.law, sample.acceleration, unsure)
+
+    def expected(self, sample: Evaluated[LawSolution]) -> Array:
+        """Return the components by the laws, (C,)."""
+        return self.predict(sample.solution.law, sample.acceleration, sample.engine)
+
+    def predict(self, law: LawStep, acceleration: Array, engine: EngineStep) -> Array:
+        """Return the components by the laws, (C,), with states of drives relative to their size.
+
+        The positions follow from the engine's velocities, so that each component is judged alone.
+        """
+        velocity = self.laws.advance(law, acceleration)
+        if velocity is None:
+            return acceleration
+        y, after = law.posture.y[None], engine.after.m[self.order][None]
+        position = self.laws.tree.advance(y, after, self.model.step)[0]
+        states = law.driven.states / state_sizes(engine)
+        return np.concatenate([acceleration, velocity, position, states])
+
+
+class ImpulseComparison(WholeStepComparison[ImpulseModel, ImpulseStep]):
+    """The impulses of a file, and an engine that loaded it."""
+
+    steps = True
+
+    @property
+    def drives(self) -> int:
+        """Number of motors."""
+        return len(self.laws.laws.rules.controls)
+
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return targets at which motors exert shares of their efforts."""
+        return self.laws.unsaturated(posture, shares), np.zeros(0)
+
+    def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> ImpulseStep:
+        """Return the rows at a state, from the engine's contacts."""
+        return self.laws.solve(posture, state.controls, engine.contacts)
+
+    def expected(self, sample: Evaluated[ImpulseStep]) -> Array:
+        """Return the components by the law, (C,)."""
+        a, after = sample.acceleration, sample.engine.after.m[self.order]
+        return np.concatenate([a, *self.laws.next_state(sample.solution, a, after)])
+
+
+def state_sizes(engine: EngineStep) -> Array:
+    """Return the size of each state of the drives, (states,)."""
+    sizes: Array = 1 + np.abs(engine.after.activations)
+    return sizes

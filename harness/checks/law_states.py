@@ -1,0 +1,185 @@
+"""States of an engine in which limits, contacts, friction and drives act."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from physics_crosscheck.harness.checks.law_comparison import (
+    M,
+    S,
+    WholeStepComparison,
+)
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    WholeModel,
+    WholeState,
+)
+from physics_crosscheck.reference.mechanism.laws import ImpulseRules
+
+STATES, SEED = 24, 20261125
+"""Number of states, and the seed of their draws."""
+
+ATTEMPTS = 3
+"""Draws per state; a draw with too many contacts, or that blows up, is replaced."""
+
+MAX_CONTACTS, MAX_SPEED = 100, 1e3
+"""Bounds of a drawn state: more contacts take long, and robots are slower."""
+
+SPREAD = 1.5
+"""Controls are drawn in this multiple of their range, so that limits act."""
+
+DEEPEST, INSIDE = 0.02, 0.2
+"""Largest violation of a limit, as a share of its range; share of joints that are inside theirs."""
+
+SIGNS = 0, 0, 0, 1, -1
+"""Sides of the ranges of all controls, in turn; 0: each on another one."""
+
+LONG, SHORT = 600, 40
+"""Largest number of steps before a state: a fall to the floor, or a change of the contacts."""
+
+
+def drawn_states(
+    comparison: WholeStepComparison[M, S], count: int = STATES
+) -> Iterator[WholeState]:
+    """Yield states in which limits, contacts and drives act.
+
+    In turn: after a fall or a motion from a state of the file, with some joints that move beyond
+    their limits, and at positions anywhere in the joints' ranges. Every other state has controls at
+    which drives are not at a limit.
+    """
+    rng, model = np.random.default_rng(SEED), comparison.model
+    starts = list(model.starts)
+    for k in range(count):
+        start = starts[k % len(starts)]
+        for attempt in range(ATTEMPTS):
+            state = _driven(model, rng, start, k // 2)
+            match k % 3:
+                case 0:
+                    moved = _fallen(comparison, rng, state, 0 if attempt else k)
+                case 1:
+                    moved = _beyond(comparison, rng, state, k // 3)
+                case _:
+                    moved = state._replace(z=_anywhere(model, rng, state.z))
+            speed = model.speed * rng.normal(size=len(moved.m))
+            drawn = moved._replace(m=moved.m + speed)
+            if k % 2:
+                drawn = _unsaturated(comparison, rng, drawn)
+            if model.rules is not None:
+                drawn = _pressed(model, model.rules, drawn)
+            if _usable(model, drawn):
+                yield drawn
+                break
+
+
+def _usable(model: WholeModel, state: WholeState) -> bool:
+    """Return whether a state is finite, not too fast, and has few contacts."""
+    values = np.concatenate([state.z, state.m, state.activations])
+    if not np.all(np.isfinite(values)) or np.max(np.abs(values), initial=0.0) > MAX_SPEED:
+        return False
+    step = model.evaluate(state)
+    finite = np.isfinite(step.acceleration).all() and np.isfinite(step.after.m).all()
+    return bool(finite) and step.converged and len(step.contacts) <= MAX_CONTACTS
+
+
+def _driven(
+    model: WholeModel, rng: np.random.Generator, start: WholeState, turn: int
+) -> WholeState:
+    """Return a start with random velocities, controls and states of drives.
+
+    In turn, the controls are inside and beyond both ends of their ranges, then all on one side, so
+    that limits of sums act: each control is beyond each end in some of the turns.
+    """
+    places = (np.arange(model.controls) + turn) % 3 - 1
+    sign = SIGNS[turn % len(SIGNS)]
+    inside, outside = rng.uniform(-1, 1, (2, model.controls)) + 0 * start.controls  # NaN: off
+    beyond = (SPREAD + 1) / 2 + (SPREAD - 1) / 2 * outside
+    share = np.where(places == 0, inside, places * beyond)
+    if sign:
+        share = sign * SPREAD * np.abs(inside)
+    lower, upper = model.ranges[1].T
+    limited = np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(limited, lower, -1.0), np.where(limited, upper, 1.0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    return WholeState(
+        z=start.z,
+        m=0.3 * rng.normal(size=len(start.m)),
+        controls=middle + half * share,
+        activations=start.activations + rng.uniform(0, 1, model.activations),
+    )
+
+
+def _fallen(
+    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState, turn: int
+) -> WholeState:
+    """Return the state after some steps.
+
+    After the first turn a motion is long. It begins with other rotations of free and ball joints,
+    and of hinges without limits, so that each side may touch.
+    """
+    model = comparison.model
+    if not turn:
+        return model.moved(state, int(rng.integers(1, SHORT)))
+    z = state.z.copy()
+    for place in comparison.rotations:
+        if np.any(np.isinf(model.ranges[0][place])):
+            z[place] += rng.normal()
+    return model.moved(state._replace(z=z), int(rng.integers(LONG // 2, LONG)))
+
+
+def _unsaturated(
+    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState
+) -> WholeState:
+    """Return a state with controls at which no drive is at a limit."""
+    posture = next(comparison.postures([state]))
+    shares = rng.uniform(-0.8, 0.8, comparison.drives)
+    controls, activations = comparison.unsaturated(posture, shares)
+    chosen = np.isfinite(controls) & np.isfinite(state.controls)
+    return state._replace(
+        controls=np.where(chosen, controls, state.controls),
+        activations=np.where(np.isfinite(activations), activations, state.activations),
+    )
+
+
+def _pressed(model: WholeModel, rules: ImpulseRules, state: WholeState) -> WholeState:
+    """Return a state whose joints beyond their limits move outward, and are not driven back."""
+    low, high = model.ranges[0].T
+    outward = np.sign(np.maximum(state.z - high, 0.0) - np.maximum(low - state.z, 0.0))
+    controls = state.controls.copy()
+    for i, name in enumerate(rules.controls):
+        place = model.coordinates.index(name) if name in model.coordinates else -1
+        if place >= 0 and outward[place] and np.isfinite(controls[i]):
+            controls[i] = state.z[place]
+    m = np.where(outward, outward * np.abs(state.m), state.m)
+    return state._replace(m=m, controls=controls)
+
+
+def _beyond(
+    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState, turn: int
+) -> WholeState:
+    """Return a state with half of the limited joints at a limit, up to 2 % beyond it.
+
+    The turns put each joint at both of its limits.
+    """
+    z, count = state.z, len(state.z)
+    ranges, place = comparison.model.ranges[0], np.arange(count) + turn
+    chosen = np.isfinite(ranges).all(axis=1) & (place % 2 == 0)
+    end = place // 2 % 2
+    width = np.where(chosen, ranges[:, 1] - ranges[:, 0], 0.0)
+    bound = np.where(chosen, ranges[np.arange(count), end], z)
+    outwards = np.where(chosen, 2 * end - 1, 0)
+    sign = np.where(rng.uniform(size=count) < INSIDE, -1, 1)
+    depth = sign * width * DEEPEST * 10 ** rng.uniform(-2, 0, count)
+    moved = state._replace(z=bound + outwards * depth)
+    speed = comparison.outward_speed(moved, outwards) * rng.uniform(1, 2, count)
+    return moved._replace(m=state.m + speed)
+
+
+def _anywhere(model: WholeModel, rng: np.random.Generator, z: Array) -> Array:
+    """Return positions anywhere in the joints' ranges."""
+    ranges = model.ranges[0]
+    limited = np.isfinite(ranges).all(axis=1)
+    low, high = (np.where(limited, end, 0.0) for end in ranges.T)
+    place = low + (high - low) * rng.uniform(size=len(z))
+    return np.where(limited, place, z)
