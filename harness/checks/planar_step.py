@@ -29,7 +29,6 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.numerics.ladder import floored
 from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.case import LawTerm, WholeStep
 from physics_crosscheck.reference.laws.planar import DIGITS, PlanarModel, PlanarState, beyond
 from physics_crosscheck.reference.mechanism.planar import PlanarLaws
 
@@ -181,10 +180,10 @@ def check_planar_step(
         assert stated is not None
         uncovered = (*stated.uncovered, *whole.uncovered)
         if uncovered:
-            return WholeStepCheck(record=WholeStep(uncovered=tuple(dict.fromkeys(uncovered))))
+            return WholeStepCheck.skipped(uncovered)
         return _check(PlanarModel(laws=stated.laws), whole, resolution)
     except EngineError as error:
-        return WholeStepCheck(record=WholeStep(uncovered=(str(error),)))
+        return WholeStepCheck.skipped([str(error)])
 
 
 def compare(samples: Sequence[PlanarSample], h: float) -> LawDefect:
@@ -232,15 +231,13 @@ def _check(law: PlanarModel, whole: PlanarWhole, resolution: float) -> WholeStep
     for sample in samples:
         for state in sample.law:
             acted.update(dict(state.acted))
-    record = WholeStep(
-        outcome=judged.outcome,
-        discrepancy=number(judged.discrepancy),
-        uncertainty=number(judged.uncertainty),
+    return WholeStepCheck.compared(
+        judged,
+        resolution,
+        acted,
         component=_components(law.laws)[judged.component],
         states=len(samples),
         step=number(law.laws.step),
         next_state=True,
-        acted=tuple(LawTerm(name=name, count=count) for name, count in acted.items() if count),
         edits=whole.edits,
     )
-    return WholeStepCheck(record=record, judgement=judged, resolution=resolution)

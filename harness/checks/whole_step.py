@@ -6,9 +6,10 @@ The positions of contacts are the engine's; all other numbers are those of the f
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
@@ -68,6 +69,32 @@ class WholeStepCheck:
     judgement: LimitVerdict | None = None
     resolution: float = 0.0
     misread: tuple[MisreadNumber, ...] = ()
+
+    @classmethod
+    def skipped(cls, uncovered: Iterable[str] = ()) -> WholeStepCheck:
+        """Return a check that compared nothing, with the parts of the file that have no law."""
+        return cls(record=WholeStep(uncovered=tuple(dict.fromkeys(uncovered))))
+
+    @classmethod
+    def compared(
+        cls, judged: LimitVerdict, resolution: float, acted: Mapping[str, int], **fields: Any
+    ) -> WholeStepCheck:
+        """Return a check of drawn states.
+
+        Args:
+            judged: discrepancy and uncertainty.
+            resolution: relative discrepancy to resolve.
+            acted: how often forces of each kind acted.
+            fields: further fields of the record.
+        """
+        record = WholeStep(
+            outcome=judged.outcome,
+            discrepancy=number(judged.discrepancy),
+            uncertainty=number(judged.uncertainty),
+            acted=tuple(LawTerm(name=name, count=count) for name, count in acted.items() if count),
+            **fields,
+        )
+        return cls(record=record, judgement=judged, resolution=resolution)
 
     @property
     def _differs(self) -> bool:
@@ -164,7 +191,7 @@ def check_whole_step(
             return _check_impulses(file, spec, model, model.rules, resolution)
         return _check_laws(file, model, resolution)
     except (TreeError, EngineError) as error:
-        return WholeStepCheck(record=WholeStep(uncovered=(str(error),)))
+        return WholeStepCheck.skipped([str(error)])
 
 
 def _check_laws(file: Path, model: WholeModel, resolution: float) -> WholeStepCheck:
@@ -174,10 +201,10 @@ def _check_laws(file: Path, model: WholeModel, resolution: float) -> WholeStepCh
     compiled = reader.compiled(file)
     laws = law_model(compiled)
     if laws is None:
-        return WholeStepCheck(record=WholeStep())
+        return WholeStepCheck.skipped()
     reading = check_reading(file, compiled, laws)
     if laws.laws.uncovered:
-        check = WholeStepCheck(record=WholeStep(uncovered=laws.laws.uncovered))
+        check = WholeStepCheck.skipped(laws.laws.uncovered)
     else:
         covered = tuple(
             format_omission(Omission(what=what, count=count, where=()))
@@ -203,7 +230,7 @@ def _check_impulses(
     """Compare steps by impulses."""
     laws = impulse_model(read_as_it_runs(file, {**spec.settings, "couplings": False}), rules)
     if laws is None:
-        return WholeStepCheck(record=WholeStep())
+        return WholeStepCheck.skipped()
     return _check(ImpulseComparison(laws, model), IMPULSES, resolution)
 
 
@@ -223,29 +250,27 @@ def _check(
         raise EngineError("impulses that do not converge")
     compared, model = comparison.compare(evaluated), comparison.model
     judged = comparison.judge(compared, resolution)
-    record = WholeStep(
-        outcome=judged.outcome,
-        discrepancy=number(judged.discrepancy),
-        uncertainty=number(judged.uncertainty),
+    return WholeStepCheck.compared(
+        judged,
+        resolution,
+        _acted(evaluated),
         component=comparison.components[judged.component],
         states=int(np.sum(compared.resolved(resolution))),
         step=number(model.step),
         next_state=comparison.steps,
-        acted=tuple(LawTerm(name=name, count=count) for name, count in _acted(evaluated)),
         edits=model.edits,
         covered=covered,
         uncovered=model.uncovered,
     )
-    return WholeStepCheck(record=record, judgement=judged, resolution=resolution)
 
 
 IMPULSES = ("limits of position", "limits of effort", "collision geometry")
 """Parts of a file that only steps by impulses compare."""
 
 
-def _acted(evaluated: Sequence[Evaluated[S]]) -> Iterator[tuple[str, int]]:
-    """Yield how often forces of each kind acted."""
+def _acted(evaluated: Sequence[Evaluated[S]]) -> Mapping[str, int]:
+    """Return how often forces of each kind acted."""
     count: Counter[str] = Counter()
     for sample in evaluated:
         count.update(dict(sample.solution.law.acted(sample.acceleration)))
-    yield from ((name, times) for name, times in count.items() if times)
+    return count

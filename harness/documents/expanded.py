@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
-from unittest.mock import patch
 from xml.dom import Node, expatbuilder
 
 import msgspec
@@ -89,8 +88,19 @@ def _marked_parser(xacro: Any) -> Iterator[None]:
             return original(text, filename)  # raises the error that xacro expects
 
     original = xacro.parse
-    with patch.object(xacro, "parse", parse):
+    with replaced(xacro, "parse", parse):
         yield
+
+
+@contextmanager
+def replaced(module: Any, name: str, function: object) -> Iterator[None]:
+    """Replace a function of a library that has no parameter for it; not for several threads."""
+    original = getattr(module, name)
+    setattr(module, name, function)
+    try:
+        yield
+    finally:
+        setattr(module, name, original)
 
 
 class _MarkingBuilder(expatbuilder.ExpatBuilderNS):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,10 +95,9 @@ def _resolve(name: str) -> list[Path]:
     if path.is_file():
         raise FolderError(expected_folder(path))
     if not path.is_dir():
-        builtin_names = ", ".join(p.name for p in _inside(builtin()))
-        raise FolderError(
-            f"{visible(name)}: no such folder; the built-in systems are {builtin_names}"
-        )
+        names = [p.name for p in _inside(builtin())]
+        hint = similar_path(path, names) or f"; the built-in systems are {', '.join(names)}"
+        raise FolderError(f"{visible(name)}: no such folder{hint}")
     folders = [path] if is_system(path) else _inside(path)
     if not folders:
         raise FolderError(f"{visible(name)}: neither it nor any folder in it has a system.py")
@@ -106,6 +105,41 @@ def _resolve(name: str) -> list[Path]:
         if (why := odd_name(str(folder))) is not None:
             raise FolderError(f"{visible(str(folder))}: its name has {why}; rename it")
     return folders
+
+
+def similar_path(path: Path, others: Iterable[str] = ()) -> str:
+    """Return `; did you mean X?` if an existing path resembles a missing one; empty otherwise.
+
+    Args:
+        path: the missing path; its folder may be misspelled too.
+        others: further valid names in the working folder.
+    """
+    close = _similar(path, others)
+    return "" if close is None else f"; did you mean {visible(str(close))}?"
+
+
+def _similar(path: Path, others: Iterable[str] = ()) -> Path | None:
+    # Imported here: only a wrong name needs it.
+    from difflib import get_close_matches
+
+    folder = path.parent
+    if not folder.is_dir():
+        similar = _similar(folder)
+        if similar is None or (similar / path.name).exists():
+            return similar and similar / path.name
+        folder = similar
+    try:
+        names = [one for one in os.listdir(folder) if not one.startswith(".")]
+    except OSError:
+        return None
+    if folder == Path():
+        names += others
+    # Suffixes make all names of a format similar.
+    stems: dict[str, list[str]] = {}
+    for name in sorted(names, key=lambda one: Path(one).suffix != path.suffix):
+        stems.setdefault(Path(name).stem, []).append(name)
+    close = get_close_matches(path.stem, stems, n=1)
+    return folder / stems[close[0]][0] if close else None
 
 
 def expected_folder(file: Path) -> str:

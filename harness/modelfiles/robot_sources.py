@@ -7,13 +7,13 @@ import os
 import shlex
 from importlib import import_module
 from pathlib import Path
-from unittest.mock import patch
 
 from physics_crosscheck.harness.documents.expanded import (
     XACRO,
     ExpansionError,
     expand,
     expanded_name,
+    replaced,
 )
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 
@@ -85,7 +85,7 @@ def _known_robot(name: str) -> Path:
             )
         return str(place)
 
-    with patch.object(_cache, "clone_to_cache", in_cache):
+    with replaced(_cache, "clone_to_cache", in_cache):
         described = import_module(f"robot_descriptions.{module}")
     paths = (getattr(described, one, None) for one in _ATTRIBUTES)
     path = next((Path(one) for one in paths if one), None)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system
+from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, similar_path
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, is_robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.results.visible import odd_name, visible
@@ -46,7 +46,7 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             faults[name] = visible(str(error))
             continue
         if path.suffix in FORMATS and not path.exists():
-            faults[name] = f"{visible(name)}: there is no such file"
+            faults[name] = f"{visible(name)}: there is no such file{similar_path(path)}"
             continue
         if not path.is_file():
             others.append(name)

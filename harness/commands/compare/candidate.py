@@ -11,7 +11,7 @@ import numpy as np
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
-from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.modelfiles.folders import FolderError, similar_path
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.model_files import check_springs
@@ -236,7 +236,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     except FolderError as error:
         raise CompareError(str(error)) from None
     if not path.is_file():
-        raise CompareError(f"{path}: there is no such file")
+        raise CompareError(f"{path}: there is no such file{similar_path(path)}")
     sidecar_file = Path(f"{path}.toml")
     try:
         check_parts(path)
