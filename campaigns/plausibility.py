@@ -91,7 +91,7 @@ def sample(results: Row, count: int) -> list[Row]:
     """Draw advice at random: of each kind alike, and one per file and kind while there is one."""
     rows = results["advice"]
     assert isinstance(rows, list)
-    generator = random.Random(20260101)
+    generator = random.Random(20261127)
     generator.shuffle(rows)
     kinds: dict[object, list[Row]] = {}
     for row in sorted(rows, key=lambda row: _repeats(rows, row)):

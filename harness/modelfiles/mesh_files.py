@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +18,11 @@ MAX_MESH_BYTES = 40_000_000
 
 _PACKAGE_PATHS = ("ROS_PACKAGE_PATH",)
 """Environment variables with folders that contain packages."""
+
+_COLLADA_HEAD = 1_000_000
+"""Number of bytes of a COLLADA file in which its asset is looked for."""
+
+_COLLADA_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)[\"']")
 
 _PREFIX_PATHS = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
 """Environment variables with folders whose `share` contains packages."""
@@ -66,16 +72,20 @@ def package_folders(package: str) -> Iterator[Path]:
 
 @lru_cache(maxsize=256)
 def mesh_vertices(file: Path) -> Array:
-    """Return the vertices of a mesh in its file's unit, (n, 3).
+    """Return the vertices of a mesh, (n, 3): in its file's unit, and in meters for COLLADA.
+
+    A COLLADA file states its unit, which engines apply.
 
     Raises:
-        MeshError: if it can't be read.
+        MeshError: if it can't be read, or if its axes are turned in some programs: those of a
+            COLLADA file whose `up_axis` is Y, which PyBullet and Assimp turn, and rviz does not.
     """
     try:
         import trimesh
 
         if file.stat().st_size > MAX_MESH_BYTES:
             raise MeshError(f"{file}: larger than {MAX_MESH_BYTES / 1e6:.0f} MB")
+        unit = _collada_unit(file) if file.suffix.lower() == ".dae" else 1.0
         scene = trimesh.load_scene(file, process=False, skip_materials=True)
         meshes = [one for one in scene.dump() if hasattr(one, "faces")]
         # A file may list vertices that no face uses.
@@ -84,7 +94,21 @@ def mesh_vertices(file: Path) -> Array:
         raise
     except Exception as error:  # each format's parser has its own errors
         raise MeshError(f"{file}: {type(error).__name__}: {error}") from None
-    points = np.concatenate(parts) if parts else np.zeros((0, 3))
+    points = unit * np.concatenate(parts) if parts else np.zeros((0, 3))
     if not len(points) or not np.isfinite(points).all():
         raise MeshError(f"{file}: no vertices")
     return points
+
+
+def _collada_unit(file: Path) -> float:
+    """Return the meters of a COLLADA file's unit.
+
+    Raises:
+        MeshError: if the y axis is its upper one.
+    """
+    with file.open("rb") as opened:
+        head = opened.read(_COLLADA_HEAD)
+    if b"<up_axis>Y_UP" in head:
+        raise MeshError(f"{file}: its up_axis is Y, which some programs turn to Z and some do not")
+    unit = _COLLADA_UNIT.search(head)
+    return 1.0 if unit is None else float(unit[1])

@@ -1,5 +1,6 @@
 """Advice about implausible numbers of robots' files: one planted fault of each kind."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -144,6 +145,15 @@ def test_an_effort_below_gravity_is_noted_with_the_torque(tmp_path: Path) -> Non
     assert one.actual == 0.5
 
 
+def test_a_joint_without_transmission_has_no_drive_where_others_have_one(tmp_path: Path) -> None:
+    limit = 'lower="-1" upper="1" effort="0.5" velocity="1"'
+    part = link("a", center="0.04 0 0")
+    driven = '<transmission name="t"><joint name="{}"/></transmission>'
+    one = only(tmp_path, "weak drive", part, joint("a", limit), driven.format("a_joint"))
+    assert one.actual == 0.5
+    assert advice(tmp_path, part, joint("a", limit), driven.format("other_joint")) == []
+
+
 ARM = """<mujoco>
   <worldbody>
     <body name="arm"><joint name="elbow" axis="0 1 0" range="-60 60" damping="{damping}"/>
@@ -195,6 +205,38 @@ def test_a_mesh_in_millimetres_is_recognized_by_its_density(tmp_path: Path) -> N
     assert one.expected == 0.001
     small = part.replace("cube.stl", 'cube.stl" scale="0.001 0.001 0.001')
     assert advice(tmp_path, small, joint("a")) == []
+
+
+def collada(folder: Path, upper: str, size: tuple[float, float, float], unit: str = "1") -> str:
+    """Write a box whose middle is 0.4 above its frame, if upper is Z; return its element."""
+    box = pytest.importorskip("trimesh").creation.box(size)
+    pytest.importorskip("collada")
+    box.apply_translation((0, 0, 0.4))
+    folder.mkdir()
+    file = folder / "box.dae"
+    box.export(file)
+    asset = f'<unit name="u" meter="{unit}"/><up_axis>{upper}_UP<'
+    file.write_text(re.sub("<up_axis>.*?<", asset, file.read_text()))
+    return '<geometry><mesh filename="package://r/box.dae"/></geometry>'
+
+
+def test_the_unit_of_a_collada_mesh_is_applied(tmp_path: Path) -> None:
+    kind = {}
+    for unit in ("1", "0.001"):
+        mesh = collada(tmp_path / unit, "Z", (50.0, 50.0, 50.0), unit)
+        part = link("a", 0.1, (4e-5, 4e-5, 4e-5), shape=mesh)
+        kind[unit] = [one.kind for one in advice(tmp_path / unit, part, joint("a"))]
+    assert kind == {"1": ["mesh unit"], "0.001": []}
+
+
+def test_a_collada_mesh_whose_upper_axis_is_y_gives_no_advice(tmp_path: Path) -> None:
+    """Some programs turn it, others do not: its center is beside the link, or in it."""
+    kind = {}
+    for upper in "YZ":
+        mesh = collada(tmp_path / upper, upper, (0.1, 0.1, 0.4))
+        part = link("a", center="0 -0.4 0", shape=mesh)
+        kind[upper] = [one.kind for one in advice(tmp_path / upper, part, joint("a"))]
+    assert kind == {"Y": [], "Z": ["center outside"]}
 
 
 def test_a_missing_mesh_gives_no_advice_about_shapes(tmp_path: Path) -> None:

@@ -259,7 +259,10 @@ def _efforts(facts: RobotFacts) -> Iterator[tuple[str, tuple[float, SourceLine]]
         yield from _compiled_efforts(facts)
         return
     for document in facts.documents:
+        driven = {one.get("name") for one in document.root.findall("transmission/joint")}
         for joint in document.root.iter("joint"):
+            if driven and joint.get("name") not in driven:
+                continue  # a file that states transmissions states all: others are passive
             limit = joint.find("limit") or joint.find("axis/limit")
             if limit is not None and (effort := _effort(limit)) is not None:
                 line = SourceLine(file=str(document.path), line=document.line(limit))

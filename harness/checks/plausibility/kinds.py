@@ -72,6 +72,9 @@ MAX_LAG_SECONDS = 0.5
 NO_INERTIA_SHARE = 1e-9
 """Moments that count as none, relative to those at uniform density."""
 
+SMALLEST_BALL = 4e-7 * np.eye(3)
+"""Moments per kg of a ball of 1 mm radius, m^2, for links whose shapes can't be read."""
+
 _SIDES = (
     ("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("l", "r"), ("L", "R"),
     ("lf", "rf"), ("lh", "rh"), ("LF", "RF"), ("LH", "RH"),
@@ -290,7 +293,8 @@ def _of_moments(
         kind=kind,
         subject=(body.name,),
         message=f"{_named(body)} has moments of inertia {_vector(stated)} kg m^2, {what}; "
-        f"expected about {_vector(even)}. Compute them about its center of mass",
+        f"expected about {_vector(even)}. Compute them about its center of mass, or check the "
+        "places of its shapes",
         line=facts.inertial_line(body.name),
         expected=float(even[-1]),
         actual=float(stated[-1]),
@@ -389,17 +393,19 @@ def moving_without_inertia(facts: RobotFacts) -> Iterator[Advice]:
                     line=facts.line("joint", name),
                 )
     for body in facts.bodies:
-        if not body.joint or body.hull is None:
+        if not (body.joint and body.shapes):
             continue
-        even = body.inertia.mass * _moments(body.hull.tensor)
+        tensor = SMALLEST_BALL if body.hull is None else body.hull.tensor
+        even = body.inertia.mass * _moments(tensor)
         if _is_none(float(np.trace(body.inertia.inertia)), float(even.sum())):
+            shape = "" if body.hull is None else f"; its shape has about {_vector(even)} kg m^2"
             yield Advice(
                 kind="moving without inertia",
                 subject=(body.name,),
                 message=f"link {quote(body.name)} of {body.inertia.mass:.3g} kg moves and has no "
-                f"moments of inertia; its shape has about {_vector(even)} kg m^2. Write them",
+                f"moments of inertia{shape}. Write them",
                 line=facts.inertial_line(body.name),
-                expected=float(even[-1]),
+                expected=None if body.hull is None else float(even[-1]),
                 actual=0.0,
             )
 
