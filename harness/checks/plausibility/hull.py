@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from physics_crosscheck.reference.mechanism.rotations import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
@@ -60,9 +60,8 @@ def hull_of(points: Array) -> Hull | None:
     """Return the convex hull of points, (n, 3); None if they lie in a plane."""
     if len(points) < 4:
         return None
-    try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):
+    hull = _hull(points)
+    if hull is None:
         return None
     corners = points[hull.vertices]
     middle = corners.mean(axis=0)
@@ -84,11 +83,20 @@ def extreme_points(points: Array) -> Array:
     """Return the corners of the convex hull of points; all points if they lie in a plane."""
     if len(points) < 64:
         return points
-    try:
-        corners: Array = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):
-        return points
+    hull = _hull(points)
+    corners: Array = points if hull is None else points[hull.vertices]
     return corners
+
+
+def _hull(points: Array) -> Any:
+    """Return scipy's convex hull; None if the points lie in a plane."""
+    # Import late: it takes a tenth of a worker's start, and few targets have shapes.
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(points)
+    except (QhullError, ValueError):
+        return None
 
 
 def solid_points(kind: str, sizes: Sequence[float]) -> Array:

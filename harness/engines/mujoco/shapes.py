@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledFrame, CompiledShape
+from physics_crosscheck.harness.engines.compiled import CompiledFrame, CompiledShape, Numbers
 from physics_crosscheck.harness.engines.mujoco.pulls import numbers_of
 from physics_crosscheck.harness.engines.protocol import Array
 
@@ -82,12 +83,17 @@ _NO_MESH: MeshFile = ("", (1.0, 1.0, 1.0))
 
 def mesh_files(tree: Any) -> dict[str, MeshFile]:
     """Return the files of meshes by their names, without those with a reference frame."""
-    folder = Path(tree.modelfiledir, tree.meshdir)
+    folders = tree.modelfiledir, tree.meshdir
     return {
-        mesh.name or Path(mesh.file).stem: (str(folder / mesh.file), numbers_of(mesh.scale))
+        mesh.name or Path(file).stem: (_path(*folders, file), numbers_of(mesh.scale))
         for mesh in tree.meshes
-        if mesh.file and not np.any(mesh.refpos) and mesh.refquat[0] == 1.0
+        if (file := mesh.file) and not mesh.refpos.any() and mesh.refquat[0] == 1.0
     }
+
+
+@lru_cache(maxsize=4096)
+def _path(*parts: str) -> str:
+    return str(Path(*parts))
 
 
 def fitted_shapes(tree: Any) -> frozenset[int]:
@@ -105,37 +111,68 @@ def with_mesh_files(
 
     Fitted shapes have no kind: they are fitted to a mesh that replaces the file's.
     """
-    rows = [
-        (replace(one, kind="") if i in fitted else one, *meshes.get(one.mesh, _NO_MESH))
-        for i, one in enumerate(placed)
-    ]
     return tuple(
-        replace(one, mesh=file, scale=scale) if one.mesh else one for one, file, scale in rows
+        _with_mesh_file(one, meshes.get(one.mesh, _NO_MESH), i in fitted)
+        if one.mesh or i in fitted
+        else one
+        for i, one in enumerate(placed)
     )
+
+
+# A file is compiled once for each of its numbers: equal shapes are the same object.
+@lru_cache(maxsize=4096)
+def _with_mesh_file(shape: CompiledShape, mesh: MeshFile, fitted: bool) -> CompiledShape:
+    kind = "" if fitted else shape.kind
+    file, scale = mesh if shape.mesh else (shape.mesh, shape.scale)
+    return replace(shape, kind=kind, mesh=file, scale=scale)
 
 
 def placed_shapes(m: Any) -> Iterator[CompiledShape]:
     """Yield geoms and sites, in the frames that the file states; `mesh` is a mesh's name."""
-    for i in range(m.ngeom):
-        frame = _frame(m.geom_bodyid[i], m.geom_pos[i], m.geom_quat[i])
-        if (mesh := mesh_of(m, i)) >= 0:
-            frame = _without(frame, *mesh_offset(m, mesh))
-        kind, count = _FORMS.get(int(m.geom_type[i]), ("mesh", 0))
-        name, size = shape_name("geom", m.geom(i).name, i), numbers_of(m.geom_size[i][:count])
-        visual = not (m.geom_contype[i] or m.geom_conaffinity[i])
-        yield CompiledShape(
-            name=name,
-            frame=frame,
-            size=size,
-            kind=kind,
-            visual=visual,
-            mesh=m.mesh(mesh).name if mesh >= 0 else "",
+    import mujoco
+
+    visual = ((m.geom_contype == 0) & (m.geom_conaffinity == 0)).tolist()
+    meshes = [
+        (m.mesh(i).name, tuple(place), tuple(turn))
+        for i, (place, turn) in enumerate(
+            zip(m.mesh_pos.tolist(), m.mesh_quat.tolist(), strict=True)
         )
-    for i in range(m.nsite):
-        frame = _frame(m.site_bodyid[i], m.site_pos[i], m.site_quat[i])
-        count = _FORMS.get(int(m.site_type[i]), ("", 0))[1]
-        name, size = shape_name("site", m.site(i).name, i), numbers_of(m.site_size[i][:count])
-        yield CompiledShape(name=name, frame=frame, size=size, kind="site", visual=True)
+    ]
+    rows = zip(*_columns(m, "geom"), m.geom_dataid.tolist(), visual, strict=True)
+    for i, (form, body, position, turn, size, data, unseen) in enumerate(rows):
+        name, mesh = shape_name("geom", m.geom(i).name, i), ()
+        if form == mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = meshes[data]
+        kind, count = _FORMS.get(form, ("mesh", 0))
+        yield _shape(name, kind, body, *map(tuple, (position, turn, size[:count])), unseen, mesh)
+    for i, (form, body, position, turn, size) in enumerate(zip(*_columns(m, "site"), strict=True)):
+        name, count = shape_name("site", m.site(i).name, i), _FORMS.get(form, ("", 0))[1]
+        yield _shape(name, "site", body, *map(tuple, (position, turn, size[:count])), True, ())
+
+
+def _columns(m: Any, kind: str) -> Iterator[list[Any]]:
+    """Yield types, bodies, positions, quaternions and sizes of all geoms or sites."""
+    for name in ("type", "bodyid", "pos", "quat", "size"):
+        yield getattr(m, f"{kind}_{name}").tolist()
+
+
+@lru_cache(maxsize=4096)
+def _shape(
+    name: str,
+    kind: str,
+    body: int,
+    position: Numbers,
+    turn: Numbers,
+    size: Numbers,
+    visual: bool,
+    mesh: tuple[()] | tuple[str, Numbers, Numbers],
+) -> CompiledShape:
+    """Return a shape; `mesh` is the name, position and quaternion of its mesh."""
+    frame = CompiledFrame(body=body, position=position, turn=turn)
+    if mesh:
+        frame = _without(frame, *_inverse(*mesh[1:]))
+    about = mesh[0] if mesh else ""
+    return CompiledShape(name=name, frame=frame, size=size, kind=kind, visual=visual, mesh=about)
 
 
 def mesh_of(m: Any, i: int) -> int:
@@ -151,12 +188,16 @@ def mesh_offset(m: Any, mesh: int) -> tuple[Array, Array]:
 
     MuJoCo moves each mesh to its center of mass and its principal axes.
     """
+    return _inverse(m.mesh_pos[mesh], m.mesh_quat[mesh])
+
+
+def _inverse(position: Any, turn: Any) -> tuple[Array, Array]:
+    """Return the inverse of a pose: origin (3,) and quaternion (4,)."""
     import mujoco
 
-    origin, turn = np.zeros(3), np.zeros(4)
-    place = np.array(m.mesh_pos[mesh]), np.array(m.mesh_quat[mesh])
-    mujoco.mju_negPose(origin, turn, *place)
-    return origin, turn
+    origin, inverse = np.zeros(3), np.zeros(4)
+    mujoco.mju_negPose(origin, inverse, np.array(position), np.array(turn))
+    return origin, inverse
 
 
 def _frame(body: Any, position: Any, turn: Any) -> CompiledFrame:

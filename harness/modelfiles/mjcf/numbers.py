@@ -34,15 +34,20 @@ class _Compiled:
     """A compiled file.
 
     Attributes:
-        tree: of its bodies, or None.
+        read_tree: returns the tree of its bodies, or None.
         read_laws: returns its laws, or None.
         same_laws, same_shapes: whether laws with their paths, and shapes, are as in the original.
     """
 
-    tree: Tree | None
+    read_tree: Callable[[], Tree | None]
     read_laws: Callable[[], LawModel | None]
     same_laws: bool = True
     same_shapes: bool = True
+
+    @cached_property
+    def tree(self) -> Tree | None:
+        """The tree of its bodies, or None."""
+        return self.read_tree()
 
     @cached_property
     def laws(self) -> LawModel | None:
@@ -103,8 +108,10 @@ class CompiledNumbers:
         compiled = self._source
         if compiled is None:
             return None
-        tree = tree_of(compiled, self._controls)
-        return _Compiled(tree=tree, read_laws=partial(_laws_of, compiled))
+        return _Compiled(
+            read_tree=partial(tree_of, compiled, self._controls),
+            read_laws=partial(_laws_of, compiled),
+        )
 
     @cached_property
     def _source(self) -> CompiledTree | None:
@@ -124,16 +131,20 @@ class CompiledNumbers:
         same_tree = source == replace(
             compiled, laws=source.laws, paths=source.paths, placed=source.placed
         )
-        tree = original.tree if same_tree else tree_of(compiled, self._controls)
+        read_tree: Callable[[], Tree | None] = (
+            (lambda: original.tree) if same_tree else partial(tree_of, compiled, self._controls)
+        )
         model, laws = original.laws, compiled.laws
         if model is None or laws is None:
-            return _Compiled(tree=tree, read_laws=lambda: None)
+            return _Compiled(read_tree=read_tree, read_laws=lambda: None)
         same_paths, same_laws = compiled.paths == source.paths, laws == model.laws
         same_mechanics = (same_tree and same_paths) or self._has_mechanics_of(compiled)
         read_laws: Callable[[], LawModel | None] = (
             partial(_under, model, laws) if same_mechanics else partial(_laws_of, compiled)
         )
-        return _Compiled(tree=tree, read_laws=read_laws, same_laws=same_paths and same_laws)
+        return _Compiled(
+            read_tree=read_tree, read_laws=read_laws, same_laws=same_paths and same_laws
+        )
 
     def _has_mechanics_of(self, compiled: CompiledTree) -> bool:
         """Return whether the original has the same bodies, paths and passive forces."""
@@ -313,11 +324,12 @@ PLACED = 1e-9
 
 def _alike(first: Sequence[CompiledShape], second: Sequence[CompiledShape]) -> bool:
     """Return whether all shapes have the same names, bodies, places and sizes."""
-    if [_kind(one) for one in first] != [_kind(one) for one in second]:
+    if len(first) != len(second):
         return False
-    numbers, others = (
-        np.array([x for one in row for x in _extent(one)]) for row in (first, second)
-    )
+    pairs = [pair for pair in zip(first, second, strict=True) if pair[0] is not pair[1]]
+    if any(_kind(one) != _kind(two) for one, two in pairs):
+        return False
+    numbers, others = (np.array([x for pair in pairs for x in _extent(pair[i])]) for i in (0, 1))
     return bool(np.all(np.abs(numbers - others) <= PLACED * np.maximum(1e-3, np.abs(numbers))))
 
 
