@@ -78,7 +78,7 @@ def mesh_vertices(file: Path) -> Array:
 
     Raises:
         MeshError: if it can't be read, or if its axes are turned in some programs: those of a
-            COLLADA file whose `up_axis` is Y, which PyBullet and Assimp turn, and rviz does not.
+            COLLADA file whose `up_axis` is Y, which Assimp turns, and rviz does not.
     """
     try:
         import trimesh
