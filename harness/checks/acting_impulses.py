@@ -21,7 +21,12 @@ from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.laws.acting import recovery_time
 from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.mechanism.laws import HardJoint, HardSurface, ImpulseLaws
+from physics_crosscheck.reference.mechanism.laws import (
+    HardJoint,
+    HardSurface,
+    ImpulseLaws,
+    ImpulseRules,
+)
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 
@@ -34,7 +39,7 @@ def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ..
         EngineError: if the file cannot be loaded.
     """
     model = engines()[engine].load_whole(spec)
-    if model is None or model.rules is None:
+    if model is None or not isinstance(model.rules, ImpulseRules):
         return ()
     try:
         robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})

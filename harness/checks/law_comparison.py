@@ -255,7 +255,10 @@ class WholeStepComparison(ABC, Generic[M, S]):
 
 
 class LawComparison(WholeStepComparison[LawModel, LawSolution]):
-    """The convex laws of a file, and an engine that loaded it."""
+    """The convex laws of a file, with the choices of an engine that loaded it."""
+
+    def __init__(self, laws: LawModel, model: WholeModel) -> None:
+        super().__init__(applied(laws, model), model)
 
     @property
     def steps(self) -> bool:
@@ -314,6 +317,12 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         position = self.laws.tree.advance(y, after, self.model.step)[0]
         states = law.driven.states / state_sizes(engine)
         return np.concatenate([acceleration, velocity, position, states])
+
+
+def applied(laws: LawModel, model: WholeModel) -> LawModel:
+    """Return the laws of a file with the choices of an engine."""
+    chosen = model.applied(laws.laws)
+    return laws if chosen is laws.laws else laws.under(chosen)
 
 
 class ImpulseComparison(WholeStepComparison[ImpulseModel, ImpulseStep]):

@@ -66,7 +66,7 @@ def drawn_states(
             drawn = moved._replace(m=moved.m + speed)
             if k % 2:
                 drawn = _unsaturated(comparison, rng, drawn)
-            if model.rules is not None:
+            if isinstance(model.rules, ImpulseRules):
                 drawn = _pressed(model, model.rules, drawn)
             if _usable(model, drawn):
                 yield drawn

@@ -43,14 +43,14 @@ from physics_crosscheck.harness.modelfiles.mjcf.misread import (
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
-from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
+from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model, near_rigid_model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.case import CaseKind, LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.reference.mechanism.laws import ImpulseRules
+from physics_crosscheck.reference.mechanism.laws import ImpulseRules, NearRigidRules
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 
@@ -188,7 +188,7 @@ def check_whole_step(
         if model is None:
             return None
         if model.rules is not None:
-            return _check_impulses(file, spec, model, model.rules, resolution)
+            return _check_rules(file, spec, model, model.rules, resolution)
         return _check_laws(file, model, resolution)
     except (TreeError, EngineError) as error:
         return WholeStepCheck.skipped([str(error)])
@@ -224,14 +224,24 @@ def _with_reading(check: WholeStepCheck, reading: ReadingCheck) -> WholeStepChec
     return replace(check, record=record, misread=reading.misread)
 
 
-def _check_impulses(
-    file: Path, spec: ModelSpec, model: WholeModel, rules: ImpulseRules, resolution: float
+def _check_rules(
+    file: Path,
+    spec: ModelSpec,
+    model: WholeModel,
+    rules: ImpulseRules | NearRigidRules,
+    resolution: float,
 ) -> WholeStepCheck:
-    """Compare steps by impulses."""
-    laws = impulse_model(read_as_it_runs(file, {**spec.settings, "couplings": False}), rules)
-    if laws is None:
-        return WholeStepCheck.skipped()
-    return _check(ImpulseComparison(laws, model), IMPULSES, resolution)
+    """Compare steps by impulses, or by near-rigid limits."""
+    robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
+    if isinstance(rules, NearRigidRules):
+        limited = near_rigid_model(robot, rules)
+        if limited is not None:
+            return _check(LawComparison(limited, model), IMPULSES[:1], resolution)
+    else:
+        laws = impulse_model(robot, rules)
+        if laws is not None:
+            return _check(ImpulseComparison(laws, model), IMPULSES, resolution)
+    return WholeStepCheck.skipped()
 
 
 def _check(

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     LawDefect,
     S,
     WholeStepComparison,
+    applied,
 )
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.law_states import drawn_states
@@ -46,7 +47,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
-from physics_crosscheck.harness.modelfiles.urdf.laws import ImpulseNumbers
+from physics_crosscheck.harness.modelfiles.urdf.laws import ImpulseNumbers, NearRigidNumbers
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
@@ -54,6 +55,7 @@ from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
 from physics_crosscheck.reference.laws.mistakes import LawMistake, hard_mistakes, soft_mistakes
 from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
+from physics_crosscheck.reference.mechanism.laws import NearRigidRules
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
@@ -272,6 +274,8 @@ class LawProblem(Generic[M, S]):
                 value = values.get(i, self.numbers.numerals[i].value) + fault * unit
                 values[i] = round(value) if suspect.hypothesis.switch else value
         laws = self.numbers.laws(values) if values else self.comparison.laws
+        if isinstance(laws, LawModel):
+            laws = applied(laws, self.comparison.model)
         for suspect, _ in chosen:
             if laws is not None and suspect.mistake is not None:
                 laws = suspect.mistake.change(laws)
@@ -422,17 +426,24 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem
         if model is None:
             return None
         if isinstance(numbers, UrdfNumbers):
-            if model.rules is None:
-                return None
-            hard = ImpulseNumbers(numbers=numbers, rules=model.rules)
-            impulses = hard.laws({})
-            if impulses is None:
-                return None
-            return _problem(task, hard, ImpulseComparison(impulses, model))
+            return _ruled_problem(task, numbers, model)
         laws = numbers.laws({})
         return None if laws is None else _problem(task, numbers, LawComparison(laws, model))
     except (TreeError, EngineError):
         return None
+
+
+def _ruled_problem(task: TreeTask, numbers: UrdfNumbers, model: WholeModel) -> AnyLawProblem | None:
+    """Compare a URDF with the law whose settings the engine has."""
+    if isinstance(model.rules, NearRigidRules):
+        limited = NearRigidNumbers(numbers=numbers, rules=model.rules)
+        laws = limited.laws({})
+        return None if laws is None else _problem(task, limited, LawComparison(laws, model))
+    if model.rules is None:
+        return None
+    hard = ImpulseNumbers(numbers=numbers, rules=model.rules)
+    impulses = hard.laws({})
+    return None if impulses is None else _problem(task, hard, ImpulseComparison(impulses, model))
 
 
 def _problem(

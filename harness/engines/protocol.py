@@ -22,7 +22,12 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.reference.mechanism.laws import Contact, ImpulseRules
+from physics_crosscheck.reference.mechanism.laws import (
+    Contact,
+    ImpulseRules,
+    Laws,
+    NearRigidRules,
+)
 from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarLaws
 
 
@@ -369,7 +374,8 @@ class WholeModel(ABC):
         edits: options of the file that are changed, as `name=value`.
         uncovered: features of the engine that are switched off, since no law describes them.
         speed: typical velocity to add at a drawn state, m/s and rad/s.
-        rules: of an engine whose constraints are impulses; None if the file has the whole law.
+        rules: of an engine whose constraints have settings of its own; None if the file has the
+            whole law.
     """
 
     coordinates: tuple[str, ...]
@@ -379,7 +385,11 @@ class WholeModel(ABC):
     edits: tuple[str, ...]
     uncovered: tuple[str, ...] = ()
     speed: float = 0.1
-    rules: ImpulseRules | None = None
+    rules: ImpulseRules | NearRigidRules | None = None
+
+    def applied(self, laws: Laws) -> Laws:
+        """Return the laws of a file with the choices that the engine documents otherwise."""
+        return laws
 
     @property
     @abstractmethod

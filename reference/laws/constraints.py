@@ -34,9 +34,6 @@ from physics_crosscheck.reference.mechanism.laws import (
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, to_quaternion
 
-LEAST_FRICTION = 1e-5
-"""Smallest friction coefficient of the documented law."""
-
 
 def mixed_friction(mixing: Mixing, first: float, other: float) -> float:
     """Return the friction of two surfaces."""
@@ -227,14 +224,17 @@ class Constraints:
             turn, by, drift = _rotation_error(first, other)
             scale = equality.turn_scale
             apart = np.concatenate([apart, scale * turn])
-            row, bias = np.vstack([row, scale * by]), np.concatenate([bias, scale * drift])
+            row, bias = (
+                np.vstack([row, scale * by]),
+                np.concatenate([bias, scale * drift]),
+            )
             weight += [weights[1]] * 3
         size = float(np.abs(first.origin).sum() + np.abs(other.origin).sum())
         whole = float(np.linalg.norm(apart))
         for k in range(len(apart)):
             rows.add(
                 Kind.EQUALITY, row[k], equality.softness, float(apart[k]), weight[k],
-                position=size, depth=whole, bias=float(bias[k]),
+                position=size, depth=whole, bias=self.laws.drift * float(bias[k]),
             )  # fmt: skip
 
     def _add_limit(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
@@ -300,7 +300,8 @@ class Constraints:
             arms=np.abs(contact.position).sum() * (np.abs(angular) + np.abs(angular_2)).sum(0),
             weight=float(self.weights.bodies[first, 0] + self.weights.bodies[other, 0]),
         )
-        friction = np.maximum(LEAST_FRICTION, parameters.friction)[: parameters.dimension - 1]
+        friction = np.maximum(self.laws.least_friction, parameters.friction)
+        friction = friction[: parameters.dimension - 1]
         ratio = max(SMALLEST, self.laws.friction_ratio)
         if parameters.dimension == 1:
             added.add(Kind.ONE_SIDED, jacobian[0], added.weight)

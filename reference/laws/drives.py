@@ -6,6 +6,7 @@ Millard et al. 2013, J. Biomech. Eng. 135(2), for the time constants.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +26,8 @@ class Driven:
         joint_forces: on the velocities, (nv,).
         states: at the step's end, (states,).
         clipped: drives at a limit of their own or of a tendon, by index.
-        damping: -d(joint forces)/d(velocities), (nv, nv); drives at a limit of their own, of their
-            tendon or of their joint have none.
+        damping: -d(joint forces)/d(velocities), (nv, nv); drives at a limit have none, unless the
+            integrator keeps it.
     """
 
     forces: Array
@@ -58,23 +59,21 @@ def drive(
     rows = np.array([posture.rows[actuator.path] for actuator in laws.drives]).reshape(count, nv)
     for i, actuator in enumerate(laws.drives):
         law = _Drive(actuator, posture, accelerations[actuator.path])
-        control = _clipped(controls[actuator.control], actuator.control_range)
-        value = control
+        given = controls[actuator.control]
+        value = control = _clipped(given, actuator.control_range)
         if actuator.state >= 0:
-            before = states[actuator.state]
-            rate = law.rate(control, before) if actuator.on else 0.0
-            after[actuator.state] = law.next_state(before, rate, laws.step)
-            value = after[actuator.state] if actuator.early else before
+            given = states[actuator.state]
+            rate = law.rate(control, given) if actuator.on else 0.0
+            after[actuator.state] = law.next_state(given, rate, laws.step)
+            value = after[actuator.state] if actuator.early else given
         if actuator.on:
             value = law.period(value)
             forces[i] = law.force(value)
-            slopes[i] = law.slope(value)
+            slopes[i] = law.linear_slope(given) if _keeps_damping(laws) else law.slope(value)
     forces, clipped = _within_limits(laws, forces)
     joint_forces, limited = _within_joints(laws, posture, rows.T @ forces)
-    for i, actuator in enumerate(laws.drives):
-        joints = [joint for joint, _ in posture.parent.paths[actuator.path].joints]
-        if i in clipped or (len(joints) == 1 and joints[0] in limited):
-            slopes[i] = 0.0
+    if not _keeps_damping(laws):
+        slopes[list(_limited_drives(laws, posture, clipped, limited))] = 0.0
     return Driven(
         forces=forces,
         joint_forces=joint_forces,
@@ -82,6 +81,21 @@ def drive(
         clipped=frozenset(clipped),
         damping=-np.einsum("di,d,dj->ij", rows, slopes, rows),
     )
+
+
+def _keeps_damping(laws: Laws) -> bool:
+    """Return whether drives at a limit keep their damping, as their control is given."""
+    return laws.integrator == "implicit dampers"
+
+
+def _limited_drives(
+    laws: Laws, posture: Posture, clipped: set[int], limited: set[int]
+) -> Iterator[int]:
+    """Yield the drives at a limit of their own, of their path or of their only joint."""
+    for i, actuator in enumerate(laws.drives):
+        joints = [joint for joint, _ in posture.parent.paths[actuator.path].joints]
+        if i in clipped or (len(joints) == 1 and joints[0] in limited):
+            yield i
 
 
 def unsaturated(
@@ -219,9 +233,14 @@ class _Drive:
 
     def slope(self, value: float) -> float:
         """Return the derivative of the force by the velocity."""
-        gain = self.drive.gains[2] if self.drive.gain == "affine" else 0.0
+        slope = self.linear_slope(value)
         if self.drive.gain == "muscle":
-            gain = self._muscle(self.drive.gains).force_slope(self.velocity)
+            slope += value * self._muscle(self.drive.gains).force_slope(self.velocity)
+        return slope
+
+    def linear_slope(self, value: float) -> float:
+        """Return the derivative by the velocity, without the curve of a muscle."""
+        gain = self.drive.gains[2] if self.drive.gain == "affine" else 0.0
         bias = self.drive.biases[2] if self.drive.bias == "affine" else 0.0
         return gain * value + bias
 

@@ -46,7 +46,16 @@ def changed_step(model: LawModel, other: LawModel, solved: LawSolution) -> tuple
     return acceleration, replace(solved.law, driven=driven)
 
 
-OPTIONS = ("step", "elliptic", "mixing", "friction_ratio", "safe", "light")
+OPTIONS = (
+    "step",
+    "elliptic",
+    "mixing",
+    "friction_ratio",
+    "least_friction",
+    "drift",
+    "safe",
+    "light",
+)
 """Numbers of the laws that all rows depend on."""
 
 

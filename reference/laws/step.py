@@ -18,7 +18,7 @@ from physics_crosscheck.reference.mechanism.laws import Contact
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
-STEPPED = ("euler", "implicitfast", "implicit")
+STEPPED = ("euler", "implicitfast", "implicit", "implicit dampers")
 """Integrators with a rule for the next velocity."""
 
 
@@ -214,13 +214,17 @@ class LawModel(Constraints):
                 acts = self.laws.damps_implicitly and bool(np.any(joints > 0))
                 return np.diag(joints if acts else 0 * joints)
             case "implicitfast":
-                damping = np.diag(self._joint_damping) + self._tendon_damping(law.posture)
-                return (damping + law.driven.damping) * self._branches + self._gyroscopic(
-                    law.posture
-                )
+                return self._dampers(law) * self._branches + self._gyroscopic(law.posture)
+            case "implicit dampers":
+                return self._dampers(law)
             case "implicit":
                 return (_by_velocity(self.tree, law.posture) + law.driven.damping) * self._branches
         return None
+
+    def _dampers(self, law: LawStep) -> Array:
+        """Return the damping of joints, paths and drives, (nv, nv)."""
+        passive = np.diag(self._joint_damping) + self._tendon_damping(law.posture)
+        return passive + law.driven.damping
 
     @cached_property
     def _joint_damping(self) -> Array:

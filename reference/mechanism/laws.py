@@ -209,11 +209,14 @@ class Laws:
 
     Attributes:
         step: s.
-        integrator: "euler", "implicitfast", "implicit"; another one has no rule for the next state.
+        integrator: "euler", "implicitfast", "implicit", or "implicit dampers": those of joints,
+            paths and drives, also of drives at a limit; another one has no rule for the next state.
         drive_damping: damping of drives that the Euler step adds to that of their joints, by joint.
         elliptic: whether friction cones are elliptic, or pyramids.
         mixing: of the frictions of two surfaces.
         friction_ratio: of the softness of normal forces to that of friction.
+        least_friction: smallest friction coefficient.
+        drift: whether equalities of frames count their acceleration at constant velocities.
         safe: whether a time constant is at least two steps.
         damps_implicitly: whether the Euler step evaluates joint dampers at its end.
         light: bodies whose inverse weight is one over their mass: alone on slides along the axes.
@@ -228,6 +231,8 @@ class Laws:
     elliptic: bool = False
     mixing: Mixing = "largest"
     friction_ratio: float = 1.0
+    least_friction: float = 1e-5
+    drift: bool = True
     safe: bool = True
     damps_implicitly: bool = True
     drive_damping: Mapping[int, float] = field(default_factory=dict)
@@ -296,6 +301,25 @@ class HardJoint:
     upper: float
     targets: Range
     effort: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class NearRigidRules:
+    """Settings of an engine whose joint limits are near-rigid (`reference.laws.near_rigid`).
+
+    Attributes:
+        step: s.
+        share: smallest softness of a row, as a share of its inverse inertia.
+        stiffness: of a limit, N/m or N m/rad.
+        dissipation: time in which a limit dissipates, s.
+        window: rows exist within this multiple of the motion in a step.
+    """
+
+    step: float
+    share: float
+    stiffness: float
+    dissipation: float
+    window: float
 
 
 @dataclass(frozen=True, kw_only=True)

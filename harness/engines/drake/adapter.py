@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -36,6 +37,7 @@ from physics_crosscheck.harness.engines.drake.model import (
     refuse_balls,
 )
 from physics_crosscheck.harness.engines.drake.plant import moving_joints, weight_of
+from physics_crosscheck.harness.engines.drake.whole import WHOLE_SETTINGS, DrakeWhole
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of
@@ -49,6 +51,7 @@ from physics_crosscheck.harness.engines.mjcf_joints import SLIDE, MjcfJoint, row
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
+    EngineError,
     LoadedModel,
     ModelSpec,
     Sample,
@@ -348,7 +351,7 @@ class DrakeEngine(UrdfEngine):
         "accelerations: yes, without couplers",
         "linearization: from steps",
         "steps: SAP, TAMSI: order 1; continuous: RK4 by the adapter",
-        "whole step: not judged",
+        "whole step: joint limits of URDF in SAP, by its law",
     )
     default_settings_note = "no step of its own and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
@@ -361,6 +364,25 @@ class DrakeEngine(UrdfEngine):
             return DrakeMjcf(spec, DEFAULTS, self.compilers.get(".xml"))
         return DrakeUrdf(spec, DEFAULTS)
 
+    def load_whole(self, spec: ModelSpec) -> DrakeWhole | None:
+        """Load a URDF with its limits, on a fixed root."""
+        if spec.path.suffix != ".urdf":
+            return None
+        model = self.load(replace(spec, settings={**spec.settings, **WHOLE_SETTINGS}))
+        assert isinstance(model, DrakeUrdf)
+        if model.floats:
+            raise EngineError("a floating root, whose rotation Drake advances otherwise")
+        return DrakeWhole(model, tuple(_without_law(model.declared.robot)))
+
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
         return sample_urdf(), sample_sdf(), sample_mjcf()
+
+
+def _without_law(robot: XmlElement) -> Iterator[str]:
+    """Yield the parts of a URDF that act in Drake and have no law here."""
+    links, joints = robot.findall("link"), robot.findall("joint")
+    if any(link.find("collision") is not None for link in links):
+        yield "contacts"
+    if any(joint.find("mimic") is not None for joint in joints):
+        yield "couplings"

@@ -171,6 +171,11 @@ class DrakeModel(TreeModel):
         wrapped = self._wrap(plant)
         return DiscreteSteps(wrapped, self.floats, wrapped.pulled)
 
+    @property
+    def discrete_steps(self) -> DiscreteSteps:
+        """The discrete plant of the file's step."""
+        return self._discrete(self.step)
+
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of one state and its forces, in `RungeKutta`'s convention."""
         a = self._continuous_plant.accelerations(x, m, f)

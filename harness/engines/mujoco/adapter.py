@@ -271,17 +271,23 @@ class MujocoEngine(Engine):
         """Load an MJCF with all its forces."""
         import mujoco
 
-        if spec.path.suffix not in self.compiles or mujoco.mj_version() // 1_000_000 != LAW_VERSION:
+        if spec.path.suffix != ".xml" or mujoco.mj_version() // 1_000_000 != LAW_VERSION:
             return None
         xml_sources, warnings = sources(spec.path), Warnings()
         try:
             with warnings.collecting():
-                whole = MujocoWhole(mujoco.MjModel.from_xml_path(str(spec.path)))
+                model = mujoco.MjModel.from_xml_path(str(spec.path))
         except Exception as error:
             raise load_error(error, spec.path, xml_sources) from None
+        with engine_errors(spec.path, self.title):
+            whole = self.whole_of(model)
         if "tolerance" in spec.settings:
             whole.solver = {**whole.solver, "tolerance": spec.settings["tolerance"]}
         return whole
+
+    def whole_of(self, compiled: Any) -> MujocoWhole:
+        """Return the model of whole steps."""
+        return MujocoWhole(compiled)
 
     def model_of(self, *compiled: Any) -> MujocoModel:
         """Return the model to step; the arguments are those of `MujocoModel`."""

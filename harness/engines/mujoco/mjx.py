@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
+from physics_crosscheck.harness.engines.mujoco.mjx_whole import MjxWhole
 from physics_crosscheck.harness.engines.mujoco.pulls import powers
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -57,7 +58,7 @@ class MjxEngine(MujocoEngine):
         "accelerations: yes",
         "linearization: from steps",
         "steps: Euler, implicitfast: order 1; RK4: order 4",
-        "whole step: not judged",
+        "whole step: by MuJoCo's law, of MJCF",
     )
     compiles: tuple[str, ...] = ()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
@@ -82,6 +83,10 @@ class MjxEngine(MujocoEngine):
         with engine_errors(spec.path, self.title):
             model.transfer(bits)
         return model
+
+    def whole_of(self, compiled: Any) -> MjxWhole:
+        """Return the model of whole steps, which JAX takes."""
+        return MjxWhole(compiled)
 
     def samples(self) -> tuple[Sample, ...]:
         """Return MuJoCo's samples, except the integrator that MJX lacks."""

@@ -18,11 +18,16 @@ from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
+from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
+from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     HardSurface,
     ImpulseLaws,
     ImpulseRules,
+    Laws,
+    NearRigidRules,
+    SoftLimit,
 )
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
@@ -42,6 +47,59 @@ def impulse_model(robot: Robot, rules: ImpulseRules) -> ImpulseModel | None:
         raise TreeError("joints without a tree")
     file = read_urdf(Document(robot.file))
     return _model(file, robot.tree, rules, floats=robot.floats)
+
+
+def near_rigid_model(robot: Robot, rules: NearRigidRules) -> NearRigidModel | None:
+    """Return the near-rigid limits of a URDF on its bodies; None without joints.
+
+    Args:
+        robot: the file, with joints that follow others set free.
+        rules: of the engine.
+
+    Raises:
+        TreeError: if the file has no tree, or its root floats.
+    """
+    if robot.tree is None:
+        raise TreeError("joints without a tree")
+    return _near_rigid(read_urdf(Document(robot.file)), robot.tree, rules)
+
+
+def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidModel | None:
+    """Return the limits of a file on its tree; None without joints."""
+    if not tree.links:
+        return None
+    if any(link.kind not in ("hinge", "slide") for link in tree.links):
+        raise TreeError("a root or joint with several degrees of freedom")
+    softness = near_rigid_softness(rules)
+    ranges = ((i, _stated_bounds(file, link.name)) for i, link in enumerate(tree.links))
+    limits = (
+        SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
+        for i, (lower, upper) in ranges
+        if lower <= upper and np.isfinite([lower, upper]).all()
+    )
+    tree = _without_springs(tree)
+    return NearRigidModel(
+        # Dampers are part of the convex problem.
+        laws=Laws(
+            step=rules.step, integrator="euler", damps_implicitly=False, limits=tuple(limits)
+        ),
+        tree=LawTree(
+            tree=tree, paths=(), bodies=((WORLD, IDENTITY),), masses=np.zeros(1),
+            centers=np.zeros((1, 3)),
+        ),
+        home=np.zeros(tree.nv),
+        rules=rules,
+    )  # fmt: skip
+
+
+def _stated_bounds(file: UrdfFile, name: str) -> tuple[float, float]:
+    """Return the bounds of a joint; an endless one has those that its `<limit>` states."""
+    joint, document = file.joints[name], file.document
+    limit = document.child(joint.element, "limit")
+    if joint.bounds != ENDLESS or limit is None or not {"lower", "upper"} <= set(limit.attributes):
+        return joint.bounds
+    lower, upper = (document.number(limit, key, 0.0, "<limit>") for key in ("lower", "upper"))
+    return lower, upper
 
 
 def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> ImpulseModel | None:
@@ -71,16 +129,14 @@ _NUMBERS = re.compile(r"robot/(joint/limit@(lower|upper|effort)|link/contact/\w+
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ImpulseNumbers:
-    """The numbers of a URDF whose limits, motors and contacts act by impulses.
+class RuledNumbers:
+    """The numbers of a URDF whose laws have settings of an engine.
 
     Attributes:
         numbers: of the file.
-        rules: of the engine.
     """
 
     numbers: UrdfNumbers
-    rules: ImpulseRules
 
     @property
     def numerals(self) -> tuple[Number, ...]:
@@ -98,6 +154,21 @@ class ImpulseNumbers:
         """Nothing: the format has no number that selects a law."""
         return {}
 
+    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
+        """Return the file with other values of some numbers."""
+        return self.numbers.texts(values)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImpulseNumbers(RuledNumbers):
+    """The numbers of a URDF whose limits, motors and contacts act by impulses.
+
+    Attributes:
+        rules: of the engine.
+    """
+
+    rules: ImpulseRules
+
     def laws(self, values: Mapping[int, float]) -> ImpulseModel | None:
         """Return the laws with other values of some numbers, by index, or None."""
         with self.numbers.changed(values, coupled=False) as changed:
@@ -106,9 +177,21 @@ class ImpulseNumbers:
             file, tree = changed
             return _model(file, tree, self.rules, floats=self.numbers.floats)
 
-    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """Return the file with other values of some numbers."""
-        return self.numbers.texts(values)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NearRigidNumbers(RuledNumbers):
+    """The numbers of a URDF whose limits are near-rigid.
+
+    Attributes:
+        rules: of the engine.
+    """
+
+    rules: NearRigidRules
+
+    def laws(self, values: Mapping[int, float]) -> LawModel | None:
+        """Return the laws with other values of some numbers, by index, or None."""
+        with self.numbers.changed(values, coupled=False) as changed:
+            return None if changed is None else _near_rigid(*changed, self.rules)
 
 
 def _without_springs(tree: Tree) -> Tree:
