@@ -64,7 +64,22 @@ class WorkerConfig:
 
 
 def serve(tasks: Connection, config: WorkerConfig) -> NoReturn:
-    """Run tasks until no more arrive: the main function of a worker process."""
+    """Run tasks until no more arrive: the main function of a worker process.
+
+    End without a message if the program has ended: other workers then remove the scratch folder.
+    """
+    try:
+        _prepare(config)
+        _run_tasks(tasks, config)
+    except OSError:
+        program = multiprocessing.parent_process()
+        if program is not None and not program.is_alive():
+            os._exit(1)
+        raise
+
+
+def _prepare(config: WorkerConfig) -> None:
+    """Set up the process: signals, output, limits, and its end with the program."""
     gc.freeze()  # collecting what the server imported would copy all its memory
     gc.set_threshold(GARBAGE_THRESHOLD)
     with contextlib.suppress(OSError):
@@ -78,6 +93,9 @@ def serve(tasks: Connection, config: WorkerConfig) -> NoReturn:
     tempfile.tempdir = str(config.scratch)
     _redirect(config)
     _limit(config.limits)
+
+
+def _run_tasks(tasks: Connection, config: WorkerConfig) -> NoReturn:
     initial = _ProcessState.now()
     while True:
         try:

@@ -433,6 +433,28 @@ def test_a_program_that_is_killed_leaves_no_worker_and_no_folder(tmp_path: Path)
     assert soon(lambda: not Path(scratch).exists())
 
 
+ENDED = """
+import multiprocessing, threading
+from pathlib import Path
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.worker import WorkerConfig, serve
+class Ended:
+    def join(self): threading.Event().wait()
+    def is_alive(self): return False
+multiprocessing.parent_process = Ended
+gone = Path("gone").absolute()
+config = WorkerConfig(cwd=".", scratch=gone, log=gone / "log", trace=gone / "trace", limits=Limits())
+serve(multiprocessing.Pipe()[0], config)
+"""
+
+
+def test_a_worker_that_starts_after_its_program_was_killed_says_nothing() -> None:
+    """Another worker has removed the folder of its log by then."""
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", ENDED], cwd=root, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
 def test_a_pool_that_is_closed_leaves_no_worker_and_no_folder() -> None:
     with Workers(1) as pool:
         pool.submit(sleep, 0)
