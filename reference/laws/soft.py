@@ -36,10 +36,14 @@ class Kind(Enum):
     CONE = 3
 
 
+ONE_SIDED, FRICTION = Kind.ONE_SIDED.value, Kind.FRICTION.value
+
+
 def clipped_impedance(softness: Softness) -> tuple[float, float, float, float, float]:
     """Return d at zero and full depth, width, midpoint and power, within the documented ranges."""
     start, full, width, middle, power = softness.impedance
-    start, full, middle = (float(np.clip(x, *IMPEDANCE)) for x in (start, full, middle))
+    low, high = IMPEDANCE
+    start, full, middle = (min(max(x, low), high) for x in (start, full, middle))
     return start, full, max(0.0, width), middle, max(1.0, power)
 
 
@@ -206,11 +210,13 @@ class Problem:
 
     def forces(self, a: Array) -> tuple[Array, Array]:
         """Return the forces of the rows, (K,), and minus their slopes by x, (K, K)."""
-        x = self.jacobian @ a - self.reference
+        return self._forces(self.jacobian @ a - self.reference)
+
+    def _forces(self, x: Array) -> tuple[Array, Array]:
         force = -x / self.softness
         active = np.ones(len(x))
-        free = (self.kinds == Kind.ONE_SIDED.value) & (x >= 0)
-        slides = (self.kinds == Kind.FRICTION.value) & (np.abs(force) >= self.bounds)
+        free = (self.kinds == ONE_SIDED) & (x >= 0)
+        slides = (self.kinds == FRICTION) & (np.abs(force) >= self.bounds)
         force[free] = 0.0
         force[slides] = np.sign(force[slides]) * self.bounds[slides]
         active[free | slides] = 0.0
@@ -265,21 +271,25 @@ class Problem:
         )
 
     def _line_search(self, a: Array, direction: Array) -> float:
-        """Return the share of a direction at which the cost is least, by bisection."""
+        """Return the share of a direction at which the cost is least, by Brent's method."""
+        from scipy.optimize import brentq  # slow import
+
+        inertial = direction @ self.mass @ (a - self.free)
+        curvature = direction @ self.mass @ direction
+        x, rate = self.jacobian @ a - self.reference, self.jacobian @ direction
 
         def slope(share: float) -> float:
-            return float(direction @ self.gradient(a + share * direction))
+            force = self._forces(x + share * rate)[0]
+            return float(inertial + share * curvature - rate @ force)
 
         low, high = 0.0, 1.0
-        least = LINE_TOLERANCE * abs(slope(0.0))
-        if abs(slope(1.0)) <= least:
+        if abs(slope(1.0)) <= LINE_TOLERANCE * abs(slope(0.0)):
             return 1.0
-        while slope(high) < 0 and high < MAX_SHARE:
+        while (last := slope(high)) < 0 and high < MAX_SHARE:
             low, high = high, 2 * high
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            low, high = (low, middle) if slope(middle) > 0 else (middle, high)
-        return (low + high) / 2
+        if last <= 0 or slope(low) >= 0:
+            return high if last <= 0 else low
+        return float(brentq(slope, low, high, xtol=SHARE_TOLERANCE, disp=False))
 
     def rounding(self, a: Array) -> Array:
         """Return the effect of a last digit of every term on the minimizer, relative to epsilon."""
@@ -299,8 +309,8 @@ MAX_ITERATIONS, ROUGHLY = 200, 1e-12
 LAST_DIGITS = 4 * float(np.finfo(float).eps)
 """Share of the accelerations by which they are rounded."""
 
-LINE_TOLERANCE, BISECTIONS, MAX_SHARE = 1e-10, 60, 1e6
-"""Numbers of the line search: share of the first slope, halvings, largest share of a step."""
+LINE_TOLERANCE, SHARE_TOLERANCE, MAX_SHARE = 1e-10, 1e-15, 1e6
+"""Numbers of the line search: share of the first slope, error and largest value of a share."""
 
 
 def _cone(cone: Cone, x: Array, softness: Array) -> tuple[Array, Array]:

@@ -86,6 +86,13 @@ def test_the_ini_files_paths_are_added_to_a_plain_run_and_to_no_other(project: P
     assert len(project.collected("models/msd")) == 4
 
 
+def test_ignored_paths_have_no_tests(project: Project) -> None:
+    project.add("a")
+    project.add("b", under="models/rest")
+    found = project.collected("--crosscheck", "models", "--ignore", "models/rest")
+    assert {name.split("::")[0] for name in found} == {"models/a/system.py"}
+
+
 def test_paths_that_are_none_are_refused_naming_file_and_setting(project: Project) -> None:
     (project.path / "pyproject.toml").write_text(
         "[tool.pytest.ini_options]\ncrosscheck_paths = [{}]\n"

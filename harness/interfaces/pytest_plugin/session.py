@@ -89,7 +89,8 @@ def targets_by_path(config: pytest.Config) -> dict[str, list[Path]]:
     """Return the targets by path, from the command line or else from the ini file.
 
     Robot files among pytest's own arguments are targets too: a shell writes `--crosscheck *.urdf`
-    as one path of --crosscheck and such arguments.
+    as one path of --crosscheck and such arguments. Targets in a path of pytest's `--ignore` are
+    left out.
 
     Raises:
         pytest.UsageError: if a path has no target.
@@ -98,10 +99,15 @@ def targets_by_path(config: pytest.Config) -> dict[str, list[Path]]:
     if config.args_source is config.ArgsSource.ARGS:
         files = [argument.split("::")[0] for argument in config.args]
         named = [*named, *(file for file in files if is_robot(Path(file)))]
+    ignored = [Path(os.path.abspath(name)) for name in config.getoption("ignore") or ()]
     try:
-        return {name: targets_under(name, _unwanted(config)) for name in named}
+        found = {name: targets_under(name, _unwanted(config)) for name in named}
     except FolderError as error:
         raise pytest.UsageError(f"--crosscheck {error}") from None
+    return {
+        name: [one for one in paths if not any(map(one.is_relative_to, ignored))]
+        for name, paths in found.items()
+    }
 
 
 def to_collect(config: pytest.Config, targets: dict[str, list[Path]]) -> list[str]:
