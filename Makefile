@@ -13,12 +13,13 @@ report: .venv/.report
 # Two workers; a file's tests stay together, and files are dealt as they stand: the built-in systems last.
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-# The checks of the code run beside the tests. Motions with events are among the slow ones.
+# The checks of the code run beside the tests. Motions with events are among the slow ones, and
+# `make test-engines` runs the built-in models in Pinocchio.
 test: .venv/.test
 	$(MAKE) --no-print-directory --jobs 2 check pytest
 
 pytest: .venv/.test
-	$(PYTEST) tests -m "not slow" --crosscheck models --crosscheck-thorough --require-engines \
+	$(PYTEST) tests -m "not slow and not pinocchio" --crosscheck models --crosscheck-thorough --require-engines \
 		--ignore models/events --durations 10
 
 # Whole pages, files and matrices, each five seconds and more; the longest folders first.

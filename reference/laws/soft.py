@@ -258,6 +258,8 @@ class Problem:
             whole = a + direction
             if np.linalg.norm(self.gradient(whole)) < now / 2:
                 a = whole
+            elif now <= self._negligible(a):
+                break
             else:
                 a = a + self._line_search(a, direction) * direction
         return a

@@ -443,7 +443,9 @@ class Ended:
     def is_alive(self): return False
 multiprocessing.parent_process = Ended
 gone = Path("gone").absolute()
-config = WorkerConfig(cwd=".", scratch=gone, log=gone / "log", trace=gone / "trace", limits=Limits())
+config = WorkerConfig(
+    cwd=".", scratch=gone, log=gone / "log", trace=gone / "trace", limits=Limits()
+)
 serve(multiprocessing.Pipe()[0], config)
 """
 
