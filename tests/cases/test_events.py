@@ -35,7 +35,7 @@ def test_a_bouncing_ball_agrees(engine: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", [name for name in MODELS if name != "bouncing_ball"])
 def test_every_built_in_motion_with_events_agrees(name: str) -> None:
     results = check(EVENTS / name)
     assert {case.outcome.value for case in results.cases} == {"AGREES"}

@@ -9,7 +9,7 @@ import pytest
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.solving import linearity as linearities
 from physics_crosscheck.reference.solving.linearity import AMPLITUDES, LinearityError, linearity
-from tests.reference.mechanisms import NAMES, built_in, equations_of
+from tests.reference.mechanisms import LINEAR, built_in, equations_of
 
 
 def errors_of(name: str) -> tuple[LinearityError, ...]:
@@ -54,7 +54,7 @@ def test_a_wrong_linearization_does_not_fall(monkeypatch: pytest.MonkeyPatch) ->
     assert found.errors[0] > 1e-3
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if equations_of(n).linear])
+@pytest.mark.parametrize("name", sorted(LINEAR))
 def test_linear_equations_have_no_such_error(name: str) -> None:
     assert errors_of(name) == ()
 

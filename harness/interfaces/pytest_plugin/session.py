@@ -101,12 +101,12 @@ def targets_by_path(config: pytest.Config) -> dict[str, list[Path]]:
         named = [*named, *(file for file in files if is_robot(Path(file)))]
     ignored = [Path(os.path.abspath(name)) for name in config.getoption("ignore") or ()]
     try:
-        found = {name: targets_under(name, _unwanted(config)) for name in named}
+        targets = {name: targets_under(name, _unwanted(config)) for name in named}
     except FolderError as error:
         raise pytest.UsageError(f"--crosscheck {error}") from None
     return {
         name: [one for one in paths if not any(map(one.is_relative_to, ignored))]
-        for name, paths in found.items()
+        for name, paths in targets.items()
     }
 
 
