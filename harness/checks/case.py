@@ -37,6 +37,7 @@ from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.event_runs import study_events
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison,
     forward_dynamics,
@@ -341,11 +342,14 @@ def _study(
     verdict: CaseJudgement,
 ) -> StepStudy:
     """Run at the file's own time step and at related steps."""
+    amplitude = task.target.amplitude_of(motion)
+    if motion.marks is not None:
+        return study_events(*loaded, motion, power=task.target.power(), amplitude=amplitude)
     return study_step(
         *loaded,
         motion,
         power=task.target.power(),
-        amplitude=task.target.amplitude_of(motion),
+        amplitude=amplitude,
         claimed=judged.shipped_order,
         agrees=verdict.outcome is Outcome.AGREES,
         thorough=task.thorough,
@@ -376,7 +380,8 @@ def _skipped(judged: _Judgement, study: StepStudy | None) -> Iterator[SkippedChe
     if all(run.h >= study.base_run.h for run in study.others):
         reason = "coarser runs show the order and predict the error at dt"
         yield SkippedCheck(check="finer full runs", reason=reason)
-    yield SkippedCheck(check="predicted time step", reason="the full runs predict it")
+    if study.checked is None:
+        yield SkippedCheck(check="predicted time step", reason="the full runs predict it")
 
 
 def _case(task: ModelTask[Prepared], outcome: Outcome, reason: str) -> Case:

@@ -138,6 +138,7 @@ def full_run_record(study: StepStudy, time_step: float, integrator: str) -> Full
         checked_step=_checked_step(study),
         energy_error=number(study.base_run.energy),
         constraint_drift=number(study.base_run.drift),
+        events=study.events,
     )
 
 
@@ -222,7 +223,9 @@ def series_record(
         defect_uncertainty=_rows(defects.uncertainty.T, 3),
         convergence=defects.convergence,
         full_runs=_step_errors(study, amplitude),
-        energy=EnergySeries(
+        energy=None
+        if balance is None
+        else EnergySeries(
             held=_row(balance.held[picked] - balance.held[0], 5),
             supplied=_row(balance.supplied[picked], 5),
             dissipated=_row(balance.dissipated[picked], 5),

@@ -166,8 +166,8 @@ class Prepared(ABC):
         """Return the scale of global errors of that motion, (2n,); nowhere zero."""
 
     @abstractmethod
-    def power(self) -> VectorFunction:
-        """Return (energy, supplied, dissipated) as a function of (q, v, u, (t,))."""
+    def power(self) -> VectorFunction | None:
+        """Return (energy, supplied, dissipated) of (q, v, u, (t,)); None where events take some."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,18 +292,18 @@ class PreparedSystem(Prepared):
 
         return mechanics
 
-    def motion(self, scenario: str) -> Motion | None:
-        """Return the motion of the scenario itself; None if contacts or drives switch in it."""
-        return None if self.system.interactions else self.motions[scenario]
+    def motion(self, scenario: str) -> Motion:
+        """Return the motion of the scenario itself."""
+        return self.segments(scenario)
 
     def amplitude_of(self, motion: Motion) -> Array:
         """Return its amplitude, with a share of that of all scenarios as lower bound."""
         scale: Array = np.maximum(motion.amplitude, FLOOR * self.amplitude)
         return scale
 
-    def power(self) -> NumericFunction:
+    def power(self) -> NumericFunction | None:
         """Return energy, supplied and dissipated power."""
-        return self.numeric_power
+        return None if self.system.interactions else self.numeric_power
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -342,6 +342,13 @@ def with_full_runs(
     if verdict.outcome is not Outcome.AGREES:
         return verdict.outcome, verdict.reason, verdict.kind
     check = study.full_run_check
+    if not check.converges and study.events:
+        message = (
+            "every segment agrees, but full runs do not converge, so an event depends on its place "
+            f"in a step; the error is {study.global_error:.1e} at dt = {study.base_run.h:g} s and "
+            f"{check.residual:.1e} at {min(run.h for run in study.others):g} s"
+        )
+        return Outcome.UNRESOLVED, message, "full run"
     if not check.converges:
         message = (
             "every segment agrees, but the full run does not converge to the "

@@ -75,18 +75,18 @@ class CompleteRun(SampledRun):
 
     Attributes:
         drift: largest constraint drift, in engine units.
-        balance: its energy balance.
+        balance: its energy balance; None where events take energy.
         seconds: wall-clock time of the engine.
     """
 
     drift: float
-    balance: EnergyBalance
+    balance: EnergyBalance | None
     seconds: float
 
     @property
     def energy(self) -> float:
-        """Largest imbalance of the energy, relative to the exchanged energy."""
-        return self.balance.error
+        """Largest imbalance of the energy, relative to the exchanged energy; nan if unknown."""
+        return math.nan if self.balance is None else self.balance.error
 
 
 def steps_of(duration: float, h: float) -> int:
@@ -124,7 +124,7 @@ def full_run(
     model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
-    power: VectorFunction,
+    power: VectorFunction | None,
     h: float,
     every: int = 0,
 ) -> CompleteRun:
@@ -135,7 +135,11 @@ def full_run(
 
 
 def traced_run(
-    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, power: VectorFunction, h: float
+    model: LoadedModel,
+    coordinates: CoordinateMap,
+    motion: Motion,
+    power: VectorFunction | None,
+    h: float,
 ) -> tuple[CompleteRun, Array, Array]:
     """Run a motion from start to end as `full_run` does, and return all its states.
 
@@ -157,7 +161,7 @@ def _complete(
     model: LoadedModel,
     coordinates: CoordinateMap,
     motion: Motion,
-    power: VectorFunction,
+    power: VectorFunction | None,
     samples: _Samples,
     h: float,
     extent: _Extent,
@@ -173,7 +177,7 @@ def _complete(
         error=run.error,
         epsilon=run.epsilon,
         drift=coordinates.drift(samples.zs),
-        balance=energy_balance(run.t, run.states, motion, power),
+        balance=None if power is None else energy_balance(run.t, run.states, motion, power),
         seconds=samples.seconds,
     )
 

@@ -28,6 +28,7 @@ from physics_crosscheck.harness.numerics.full_run import (
     follows,
     full_run,
 )
+from physics_crosscheck.harness.records.case import EventTime
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Motion
@@ -69,6 +70,7 @@ class StepStudy:
         steps_for: step at which all errors of positions and velocities are at most each of
             `TARGETS`, seconds; None if the order is unknown.
         checked: (target, step, larger measured error of both) of the one prediction that was run.
+        events: events in the run at the file's time step.
     """
 
     base_run: CompleteRun
@@ -79,6 +81,7 @@ class StepStudy:
     decomposition: OscillationError | None
     steps_for: tuple[float | None, ...]
     checked: tuple[float, float, float] | None
+    events: tuple[EventTime, ...] = ()
 
 
 def study_step(
@@ -86,7 +89,7 @@ def study_step(
     coordinates: CoordinateMap,
     motion: Motion,
     *,
-    power: VectorFunction,
+    power: VectorFunction | None,
     amplitude: Array,
     claimed: int,
     agrees: bool = True,

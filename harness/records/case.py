@@ -209,6 +209,22 @@ class CheckedStep(Record, frozen=True, kw_only=True):
     measured: Number
 
 
+class EventTime(Record, frozen=True, kw_only=True):
+    """One event of a motion: an impact, or a change of a contact, friction or a drive.
+
+    Attributes:
+        part: Names of the interactions that change.
+        change: How they change, such as `impact` or `stick to slip+`.
+        time: Time in the reference, seconds.
+        in_run: Time in the run at the model's own step; None if not seen.
+    """
+
+    part: str
+    change: str
+    time: float
+    in_run: Number = None
+
+
 class FullRun(Record, frozen=True, kw_only=True):
     """Runs from start to end at the model's own time step and at neighboring steps.
 
@@ -216,17 +232,17 @@ class FullRun(Record, frozen=True, kw_only=True):
         time_step: Time step of the file or its sidecar, seconds.
         integrator: Name of the integrator.
         global_error: Largest position error at `time_step`, relative to the amplitude.
-        velocity_error: Largest velocity error at `time_step`, relative to the amplitude; None in
-            older files.
+        velocity_error: Largest velocity error at `time_step`, relative to the amplitude, away from
+            events; None in older files.
         order: Observed order of the error.
-        residual: Error that remains after extrapolation to zero step size; None for fewer than
-            three runs.
+        residual: Extrapolated error; through events, that of the finest run; None below three runs.
         resolved_until: End of the interval used for `order` and `residual`, seconds.
         decomposition: Parts of the error; None if the error is large.
         steps_for: Time steps for errors of 1 %, 0.1 % and 0.01 %.
         checked_step: The predicted step that was verified; None if none was.
         energy_error: Energy imbalance at `time_step`, relative to the energy exchanged.
         constraint_drift: Largest constraint violation, in the engine's units.
+        events: Events of the motion, with their times in this run.
     """
 
     time_step: Number
@@ -241,6 +257,7 @@ class FullRun(Record, frozen=True, kw_only=True):
     checked_step: CheckedStep | None
     energy_error: Number
     constraint_drift: Number
+    events: tuple[EventTime, ...] = ()
 
 
 class Stepping(Record, frozen=True, kw_only=True):

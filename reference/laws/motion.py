@@ -39,7 +39,12 @@ from physics_crosscheck.reference.solving.integrate import (
     field_of,
     solve_numerically,
 )
-from physics_crosscheck.reference.solving.segments import Motion, Span, chebyshev_nodes
+from physics_crosscheck.reference.solving.segments import (
+    EventMark,
+    Motion,
+    Span,
+    chebyshev_nodes,
+)
 from physics_crosscheck.reference.solving.solve import (
     SEGMENTS_A_PERIOD,
     SEGMENTS_AT_LEAST,
@@ -74,15 +79,18 @@ class Event:
     """One event of a motion.
 
     Attributes:
-        time: s.
-        part: names of the interactions whose mode changes.
+        mark: its time, its interactions, and how they change.
         before, after: states, (2n,).
     """
 
-    time: float
-    part: str
+    mark: EventMark
     before: Array
     after: Array
+
+    @property
+    def time(self) -> float:
+        """Time, s."""
+        return self.mark.time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,17 +258,31 @@ def march(hybrid: Hybrid, scenario: Scenario) -> tuple[list[Stretch], list[Event
         rate = _rate(hybrid, mode, time, state)
         fastest = max(fastest, rate)
         step = _step(rate, duration)
-        stop, before, crossed = _until_event(hybrid, mode, time, state, step, duration)
+        stop, before, guards = _until_event(hybrid, mode, time, state, step, duration)
         stretches.append(Stretch(mode=mode, start=time, stop=stop, state=state))
-        if not crossed:
+        if not guards:
             return stretches, events, fastest
+        crossed = sorted({mode.owners[g] for g in guards})
         check_room(stop - time, _step(fastest, duration), time)
         if len(events) == MOST_EVENTS:
             raise EventError(f"more than {MOST_EVENTS} events before t = {stop:.6g} s")
         after, changing = _jump(hybrid, mode, stop, before, crossed)
-        mode = hybrid.next_mode(stop, after, changing, mode.modes, SOON_SHARE * step)
-        events.append(Event(time=stop, part=hybrid.names(crossed), before=before, after=after))
+        ended, mode = mode, hybrid.next_mode(stop, after, changing, mode.modes, SOON_SHARE * step)
+        mark = EventMark(
+            time=stop,
+            part=hybrid.names(crossed),
+            change=_change(ended.modes, mode.modes, crossed),
+            guards=ended.guards,
+            guard=guards[0],
+        )
+        events.append(Event(mark=mark, before=before, after=after))
         time, state = stop, after
+
+
+def _change(before: Modes, after: Modes, crossed: Sequence[int]) -> str:
+    """Return how the modes of some parts change, in words."""
+    changes = ["impact" if before[i] == after[i] else f"{before[i]} to {after[i]}" for i in crossed]
+    return ", ".join(dict.fromkeys(changes))
 
 
 def _rate(hybrid: Hybrid, mode: ModeEquations, time: float, state: Array) -> float:
@@ -277,7 +299,7 @@ def _step(rate: float, duration: float) -> float:
 def _until_event(
     hybrid: Hybrid, mode: ModeEquations, time: float, state: Array, step: float, duration: float
 ) -> tuple[float, Array, list[int]]:
-    """Return the time and state of the next event, and its parts; at the duration, none."""
+    """Return the time and state of the next event, and its guards; at the duration, none."""
     share = chebyshev_nodes()
     while time < duration:
         length = min(_step_to_event(hybrid, mode, time, state, step), duration - time)
@@ -293,8 +315,7 @@ def _until_event(
             }
             first = min(roots.values())
             together = [g for g, root in roots.items() if root - first <= 1e-12 * length]
-            crossed = sorted({mode.owners[g] for g in together})
-            return time + first, hybrid.end(mode, time, state, first), crossed
+            return time + first, hybrid.end(mode, time, state, first), together
         time, state = time + length, inside[-1]
     return duration, state, []
 
@@ -438,7 +459,7 @@ def lay_segments(
         motions.append(_smooth(hybrid, stretch, graded(*bounds, (2 * first, 2 * last), usual)))
         if k < len(events):
             motions.append(_centred(hybrid, stretch, stretches[k + 1], events[k], halves[k]))
-    return _chained(motions, tuple(event.time for event in events), fastest)
+    return _chained(motions, [event.mark for event in events], fastest)
 
 
 def graded(
@@ -512,8 +533,9 @@ def _smooth(hybrid: Hybrid, stretch: Stretch, tiles: Sequence[tuple[float, float
 
 def _centred(hybrid: Hybrid, before: Stretch, after: Stretch, event: Event, half: float) -> Motion:
     """Return one segment with an event in its middle."""
-    start = hybrid.end(before.mode, event.time, event.before, -half)
-    end = hybrid.end(after.mode, event.time, event.after, half)
+    backward = hybrid.flow(before.mode, event.time, event.before, -half)
+    forward = hybrid.flow(after.mode, event.time, event.after, half)
+    start, end = backward[-1], forward[-1]
     middle = [event.before[None], event.after[None]]
     checks = []
     for stretch, state, length in zip((before, after), middle, (-half, half), strict=True):
@@ -525,7 +547,7 @@ def _centred(hybrid: Hybrid, before: Stretch, after: Stretch, event: Event, half
     span = Span(
         start=event.time - half, length=2 * half, count=1, constant_input=hybrid.signal.constant
     )
-    return Motion.join(
+    motion = Motion.join(
         (span,),
         numeric_inputs((hybrid.signal,)),
         start=start[None],
@@ -534,6 +556,7 @@ def _centred(hybrid: Hybrid, before: Stretch, after: Stretch, event: Event, half
         bound=JUMPS * bound,
         method="",
     )
+    return replace(motion, halves={0: np.stack([backward[::-1], forward])})
 
 
 JUMPS = 4.0
@@ -548,8 +571,14 @@ def _backward(
     return lambda s, y: sign * rates(time + sign * s, y)
 
 
-def _chained(motions: Sequence[Motion], events: tuple[float, ...], fastest: float) -> Motion:
+def _chained(motions: Sequence[Motion], marks: Sequence[EventMark], fastest: float) -> Motion:
     first = motions[0]
+    rows = np.cumsum([0, *(len(m.start) for m in motions)])
+    halves = {
+        int(row) + i: nodes
+        for row, m in zip(rows, motions, strict=False)
+        for i, nodes in m.halves.items()
+    }
     motion = Motion.join(
         tuple(span for m in motions for span in m.spans),
         first.inputs,
@@ -559,4 +588,5 @@ def _chained(motions: Sequence[Motion], events: tuple[float, ...], fastest: floa
         bound=np.max([m.bound for m in motions], axis=0),
         method=f"{first.method}; events by root finding",
     )
-    return replace(motion, fastest=fastest, events=events)
+    events = tuple(mark.time for mark in marks)
+    return replace(motion, fastest=fastest, events=events, marks=tuple(marks), halves=halves)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.numeric import Array, Rows
+from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, Rows
 from physics_crosscheck.reference.mechanism.signal import Inputs
 
 NODES = 11
@@ -211,6 +211,25 @@ def start_times(spans: tuple[Span, ...]) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EventMark:
+    """One event of a motion, and the condition that ends the mode before it.
+
+    Attributes:
+        time: s.
+        part: names of the interactions that change.
+        change: how they change, such as `impact` or `stick to slip+`.
+        guards: conditions of the mode before, of (q, v, u, (t,)).
+        guard: index of the condition that crosses zero at the event.
+    """
+
+    time: float
+    part: str
+    change: str
+    guards: NumericFunction
+    guard: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Motion(Segments):
     """A solved scenario: segments that join.
 
@@ -221,6 +240,8 @@ class Motion(Segments):
         nodes: states at the Chebyshev points of each segment, (K, NODES, 2n).
         spans: tiling of the duration by segments.
         method: how the states were computed and checked.
+        marks: the events; None if the equations never change.
+        halves: nodes before and after an event, (2, NODES, 2n), by the row of its segment.
     """
 
     inputs: Inputs
@@ -228,6 +249,8 @@ class Motion(Segments):
     nodes: Array
     spans: tuple[Span, ...]
     method: str
+    marks: tuple[EventMark, ...] | None = None
+    halves: Mapping[int, Array] = field(default_factory=dict)
 
     @staticmethod
     def join(
@@ -287,12 +310,18 @@ class Motion(Segments):
         return bound
 
     def states_at(self, times: Array) -> Array:
-        """Return states at times within the motion, (len(times), 2n), by barycentric interpolation.
+        """Return states at times within the motion, (len(times), 2n); after the jump of an event.
 
-        Source: Berrut and Trefethen 2004, SIAM Review 46(3), eq. 4.2 and 5.4.
+        Source: barycentric interpolation, Berrut and Trefethen 2004, SIAM Review 46(3), eq. 4.2 and
+        5.4.
         """
         which = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 1)
         local = (times - self.t[which]) / self.lengths[which]
+        tiles = self.nodes[which]
+        for row, halves in self.halves.items():
+            here = which == row
+            later = (local[here] >= 0.5).astype(np.intp)
+            tiles[here], local[here] = halves[later], 2 * local[here] - later
         nodes = chebyshev_nodes()
         weights = np.where(np.arange(NODES) % 2 == 0, 1.0, -1.0)
         weights[[0, -1]] /= 2
@@ -301,6 +330,6 @@ class Motion(Segments):
         factors = weights / np.where(exact, 1.0, gaps)
         hit = exact.any(axis=1)
         factors[hit] = exact[hit]
-        values = np.einsum("ki,kic->kc", factors, self.nodes[which])
+        values = np.einsum("ki,kic->kc", factors, tiles)
         result: Array = values / factors.sum(axis=1)[:, None]
         return result

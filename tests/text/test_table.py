@@ -11,7 +11,13 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from physics_crosscheck.harness.records.case import Case, CaseId, SkippedCheck, WholeStep
+from physics_crosscheck.harness.records.case import (
+    Case,
+    CaseId,
+    EventTime,
+    SkippedCheck,
+    WholeStep,
+)
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.diff import Status, bare_diff
@@ -24,13 +30,14 @@ from physics_crosscheck.harness.render.terminal.table import (
     MAX_CASES,
     case_line,
     deciding_lines,
+    event_lines,
     print_results,
     summary,
     whole_step_lines,
 )
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
 from physics_crosscheck.harness.results.status import duration, percent
-from tests.records.made import case, finding, model, results, stepping, verdict
+from tests.records.made import case, finding, full_run, model, results, stepping, verdict
 
 
 def printed(found: Results, **how: Any) -> str:
@@ -278,3 +285,19 @@ def test_whole_steps_without_a_verdict_take_one_line_without_details() -> None:
         "whole steps without a verdict in mujoco, pybullet; --details gives the reason"
     ]
     assert [line.endswith(reason) for line in whole_step_lines(cases, details=True)] == [True, True]
+
+
+def test_the_event_that_is_most_off_is_named_and_short_ones_are_counted() -> None:
+    events = (
+        EventTime(part="floor", change="impact", time=0.3, in_run=0.301),
+        EventTime(part="stop", change="impact", time=0.7, in_run=0.696),
+        EventTime(part="stop", change="free to closed", time=0.9),
+    )
+    cases = [case(full_run=full_run(events=events)), case(scenario="smooth")]
+    name = "disc/mujoco.xml/free [mujoco]"
+    assert event_lines(cases) == [
+        f"2 events of full runs at most 4 ms off (worst: stop, {name}); 1 not seen, shorter than dt"
+    ]
+    (detailed,) = event_lines(cases, details=True)
+    assert detailed.startswith(f"{name}: floor, impact at 0.3 s: 1 ms off; stop, impact")
+    assert detailed.endswith("not seen")

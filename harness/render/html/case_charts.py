@@ -86,17 +86,28 @@ def _motion(run: CaseRun, others: Sequence[CaseRun], i: int, unit: str) -> Chart
                 x=run.t,
                 y=run.engine[i],
             ),
+            *_events(run, i),
         ),
         key=(
             "Wide line: the solution of the equations. Dashes: this engine at its time "
             "step. Thin lines: the others. The legend hides and shows each."
-        ),
+        )
+        + (" Circles: events of the solution." if run.full_run.events else ""),
         summary=f"{name} over {quantity(series.t[-1], 's')}: the reference stays between {low:.3g}"
         f" and {high:.3g} {shown(unit)}; this engine differs by at"
         f" most {largest(series.error[i]):.2g} {shown(unit)}.",
         over_time=True,
         y_limits=(low - span, high + span) if away else None,
     )
+
+
+def _events(run: CaseRun, i: int) -> Iterator[Curve]:
+    """Yield the events of the reference, on its curve."""
+    times = np.array([event.time for event in run.full_run.events])
+    if len(times):
+        on_curve = np.interp(times, values(run.series.t), values(run.series.reference[i]))
+        x, y = run.pack.column(times, 7), run.pack.column(on_curve, 6)
+        yield Curve(label="events", role="event", place=0, x=x, y=y)
 
 
 def _phase(run: CaseRun, i: int, units: Sequence[str]) -> Chart:

@@ -128,6 +128,7 @@ def case_view(
         ),
         ("One step", () if case.stepping is None else _one_step(case.stepping)),
         ("Whole steps", () if case.whole_step is None else _whole_step(case.whole_step)),
+        ("Events", () if full_run is None else tuple(_event_facts(full_run))),
         ("Other steps", () if full_run is None else tuple(_steps(full_run))),
         ("Run", tuple(_run(case, scenario))),
     )
@@ -336,6 +337,15 @@ def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:
     if full_run.constraint_drift is not None:
         rows.append(("constraint drift", f"{full_run.constraint_drift:.2g} (engine units)"))
     return tuple(rows)
+
+
+def _event_facts(full_run: FullRun) -> Iterator[Fact]:
+    """Yield the events of the reference, and how much later they are in the run at dt."""
+    for event in full_run.events:
+        delay = "not seen at dt"
+        if event.in_run is not None:
+            delay = f"{quantity(event.in_run - event.time, 's', 2)} later at dt"
+        yield f"{shown(event.part)}, {event.change}", f"{quantity(event.time, 's', 6)}, {delay}"
 
 
 def _steps(full_run: FullRun) -> Iterator[Fact]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -35,7 +36,7 @@ from physics_crosscheck.harness.results.coverage import coverage_lines, coverage
 from physics_crosscheck.harness.results.failure import advice_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
-from physics_crosscheck.harness.results.status import counted, percent
+from physics_crosscheck.harness.results.status import counted, duration, percent
 from physics_crosscheck.harness.results.visible import visible
 
 GROWS = 1e-9
@@ -263,7 +264,8 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         line := coverage_summary(results.models)
     ):
         print_wrapped(console, f"{line}; --details lists the rest")
-    for line in whole_step_lines(results.cases, details=False):
+    lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
+    for line in lines:
         print_wrapped(console, line)
     if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
         verb = _verb(len(reserved), "agrees", "agree")
@@ -275,6 +277,7 @@ def _print_details(console: Console, results: Results) -> None:
     differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
     models = [model for model in results.models if model.id not in differ]
     _print_list(console, "linearization", [*_linear(models), *_single_steps(models)])
+    _print_list(console, "events in full runs at dt", event_lines(results.cases, details=True))
     steps = whole_step_lines(results.cases, details=True)
     lines = [*dynamics_lines(results.cases), *stepping_lines(results.cases), *steps]
     _print_list(console, "single steps", lines)
@@ -405,6 +408,33 @@ def dynamics_lines(cases: Iterable[Case]) -> list[str]:
     return [
         f"accelerations of {counted(len(alike), 'case')} at {counted(states, 'state')} agree to"
         f" {largest.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})"
+    ]
+
+
+def event_lines(cases: Iterable[Case], *, details: bool = False) -> list[str]:
+    """Return one line about the event times of full runs, or one for each event."""
+    seen = [(event, case) for case in cases if case.full_run for event in case.full_run.events]
+    timed = [(abs(e.in_run - e.time), e, case) for e, case in seen if e.in_run is not None]
+    if details:
+        delays = {id(event): f"{duration(offset)} off" for offset, event, _ in timed}
+        by_case = itertools.groupby(seen, lambda entry: entry[1].id)
+        return [
+            f"{name}: "
+            + "; ".join(
+                f"{event.part}, {event.change} at {event.time:.6g} s: "
+                + delays.get(id(event), "not seen")
+                for event, _ in group
+            )
+            for name, group in by_case
+        ]
+    if not timed:
+        return []
+    largest, event, worst = max(timed, key=lambda entry: entry[0])
+    hidden = len(seen) - len(timed)
+    unseen = f"; {hidden} not seen, shorter than dt" if hidden else ""
+    return [
+        f"{counted(len(timed), 'event')} of full runs at most {duration(largest)} off "
+        f"(worst: {event.part}, {worst.id}){unseen}"
     ]
 
 

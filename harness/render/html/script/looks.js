@@ -22,6 +22,7 @@ const both = (color, marker, dash) => [line(color, 1.4, dash), marks(marker, col
 const LOOKS = {
   reference: () => [line(SKY, 5, [], 0.65)],
   engine: () => [line(VERMILION, 1.7, [6, 3])],
+  event: () => [marks("circle", "var(--ink)", 9, false)],
   other: (place) => [line(pick(OTHERS, place), 1, pick(DASHES, place + 1), 0.9)],
   corrected: () => [line(GREEN, 2, [])],
   band: () => [{ kind: "band", style: "fill: var(--muted); fill-opacity: 0.28" }],

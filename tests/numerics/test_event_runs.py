@@ -1,0 +1,97 @@
+"""Full runs through events: order 1, event times, and engines whose events depend on the step."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.harness.checks.task import load
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
+from physics_crosscheck.harness.numerics.event_runs import (
+    crossing,
+    order_of,
+    step_for,
+    study_events,
+)
+from physics_crosscheck.harness.numerics.step_study import StepStudy
+from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.laws.motion import solve_events
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.solving.segments import Motion
+
+BALL = Path(__file__).parents[2] / "models" / "events" / "bouncing_ball"
+DT = 0.002
+
+
+@pytest.fixture(scope="module")
+def drop() -> Motion:
+    """Return the exact motion of a ball that drops."""
+    system = load_system(BALL)
+    return solve_events(derive(system), system.scenario("drop"))
+
+
+def studied(motion: Motion, folder: Path = BALL) -> StepStudy:
+    """Return the full runs of the ball in pymunk."""
+    model, coordinates = load(load_system(BALL), read_sidecar(folder / "space.py.toml"), "pymunk")
+    return study_events(model, coordinates, motion, power=None, amplitude=motion.amplitude)
+
+
+def test_the_dense_motion_jumps_at_each_impact(drop: Motion) -> None:
+    first = drop.events[0]
+    assert first == pytest.approx(np.sqrt(2 * 0.5 / 9.81), rel=1e-14)
+    before, after = drop.states_at(np.array([first - 1e-6, first + 1e-6]))[:, 1]
+    assert before == pytest.approx(-np.sqrt(2 * 9.81 * 0.5), rel=1e-5)
+    assert after == pytest.approx(0.8 * np.sqrt(2 * 9.81 * 0.5), rel=1e-5)
+    times = np.linspace(0, first, 50)
+    assert drop.states_at(times)[:, 0] == pytest.approx(0.5 - 9.81 * times**2 / 2, abs=1e-13)
+
+
+def test_full_runs_have_order_one_and_show_each_impact(drop: Motion) -> None:
+    study = studied(drop)
+    assert study.full_run_check.converges
+    assert study.full_run_check.order == pytest.approx(1, abs=0.25)
+    assert [event.change for event in study.events] == ["impact"] * 3
+    for event in study.events:
+        assert event.in_run is not None
+        assert abs(event.in_run - event.time) < 3 * DT
+    assert study.checked is not None
+    target, _, measured = study.checked
+    assert measured < 2 * target
+    # Velocities are compared away from impacts, where they are off by a whole jump.
+    assert study.velocity_error < 0.1
+
+
+def test_runs_with_another_restitution_do_not_converge(drop: Motion, tmp_path: Path) -> None:
+    copy = tmp_path / "bouncing_ball"
+    shutil.copytree(BALL, copy)
+    space = copy / "space.py"
+    space.write_text(space.read_text().replace("RESTITUTION = 0.8", "RESTITUTION = 0.77"))
+    study = studied(drop, copy)
+    assert not study.full_run_check.converges
+    assert study.steps_for == (None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("values", "time"),
+    [
+        ([3.0, 2.0, 1.0, -0.5], 2 + 2 / 3),  # through zero
+        ([0.0, 3.0, 1.0, -1.0], 2.5),  # begins on it
+        ([3.0, 2.0, 0.8, 1.5], 2 + 0.8 / 1.2),  # would reach it with another step
+        ([3.0, 2.0, 1.5, 2.5], None),
+        ([-1.0, -1.0, -1.0, -1.0], None),
+        ([np.nan] * 4, None),
+    ],
+)
+def test_the_time_of_a_crossing(values: list[float], time: float | None) -> None:
+    at = crossing(np.arange(4.0), np.array(values))
+    assert at == (None if time is None else pytest.approx(time))
+
+
+def test_steps_keep_below_the_largest_error_over_the_step() -> None:
+    errors = [(h, h * (1.0 if k % 2 else 0.4)) for k, h in enumerate(2.0 ** -np.arange(8))]
+    assert order_of(errors) == pytest.approx(1, abs=0.2)
+    assert step_for(0.01, errors) == pytest.approx(0.01, rel=0.1)
+    assert step_for(0.01, [(h, 0.3) for h, _ in errors]) is None
