@@ -32,7 +32,7 @@ from physics_crosscheck.harness.render.html.parts import (
 from physics_crosscheck.harness.render.html.view import Report, report
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 
-PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "figures", "motion")
+PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "tabs", "figures", "motion")
 """Files of `script/` that draw plots, omitted from a page without plots."""
 
 SCENES = ("kinematics", "outlines", "solids", "scene")

@@ -23,7 +23,8 @@ from physics_crosscheck.harness.render.html.text import percent, quantity, sci, 
 OVERLAID = 9
 """Maximum number of other runs in one plot; more would be indistinguishable."""
 
-MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "Error against time step", "Energy"
+MOTION, ERROR, COST = "Motion", "Error", "Step size"
+"""Tabs of a case."""
 
 
 def case_charts(
@@ -48,16 +49,17 @@ def case_charts(
     return (
         *motions,
         *(_phase(run, i, units) for i in range(half)),
-        *errors,
         *_energy(run),
+        *errors,
         _convergence(run),
         *_work_precision(run, others),
     )
 
 
 def _led(charts: Iterable[Chart], leading: int) -> list[Chart]:
-    """Mark the chart to show first."""
-    return [replace(chart, lead=i == leading) for i, chart in enumerate(charts)]
+    """Mark the chart to show first, and put it there."""
+    marked = [replace(chart, lead=i == leading) for i, chart in enumerate(charts)]
+    return sorted(marked, key=lambda chart: not chart.lead)
 
 
 def _motion(run: CaseRun, others: Sequence[CaseRun], i: int, unit: str) -> Chart:
@@ -206,7 +208,7 @@ def _energy(run: CaseRun) -> Iterator[Chart]:
         ("unaccounted for", gap),
     )
     yield Chart(
-        part=ENERGY,
+        part=MOTION,
         title="Energy balance of this engine",
         x_label="t [s]",
         y_label="energy [J]",

@@ -52,7 +52,7 @@ class Chart:
     """A plot.
 
     Attributes:
-        part: heading above it.
+        part: heading above it; in a case, the name of its tab.
         title: quantity that it shows.
         x_label, y_label: labels with units.
         curves: curves in drawing order.
@@ -60,9 +60,9 @@ class Chart:
         summary: description in words with numbers.
         log_x, log_y: which axes are logarithmic.
         dates: whether x is a date, in milliseconds since 1970-01-01 UTC.
-        over_time: whether x is the motion's time, shared with the other charts of the pack.
+        over_time: whether x is time, or a date, shared with the other charts of its part.
         y_limits: initial range of the y axis; None shows all.
-        lead: whether it is shown first, before all others of its pack.
+        lead: whether it is shown first, with those of other parts.
         over_error: whether it shows errors.
         names: labels of the y axis for named rows, counted from 0.
     """

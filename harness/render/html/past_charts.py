@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from physics_crosscheck.harness.records.base import Number
@@ -13,10 +15,16 @@ from physics_crosscheck.harness.render.html.text import percent, shown
 from physics_crosscheck.harness.render.terminal.models_table import finite_values, is_chaotic
 from physics_crosscheck.harness.results.status import counted
 
-HISTORY = "Over time"
+HISTORY = "History"
 
 MAX_CURVES = 12
 """Maximum number of curves in one plot; more would be indistinguishable."""
+
+COMMIT_LETTERS = 9
+"""Number of letters of a commit to show."""
+
+CHANGED_DIGITS = 0.5
+"""Smallest change of agreeing digits to name."""
 
 LAST = 6
 """Number of most recent commits to name."""
@@ -55,7 +63,7 @@ def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
             for version in versions
         }
 
-    commits = list(dict.fromkeys(one.commit[:9] for _, one in dated if one.commit))
+    commits = list(dict.fromkeys(one.commit[:COMMIT_LETTERS] for _, one in dated if one.commit))
     commit_note = f" Commits: {shown(', '.join(commits[-LAST:]))}." if commits else ""
     return _charts(
         pack,
@@ -70,17 +78,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
 
     Runs of fewer than half of the present cases were partial and are omitted.
     """
-    present = {case.id for case in cases}
-    runs: dict[str, list[Past]] = {}
-    for past_case in history:
-        if past_case.id in present:
-            runs.setdefault(past_case.time, []).append(past_case)
-    whole = {
-        when: past
-        for time, past in runs.items()
-        if 2 * len({past_case.id for past_case in past}) >= len(present)
-        and (when := _when(time)) is not None
-    }
+    whole = _whole_runs(cases, history)
     if len(whole) < 2:
         return ()
     start = min(whole)
@@ -110,6 +108,71 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         f"{counted(len(whole), 'run')} since {start:%Y-%m-%d}; the worst case of "
         "each engine; errors exclude chaotic motions.",
     )
+
+
+def _whole_runs(cases: Sequence[Case], history: Sequence[Past]) -> dict[datetime, list[Past]]:
+    """Return the runs of at least half of the present cases, by time."""
+    present = {case.id for case in cases}
+    runs: dict[datetime, list[Past]] = {}
+    for past in history:
+        if past.id in present and (when := _when(past.time)) is not None:
+            runs.setdefault(when, []).append(past)
+    return {
+        when: runs[when]
+        for when in sorted(runs)
+        if 2 * len({past.id for past in runs[when]}) >= len(present)
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class PastRun:
+    """A past run that the reader can pick.
+
+    Attributes:
+        time: milliseconds since 1970-01-01 UTC.
+        name: date, commit and versions.
+        summary: number of its cases by outcome.
+        changes: cases whose outcome or digits differ from the run before.
+    """
+
+    time: float
+    name: str
+    summary: str
+    changes: tuple[str, ...]
+
+
+def past_runs(cases: Sequence[Case], history: Sequence[Past]) -> tuple[PastRun, ...]:
+    """Return the runs of `run_history`, the earliest first."""
+    before: dict[CaseId, Past] = {}
+    runs = []
+    for when, past in _whole_runs(cases, history).items():
+        by_id = {one.id: one for one in past}
+        commit = next((one.commit[:COMMIT_LETTERS] for one in past if one.commit), "")
+        versions = {f"{one.engine} {one.version}" for one in past if one.version}
+        outcomes = Counter(one.outcome for one in by_id.values())
+        counts = ", ".join(f"{n} {outcome}" for outcome, n in outcomes.items())
+        name = " · ".join(filter(None, (f"{when:%Y-%m-%d %H:%M}", commit, *sorted(versions))))
+        changes = [_change(before[key], one) for key, one in by_id.items() if key in before]
+        runs.append(
+            PastRun(
+                time=_milliseconds(when),
+                name=shown(name),
+                summary=f"{counted(len(by_id), 'case')}: {counts}",
+                changes=tuple(filter(None, changes)),
+            )
+        )
+        before |= by_id
+    return tuple(runs) if len(runs) > 1 else ()
+
+
+def _change(before: Past, after: Past) -> str:
+    """Return how a case differs from the run before; empty if it does not."""
+    if before.outcome is not after.outcome:
+        return shown(f"{after.id}: {before.outcome} → {after.outcome}")
+    then, now = before.digits, after.digits
+    if then is not None and now is not None and abs(now - then) >= CHANGED_DIGITS:
+        return shown(f"{after.id}: {then:.1f} → {now:.1f} digits")
+    return ""
 
 
 def _charts(
@@ -142,6 +205,7 @@ def _charts(
                 title=title,
                 x_label="date, UTC",
                 dates=True,
+                over_time=True,
                 y_label=label,
                 curves=curves,
                 key="One mark per run; colour and shape identify the curve.",

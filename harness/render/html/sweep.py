@@ -1,6 +1,6 @@
 """A page on a sweep, in the report's style, without a script.
 
-Scatter plots and bar charts as SVG, without a script.
+Scatter plots, parallel coordinates and bar charts as SVG.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -22,6 +23,9 @@ from physics_crosscheck.harness.results.status import counted
 WIDTH, HEIGHT = 560.0, 300.0
 LEFT_MARGIN, RIGHT, TOP, BOTTOM = 62.0, 12.0, 10.0, 42.0
 
+PARALLEL_WIDTH, PARALLEL_LEFT, PARALLEL_SPAN = 1120.0, 62.0, 1000.0
+"""Width of parallel coordinates, the first axis, and the distance to the last one."""
+
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7a7a00", "#999999")
 """Colours of Okabe and Ito, safe for colour blindness; each series also has its own marker."""
 
@@ -35,6 +39,11 @@ MARKS = (
 
 MAX_DIGITS = 17
 """Digits that distinguish any two doubles."""
+
+SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e5
+"""Range of numbers without a power of ten."""
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 WIDE = 8.0
 """Ratio of the largest to the smallest value that makes an axis logarithmic."""
@@ -108,18 +117,28 @@ class _Axis:
         return (position - self.low) / (self.high - self.low)
 
     def ticks(self) -> list[float]:
-        """Return some round values."""
-        span = self.high - self.low
-        if self.log and span >= 2:
-            every = max(1, math.ceil(span / 6))
-            first = math.ceil(self.low)
-            return [10.0**i for i in range(first, math.floor(self.high) + 1, every)]
+        """Return some round values: powers of ten, their multiples by 1, 2 and 5, or even steps."""
+        decades = range(math.floor(self.low), math.floor(self.high) + 1) if self.log else ()
+        if self.log and self.high - self.low >= 2:
+            every = max(1, math.ceil((self.high - self.low) / 6))
+            powers = [i for i in decades if i >= self.low and i % every == 0]
+            if len(powers) > 1:
+                return [float(f"1e{i}") for i in powers]
         low, high = (10**self.low, 10**self.high) if self.log else (self.low, self.high)
+        round_values = [float(f"{factor}e{i}") for i in decades for factor in (1, 2, 5)]
+        within = [value for value in round_values if low <= value <= high]
+        if len(within) > 2:
+            return within
         raw = (high - low) / 5
         unit = 10.0 ** math.floor(math.log10(raw))
         step = next(unit * k for k in (1, 2, 5, 10) if unit * k >= raw)
         count = math.floor(high / step) - math.ceil(low / step) + 1
         return [(math.ceil(low / step) + i) * step for i in range(count)]
+
+
+def _axis(values: Sequence[float]) -> _Axis:
+    """Return the axis of a varied quantity, logarithmic for a wide range."""
+    return _Axis.covering(values, min(values) > 0 and max(values) / min(values) >= WIDE)
 
 
 def mark(number: int, label: str) -> Mark:
@@ -133,8 +152,7 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
     drawable = [p for p in points if math.isfinite(p.x) and math.isfinite(p.y) and p.y > 0]
     if not drawable:
         return None
-    xs = [p.x for p in drawable]
-    across = _Axis.covering(xs, min(xs) > 0 and max(xs) / min(xs) >= WIDE)
+    across = _axis([p.x for p in drawable])
     upward = _Axis.covering([p.y for p in drawable], True)
     return Scatter(
         title=shown(title),
@@ -150,30 +168,48 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
             )
             for p in drawable
         ),
-        x_ticks=tuple(
-            Tick(position=_x(across.share(value)), label=label)
-            for value, label in labelled(across.ticks(), "g")
-        ),
-        y_ticks=tuple(
-            Tick(position=_y(upward.share(value)), label=label)
-            for value, label in labelled(upward.ticks(), "e")
-        ),
+        x_ticks=_ticks(across, _x),
+        y_ticks=_ticks(upward, _y),
     )
 
 
-def labelled(values: Sequence[float], form: str) -> Iterator[tuple[float, str]]:
-    """Yield values with labels, in as few digits as distinguish them.
+def tick_labels(values: Sequence[float]) -> list[str]:
+    """Return labels in as few digits as are exact, and with powers of ten for tiny or huge values.
 
     Args:
-        values: of the ticks, all different.
-        form: `e` or `g`, as in a format specification.
+        values: of the ticks, ascending and all different.
     """
-    first = 0 if form == "e" else 3
-    for digits in range(first, MAX_DIGITS + 1):
-        labels = [f"{value:.{digits}{form}}" for value in values]
-        if len(set(labels)) == len(values):
+    apart = min((b - a for a, b in pairwise(values)), default=abs(values[0]) if values else 0.0)
+    for digits in range(1, MAX_DIGITS + 1):
+        labels = [f"{value:.{digits - 1}e}" for value in values]
+        exact = zip(values, labels, strict=True)
+        if all(abs(float(label) - value) <= 1e-6 * apart for value, label in exact):
             break
-    yield from zip(values, labels, strict=True)
+    if all(value == 0 or SMALLEST_PLAIN <= abs(value) < LARGEST_PLAIN for value in values):
+        return [
+            f"{float(label):.{digits}g}"
+            if abs(float(label)) < 10**digits
+            else f"{float(label):.0f}"
+            for label in labels
+        ]
+    return [_power(label) for label in labels]
+
+
+def _power(label: str) -> str:
+    """Write a number such as 2.0e-09 with a power of ten, and ten to a power without factor."""
+    factor, _, exponent = label.partition("e")
+    if not float(factor):
+        return "0"
+    power = f"10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+    return power if factor == "1" else f"{factor}×{power}"
+
+
+def _ticks(axis: _Axis, position: Callable[[float], str]) -> tuple[Tick, ...]:
+    values = axis.ticks()
+    return tuple(
+        Tick(position=position(axis.share(value)), label=label)
+        for value, label in zip(values, tick_labels(values), strict=True)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +240,7 @@ def _y(share: float) -> str:
 
 
 FRAME = {"width": WIDTH, "height": HEIGHT, "left": LEFT_MARGIN, "right": WIDTH - RIGHT}
-FRAME |= {"top": TOP, "bottom": HEIGHT - BOTTOM}
+FRAME |= {"top": TOP, "bottom": HEIGHT - BOTTOM, "parallel": PARALLEL_WIDTH}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,13 +270,38 @@ class GroupView:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ParallelAxis:
+    """A vertical axis of parallel coordinates."""
+
+    label: str
+    position: str
+    ticks: tuple[Tick, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parallel:
+    """All varied quantities of the cases at once, each case a line through one axis each.
+
+    Attributes:
+        summary: description in words.
+        axes: varied quantities, then the plotted one.
+        lines: (path, colour, outcome, description), cases that agree first.
+    """
+
+    summary: str
+    axes: tuple[ParallelAxis, ...]
+    lines: tuple[tuple[str, str, str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Figures:
-    """Plots of a system's cases over each varied quantity."""
+    """Plots of a system's cases over each varied quantity, and over all of them."""
 
     system: str
     what: str
     marks: tuple[Mark, ...]
     pictures: tuple[Scatter, ...]
+    parallel: Parallel | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,19 +394,76 @@ def _figures(sweep_summary: SweepSummary, system: str) -> Figures:
     """Return the plots of a system's cases over each varied quantity."""
     rows = [row for row in sweep_summary.sampled if row.system == system]
     what = AT_THE_STEP if any(row.global_error is not None for row in rows) else OF_SEGMENTS
-    series = list(dict.fromkeys(f"{row.engine}, {row.integrator}" for row in rows))
+    series = list(dict.fromkeys(map(_series, rows)))
     names = [
         name for name in sweep_summary.plan.constants if any(name in row.constants for row in rows)
     ]
-    drawn = [scatter_of(rows, series, name, what) for name in names]
     if len({row.step for row in rows}) > 1:
-        drawn.append(scatter_of(rows, series, "", what))
+        names.append("")
+    drawn = [scatter_of(rows, series, name, what) for name in names]
     return Figures(
         system=shown(system),
         what=what.what,
         marks=tuple(mark(i, name) for i, name in enumerate(series)),
         pictures=tuple(one for one in drawn if one is not None),
+        parallel=parallel(rows, series, names, what) if len(names) > 1 else None,
     )
+
+
+def parallel(
+    rows: Sequence[SweepRow], series: Sequence[str], names: Sequence[str], what: PlottedQuantity
+) -> Parallel | None:
+    """Draw cases as lines through parallel axes; None without a case with all values.
+
+    Args:
+        rows: the cases.
+        series: engines with integrators, which select the colour.
+        names: varied constants; an empty name is the time step.
+        what: quantity of the last axis, logarithmic.
+    """
+    cases = []
+    for row in rows:
+        values = [*(_varied(row, name) for name in names), what.value_of(row)]
+        finite = [one for one in values if one is not None and math.isfinite(one)]
+        if len(finite) == len(values) and finite[-1] > 0 and row.outcome is not Outcome.FAILED:
+            cases.append((row, finite))
+    if not cases:
+        return None
+    columns = list(zip(*(values for _, values in cases), strict=True))
+    axes = [*map(_axis, columns[:-1]), _Axis.covering(columns[-1], True)]
+    places = [PARALLEL_LEFT + i * PARALLEL_SPAN / len(names) for i in range(len(axes))]
+    cases.sort(key=lambda case: case[0].outcome is not Outcome.AGREES)
+    return Parallel(
+        summary=f"{counted(len(cases), 'case')}; each line is one case.",
+        axes=tuple(
+            ParallelAxis(label=shown(label), position=f"{x:.1f}", ticks=_ticks(axis, _y))
+            for label, axis, x in zip(
+                [*(name or "step h [s]" for name in names), what.what], axes, places, strict=True
+            )
+        ),
+        lines=tuple(
+            (
+                "M"
+                + "L".join(
+                    f"{x:.1f},{_y(axis.share(value))}"
+                    for x, axis, value in zip(places, axes, values, strict=True)
+                ),
+                COLOURS[series.index(_series(row)) % len(COLOURS)],
+                row.outcome.value,
+                shown(f"#{row.index} {row.name}: {what.format_value(values[-1])}"),
+            )
+            for row, values in cases
+        ),
+    )
+
+
+def _series(row: SweepRow) -> str:
+    return f"{row.engine}, {row.integrator}"
+
+
+def _varied(row: SweepRow, name: str) -> float | None:
+    """Return the value of a constant, or the time step if no name is given."""
+    return row.constants.get(name) if name else row.step
 
 
 def scatter_of(
@@ -369,10 +487,10 @@ def _points(
     rows: list[SweepRow], series: list[str], name: str, what: PlottedQuantity
 ) -> Iterator[Point]:
     for row in rows:
-        x, y = row.constants.get(name) if name else row.step, what.value_of(row)
+        x, y = _varied(row, name), what.value_of(row)
         if x is None or y is None or row.outcome is Outcome.FAILED:
             continue
-        number = series.index(f"{row.engine}, {row.integrator}")
+        number = series.index(_series(row))
         label = f"#{row.index} {row.name}: {what.format_value(y)}"
         yield Point(x=x, y=y, series=number, outcome=row.outcome.value, description=label)
 

@@ -39,7 +39,12 @@ from physics_crosscheck.harness.render.html.overview import (
     verdict,
 )
 from physics_crosscheck.harness.render.html.packs import Chart, Column, Pack
-from physics_crosscheck.harness.render.html.past_charts import by_case, case_history, run_history
+from physics_crosscheck.harness.render.html.past_charts import (
+    by_case,
+    case_history,
+    past_runs,
+    run_history,
+)
 from physics_crosscheck.harness.render.html.runs import CaseRun, largest, runs
 from physics_crosscheck.harness.render.html.scenes import (
     THREE,
@@ -208,7 +213,10 @@ class Content:
             past = case_history(run.pack, self._history.get(run.case.id, ()))
             charts = (*charts, *past)
             self._store_pack(
-                run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others)
+                run.pack,
+                (*charts, *linear, *reaching),
+                motion=self._motion(run, others),
+                worst=run.verdict.time,
             )
 
     def _kept_history(self, results: Results, history: Sequence[Past]) -> str:
@@ -216,7 +224,7 @@ class Content:
         pack = Pack("pack-history")
         charts = run_history(pack, results.cases, history)
         if charts:
-            self._store_pack(pack, charts)
+            self._store_pack(pack, charts, runs=past_runs(results.cases, history))
         return pack.id if charts else ""
 
     def _motion(self, run: CaseRun, others: Sequence[CaseRun]) -> AnimatedMotion | None:

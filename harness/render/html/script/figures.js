@@ -1,11 +1,21 @@
 /** The current time of all plots and the animation of one case, and the visible time range. */
 class Clock {
-  constructor(end) {
-    Object.assign(this, { end, t: 0, listeners: new Set(), range: new Range(-0.01 * end, 1.01 * end) });
+  constructor(start, end, worst) {
+    const margin = 0.01 * (end - start) || DAY / 2;
+    Object.assign(this, { start, end, worst, t: start, listeners: new Set(), range: new Range(start - margin, end + margin) });
+  }
+
+  /** Return the clock of charts over a motion's time, or over dates. */
+  static async of(id, charts, worst) {
+    const times = await Promise.all(charts.filter((chart) => chart.over_time)
+      .flatMap((chart) => chart.curves.map((curve) => column(id, curve.x))));
+    const [start, end] = lowestAndHighest(times, false);
+    if (start > end) return new Clock(0, 0, 0);
+    return charts[0].dates ? new Clock(start, end, end) : new Clock(0, end, worst);
   }
 
   set(t) {
-    this.t = Math.min(Math.max(t, 0), this.end);
+    this.t = Math.min(Math.max(t, this.start), this.end);
     for (const listener of this.listeners) listener(this.t);
   }
 }
@@ -23,54 +33,62 @@ const near = new IntersectionObserver((entries) => {
 async function build(box) {
   box.dataset.built = "begun";
   const id = box.dataset.pack;
-  const { charts, motion } = await pack(id);
-  const times = await Promise.all(charts.filter((chart) => chart.over_time)
-    .map((chart) => column(id, chart.curves[0].x)));
-  const end = Math.max(0, ...times.map((row) => row[row.length - 1]));
-  const clock = new Clock(end);
-  const leading = charts.filter((chart) => chart.lead);
-  if (end && motion !== undefined) box.append(controls(clock));
-  if (leading.length) {
-    const lead = make("div", { class: "lead" });
-    box.append(lead);
-    if (motion) lead.append(await player(id, motion, clock));
-    // Without a sketch of the mechanism, show the motion of the coordinate first.
-    for (const chart of leading) {
-      if (!motion || chart.over_error) lead.append(await group(id, [chart], clock, "together"));
-    }
-    if (!motion) box.append(make("p", { class: "muted" }, "The system declares no sketch, so there is no picture of it; the time above is that of the plots' cursor."));
-  }
+  const { charts, motion, worst, runs } = await pack(id);
   const parts = new Map();
   for (const chart of charts) {
-    if (leading.includes(chart) && (!motion || chart.over_error)) continue;
     if (!parts.has(chart.part)) parts.set(chart.part, []);
     parts.get(chart.part).push(chart);
   }
-  for (const [part, inside] of parts) {
-    if (leading.length) box.append(topic(id, part, inside, clock));
-    else box.append(make("h3", {}, part), await group(id, inside, clock));
+  const leading = charts.filter((chart) => chart.lead);
+  const clock = await Clock.of(id, leading.length ? leading : charts, worst ?? 0);
+  if (leading.length) await tabbed(box, parts, leading, motion, clock);
+  else {
+    for (const [part, inside] of parts) box.append(make("h3", {}, part), await group(id, inside, clock));
+    if (runs) box.append(runPicker(runs, clock));
   }
-  clock.set(0);
+  clock.set(clock.worst);
   box.dataset.built = `${charts.length} plots`;
   drawRest(box);
 }
 
-const unfolded = new Set();
+/** Fill the box of a case: a tab for each kind of plot, and one for its numbers. */
+async function tabbed(box, parts, leading, motion, clock) {
+  const id = box.dataset.pack;
+  for (const [part, charts] of parts) {
+    const panel = make("section", { "data-tab": part }, make("h3", {}, part));
+    box.append(panel);
+    let rest = charts;
+    const own = charts[0].dates ? await Clock.of(id, charts) : clock;
+    if (charts[0] === leading[0]) {
+      // The first tab answers at a glance: simulated against expected, then error against uncertainty.
+      const lead = make("div", { class: "lead" }, await group(id, leading, clock, "together"));
+      if (clock.end && motion !== undefined) panel.append(controls(clock));
+      panel.append(lead);
+      if (motion) lead.append(await player(id, motion, clock));
+      else panel.append(make("p", { class: "muted" }, "The system declares no sketch, so there is no picture of it; the time above is that of the plots' cursor."));
+      rest = charts.slice(1);
+    }
+    if (rest.length) panel.append(await group(id, rest, own, leading.includes(rest[0]) ? "grid led" : "grid"));
+    if (own !== clock) own.set(own.worst);
+  }
+  const numbers = box.parentElement.querySelector("[data-tab=Numbers]");
+  tabs(box, [...box.children, ...(numbers ? [numbers] : [])], () => clock.set(clock.t));
+}
 
-/** Plots of one kind, folded until the reader opens them; then open in every case. */
-function topic(id, part, charts, clock) {
-  const element = make("details", { class: "topic" }, make("summary", {}, part, make("span", { class: "muted" }, ` ${charts.length}`)));
-  element.addEventListener("toggle", async () => {
-    if (element.open) unfolded.add(part); else unfolded.delete(part);
-    if (!element.open || element.dataset.begun) return;
-    element.dataset.begun = "yes";
-    element.append(await group(id, charts, clock));
-    clock.set(clock.t);
-    element.dataset.built = "yes";
-    drawRest(element);
+/** A list of past runs: it marks the chosen one in the plots, and shows what it changed. */
+function runPicker(runs, clock) {
+  const choice = make("select", {}, ...runs.map((run, i) => make("option", { value: i }, run.name)));
+  const summary = make("p"), changes = make("ul");
+  choice.addEventListener("change", () => clock.set(runs[choice.value].time));
+  clock.listeners.add((t) => {
+    const place = nearest(runs.map((run) => run.time), t);
+    const { summary: text, changes: changed } = runs[place];
+    choice.value = place;
+    const since = place ? changed.length ? "; since the run before:" : "; no change since the run before" : "";
+    summary.textContent = `${text}${since}`;
+    changes.replaceChildren(...changed.map((each) => make("li", {}, each)));
   });
-  element.open = unfolded.has(part);
-  return element;
+  return make("div", { class: "picker" }, make("label", {}, "Run ", choice), summary, changes);
 }
 
 /** Plots with a common legend: it hides curves in all of them. */
@@ -82,15 +100,20 @@ async function group(id, charts, clock, kind = "grid") {
 
 const IDLE = 1500;
 
-/** Draw distant plots too after a delay, for printing and for text search. */
+/** Draw distant plots and those of other tabs too after a delay, for printing. */
 function drawRest(box) {
   const next = () => {
-    const element = [...waiting.keys()].find((each) => box.contains(each));
-    if (!element || !box.closest(".view").classList.contains("current")) return;
-    waiting.get(element)();
-    setTimeout(next, 30);
+    if (drawWaiting(box, 1)) setTimeout(next, 30);
   };
   setTimeout(next, IDLE);
+}
+
+/** Draw plots of a box that the reader sees, at most some; return their number. */
+function drawWaiting(box, most = Infinity) {
+  if (!box.closest(".view").classList.contains("current")) return 0;
+  const elements = [...waiting.keys()].filter((each) => box.contains(each)).slice(0, most);
+  for (const element of elements) waiting.get(element)();
+  return elements.length;
 }
 
 async function figure(id, chart, clock, shared) {
@@ -120,6 +143,7 @@ async function figure(id, chart, clock, shared) {
     element.dataset.drawn = `${content.curves.length} curves, ${points} points`;
   };
   if (chart.over_time) clock.listeners.add((t) => {
+    if (element.closest("[role=tabpanel]:not(.chosen)")) return; // its tab shows the time when it opens
     readout.textContent = reading(content, t);
     state.plot?.showTime(t);
   });
@@ -158,8 +182,9 @@ function nearest(row, t) {
 }
 
 function reading(chart, t) {
-  const values = chart.curves.map((curve) => `${curve.label} ${short(curve.y[nearest(curve.x, t)])}`);
-  return `t = ${t.toFixed(3)} s: ${values.join("; ")}`;
+  const values = chart.curves.filter((curve) => curve.role !== "other")
+    .map((curve) => `${curve.label} ${short(curve.y[nearest(curve.x, t)])}`);
+  return `${chart.dates ? dateText(t) : `t = ${t.toFixed(3)} s`}: ${values.join("; ")}`;
 }
 
 /** The numbers of a chart: a table for curves over the same x. */

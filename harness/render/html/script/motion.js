@@ -76,7 +76,7 @@ async function player(id, motion, clock) {
   });
   const key = make("p", { class: "keys" },
     make("span", { class: "key reference" }, "reference"), make("span", { class: "key engine" }, "this engine"),
-    ...(motion.others.length ? [make("span", { class: "key other" }, `${motion.others.length} others`)] : []));
+    ...(motion.others.length ? [make("span", { class: "key other" }, `${motion.others.length} other${motion.others.length > 1 ? "s" : ""}`)] : []));
   box.append(drawing, key);
   return box;
 }
@@ -127,6 +127,8 @@ function controls(clock) {
   // Pause the animation of a case that is not in view.
   addEventListener("hashchange", stop);
   time.addEventListener("input", () => clock.set(Number(time.value)));
+  const worst = make("button", { type: "button" }, "Worst time");
+  worst.addEventListener("click", () => clock.set(clock.worst));
   clock.listeners.add((t) => { time.value = t; shown.textContent = `${t.toFixed(3)} s`; });
-  return make("div", { class: "controls" }, play, speed, time, shown);
+  return make("div", { class: "controls" }, play, speed, time, shown, worst);
 }

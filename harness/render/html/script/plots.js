@@ -1,4 +1,4 @@
-const HEIGHT = 250, ROW = 12, TOP = 8, RIGHT = 14, BOTTOM = 40;
+const HEIGHT = 250, LEAD_HEIGHT = 190, ROW = 12, TOP = 8, RIGHT = 14, BOTTOM = 40;
 const FONT = "11px system-ui, sans-serif";
 const pen = document.createElement("canvas").getContext("2d");
 
@@ -161,7 +161,7 @@ class Plot {
     const width = this.#width();
     if (!width) return;
     this.width = width;
-    const height = HEIGHT + ROW * this.chart.names.length;
+    const height = (this.element.closest(".lead") ? LEAD_HEIGHT : HEIGHT) + ROW * this.chart.names.length;
     this.y.length = height - TOP - BOTTOM;
     const rows = this.#rows(width);
     const left = (this.chart.y_label ? 30 : 12) + Math.max(0, ...rows.map(({ label }) => textWidth(label)));

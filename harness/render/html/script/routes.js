@@ -51,4 +51,5 @@ function opened(view) {
   for (const box of view.querySelectorAll("[data-pack]")) {
     if (box.dataset.built) drawRest(box); else build(box);
   }
+  for (const list of view.querySelectorAll("[role=tablist]")) list.recall();
 }

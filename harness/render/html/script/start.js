@@ -10,7 +10,8 @@ addEventListener("DOMContentLoaded", () => {
   // For printing, unfold all texts, and fold them again afterwards.
   const folded = [];
   addEventListener("beforeprint", () => {
-    for (const each of document.querySelectorAll(".view.current details:is(.numbers, .more):not([open])")) {
+    for (const box of document.querySelectorAll(".view.current [data-pack]")) drawWaiting(box);
+    for (const each of document.querySelectorAll(".view.current details.more:not([open])")) {
       each.open = true;
       folded.push(each);
     }
