@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physics_crosscheck import MotionError, load
+from physics_crosscheck import MotionError, check, compare, load, simulate, solve
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.modelfiles.folders import builtin
 
 PENDULUM = """<robot name="pendulum">
   <link name="base"/>
@@ -58,3 +61,71 @@ def test_positions_of_other_names_or_sizes_are_refused(pendulum: Path) -> None:
 def test_a_folder_of_energies_has_no_bodies() -> None:
     with pytest.raises(MotionError, match="declares energies, not bodies"):
         load("simple_pendulum")
+
+
+def test_a_file_and_a_folder_answer_alike(pendulum: Path) -> None:
+    """The calls that take a file take a name in a system folder, too."""
+    start = {"hinge": 0.3}
+    for run, exact in (
+        (
+            simulate(pendulum, start, duration=0.2, engine="mujoco"),
+            solve(pendulum, start, duration=0.2),
+        ),
+        (
+            simulate("simple_pendulum/robot.urdf", "free", engine="mujoco"),
+            solve("simple_pendulum", "free"),
+        ),
+    ):
+        name = exact.names[0]
+        assert run.names[0] == name
+        assert abs((run - exact)[name]).max() < 0.05
+        assert exact.uncertainty_of(name).max() < 1e-9
+    model = builtin() / "simple_pendulum" / "robot.urdf"
+    for a, b in ((pendulum, pendulum), (model, "simple_pendulum/mujoco.xml")):
+        assert compare(a, b, engine="mujoco").agree
+
+
+def test_causes_name_the_wrong_number_and_its_line(tmp_path: Path) -> None:
+    folder = tmp_path / "pendulum"
+    shutil.copytree(builtin() / "simple_pendulum", folder)
+    for name in ("mujoco.xml", "robot.sdf", "space.py"):
+        (folder / name).unlink()
+        (folder / f"{name}.toml").unlink()
+    file = folder / "robot.urdf"
+    text = file.read_text()
+    assert text.count('<mass value="0.45"/>') == 1
+    file.write_text(text.replace('<mass value="0.45"/>', '<mass value="0.46"/>'))
+    found = check(folder, engines=["mujoco"])
+    assert not found.agree
+    (cause,) = found.causes
+    line = text[: text.index('<mass value="0.45"/>')].count("\n") + 1
+    assert [place.line for place in cause.locations] == [line]
+    assert cause.nominal == 0.46
+    assert cause.estimate == pytest.approx(0.45, rel=1e-6)
+    assert f"robot.urdf:{line}" in found.summary()
+    page = found.show()
+    assert f"robot.urdf:{line}" in page.html
+    assert "<iframe" in page._repr_html_()
+    page.write(tmp_path / "page.html")
+    assert (tmp_path / "page.html").read_text() == page.html
+
+
+def test_advice_is_accepted_with_a_reason_until_its_number_changes(
+    pendulum: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(pendulum.parent)
+    monkeypatch.delenv("CI", raising=False)
+    pendulum.write_text(PENDULUM.replace('lower="-1"', 'lower="0.5"'))
+    before = check("pendulum.urdf", engines=["mujoco"], baseline="accepted")
+    assert [one.kind for one in before.advice] == ["rest outside limits"]
+    assert before.agree, "advice changes no verdict"
+    words = ["accept", "pendulum.urdf", "--engine", "mujoco", "--baseline", "accepted"]
+    assert main([*words, "--reason", "the rod hangs on a hook"]) == 0, capsys.readouterr().err
+    after = check("pendulum.urdf", engines=["mujoco"], baseline="accepted")
+    assert after.advice == ()
+    (model,) = after.models
+    reasons = {one.accepted for one in model.audit or () if one.severity == "advice"}
+    assert reasons == {"the rod hangs on a hook"}
+    pendulum.write_text(PENDULUM.replace('lower="-1"', 'lower="0.6"'))
+    changed = check("pendulum.urdf", engines=["mujoco"], baseline="accepted")
+    assert [one.kind for one in changed.advice] == ["rest outside limits"]

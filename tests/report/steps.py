@@ -16,10 +16,8 @@ TALL = 5000
 
 BUILT = """(() => {
   const boxes = [...document.querySelectorAll(".view.current [data-pack]")];
-  const topics = [...document.querySelectorAll(".view.current .topic[open]:not(.numbers)")];
   const figures = [...document.querySelectorAll(".view.current figure:has(.plot)")];
   return boxes.every((box) => /plots/.test(box.dataset.built ?? ""))
-    && topics.every((topic) => topic.dataset.built)
     && figures.every((figure) => figure.dataset.drawn);
 })()"""
 """Whether everything in the view is drawn."""
@@ -47,13 +45,6 @@ def rows(tab: Tab) -> list[str]:
     script = "[...document.querySelectorAll('#cases tbody tr:not([hidden])')].map(r => r.innerText)"
     found: list[str] = tab.run(script)
     return found
-
-
-def unfold(tab: Tab) -> None:
-    """Open every topic of the view, and wait until all its plots are drawn."""
-    tab.until(BUILT)
-    tab.run("document.querySelectorAll('.view.current .topic').forEach((t) => { t.open = true; })")
-    tab.until(BUILT)
 
 
 def look(tab: Tab) -> None:

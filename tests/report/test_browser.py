@@ -20,7 +20,6 @@ from tests.report.steps import (
     needs_browser,
     rows,
     shown,
-    unfold,
 )
 
 pytestmark = needs_browser
@@ -37,12 +36,13 @@ def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
     drawn = []
     for view in views:
         tab.go(view)
-        unfold(tab)
+        tab.until(BUILT)
         assert shown(tab) == [view]
         drawn += tab.run("[...document.querySelectorAll('[data-drawn]')].map(f => f.dataset.drawn)")
     # Seven cases of one coordinate, two of them of a model without linearization; nine of two
-    # coordinates; two systems; a ranking, a motion corrected and its defects.
-    one, two = 1 + 1 + 2 + 1 + 2 + 2, 2 + 2 + 4 + 1 + 2 + 2
+    # coordinates; two systems; a ranking, a motion corrected and its defects. The leading plot of
+    # errors is in two tabs.
+    one, two = 1 + 1 + 3 + 1 + 2 + 2, 2 + 2 + 5 + 1 + 2 + 2
     assert len(drawn) == 7 * one - 2 + 9 * two + 2 + 3
     assert all(int(found.split()[0]) >= 1 and int(found.split()[2]) >= 2 for found in drawn)
 
@@ -133,54 +133,88 @@ def test_cases_are_filtered_searched_and_sorted(tab: Tab, address: str) -> None:
     assert tab.run(head) == "descending"
 
 
-def test_a_case_opens_with_the_motion_and_the_one_plot_that_tells_and_folds_the_rest(
-    tab: Tab, address: str
+TABS = "[...document.querySelectorAll('.view.current [role=tab]')]"
+PANELS = """[...document.querySelectorAll('.view.current [role=tabpanel]')]
+  .filter((panel) => panel.checkVisibility({visibilityProperty: true}))
+  .map((panel) => panel.dataset.tab)"""
+
+
+def test_a_case_opens_at_its_worst_time_with_wide_plots_of_motion_and_error(
+    tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.window(1440, 900)
     tab.open(f"{address}#{CASE}")
     tab.until(BUILT)
-    bottoms = tab.run("""[".moving", ".lead .plot", ".lead .legend"].map((name) =>
-      document.querySelector(`.view.current ${name}`).getBoundingClientRect().bottom)""")
-    assert max(bottoms) < 900, "without scrolling"
-    assert tab.run("document.querySelectorAll('.view.current figure:has(.plot)').length") == 1
-    title = "document.querySelector('.view.current .lead figure h4').textContent"
-    assert tab.run(title) == "q0: error against uncertainty"
-    topics = "[...document.querySelectorAll('.view.current .topic > summary')]"
-    names = ["Motion 2", "Error over time 1", "Energy 1", "Error against time step 2"]
-    assert tab.run(f"{topics}.map((s) => s.textContent)")[:4] == names
-    tab.run(f"{topics}[2].click()")
-    tab.until("document.querySelector('.view.current .topic [data-drawn]')")
-    # What one wants to see of one case, one wants to see of the next.
+    boxes = tab.run("""[...document.querySelectorAll(
+      ".view.current .moving, .view.current .lead .plot")].map((one) => {
+      const {bottom, width} = one.getBoundingClientRect(); return [bottom, width]; })""")
+    assert len(boxes) == 3
+    assert max(bottom for bottom, _ in boxes) < 900, "without scrolling"
+    assert sum(width > 800 for _, width in boxes) == 2
+    titles = (
+        "[...document.querySelectorAll('.view.current .lead figure h4')].map((h) => h.textContent)"
+    )
+    assert tab.run(titles) == ["q0: reference and engines", "q0: error against uncertainty"]
+    verdict = troubled.cases[0].verdict
+    assert verdict is not None
+    shown_time = "document.querySelector('.view.current .controls output').textContent"
+    assert tab.run(shown_time) == f"{verdict.time:.3f} s"
+    tab.run("""(() => { const slider = document.querySelector(".view.current .controls input");
+      slider.value = 3; slider.dispatchEvent(new Event("input")); })()""")
+    assert tab.run(shown_time) != f"{verdict.time:.3f} s"
+    tab.run("document.querySelector('.view.current .controls button:last-child').click()")
+    assert tab.run(shown_time) == f"{verdict.time:.3f} s"
+
+
+def test_tabs_are_chosen_by_keys_and_stay_chosen_in_the_next_case(tab: Tab, address: str) -> None:
+    tab.open(f"{address}#{CASE}")
+    tab.until(BUILT)
+    names = ["Motion", "Error", "Step size", "Linear equations", "Numbers"]
+    assert tab.run(f"{TABS}.map((t) => t.textContent)") == names
+    assert tab.run(PANELS) == ["Motion"]
+    tab.run(f"{TABS}[0].focus()")
+    for key, code, name in (
+        ("ArrowRight", 39, "Error"), ("End", 35, "Numbers"), ("ArrowRight", 39, "Motion"),
+        ("ArrowLeft", 37, "Numbers"), ("Home", 36, "Motion"), ("ArrowRight", 39, "Error"),
+    ):  # fmt: skip
+        tab.key(key, code)
+        assert tab.run(PANELS) == [name]
+        chosen = f"{TABS}.filter((t) => t.ariaSelected === 'true' && t.tabIndex === 0)"
+        assert tab.run(f"{chosen}.map((t) => t.textContent)") == [name]
+        assert tab.run("document.activeElement.textContent") == name
+        assert (
+            tab.run(f"document.getElementById({TABS}[1].getAttribute('aria-controls')).dataset.tab")
+            == "Error"
+        )
     tab.go(BOTH)
-    tab.until("document.querySelector('.view.current .topic [data-drawn]')")
-    assert tab.run(f"{topics}.filter((s) => s.parentElement.open).map((s) => s.textContent)") == [
-        "Energy 1"
-    ]
+    tab.until(BUILT)
+    assert tab.run(PANELS) == ["Error"]
 
 
-def test_one_legend_hides_a_curve_in_every_plot_of_its_topic(tab: Tab, address: str) -> None:
+def test_one_legend_hides_a_curve_in_every_plot_of_its_tab(tab: Tab, address: str) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
-    unfold(tab)
-    topic = """[...document.querySelectorAll(".view.current .topic")]
-      .find((t) => t.textContent.startsWith("Motion"))"""
-    reference = f"""{PLOTS}.filter((plot) => {topic}.contains(plot.element))
-      .map((plot) => plot.layers.find((layer) => layer.curve.role === "reference").path)
-      .map((path) => path.checkVisibility() && path.getBoundingClientRect().width > 100)"""
-    assert tab.run(f"{topic}.querySelectorAll('.legend').length") == 1
-    assert tab.run(reference) == [True] * 3
-    tab.run(f"{topic}.querySelector('.legend button').click()")
-    assert tab.run(reference) == [False] * 3
-    assert tab.run(f"{topic}.querySelector('.legend button').ariaPressed") == "false"
+    tab.until(BUILT)
+    group = "[...document.querySelectorAll('.view.current .group')][1]"
+    reference = f"""{PLOTS}.filter((plot) => {group}.contains(plot.element))
+      .flatMap((plot) => plot.layers.filter((layer) => layer.curve.role === "reference"))
+      .map(({{path}}) => path.checkVisibility() && path.getBoundingClientRect().width > 100)"""
+    assert tab.run(f"{group}.querySelectorAll('.legend').length") == 1
+    count = len(tab.run(reference))
+    assert count >= 2
+    assert tab.run(reference) == [True] * count
+    tab.run(f"{group}.querySelector('.legend button').click()")
+    assert tab.run(reference) == [False] * count
+    assert tab.run(f"{group}.querySelector('.legend button').ariaPressed") == "false"
     # A plot that is drawn again is drawn as the legend says.
-    drawn = f"{PLOTS}.filter((plot) => {topic}.contains(plot.element))"
+    drawn = f"{PLOTS}.filter((plot) => {group}.contains(plot.element))"
     tab.run(f"(() => {{ window.before = new Set({drawn}); }})()")
     tab.go("overview")
     tab.until(f"{PLOTS}.length === 0")
     tab.go(BOTH)
-    tab.until(f"{drawn}.length === 3 && {drawn}.every((plot) => !before.has(plot))")
     tab.until(BUILT)
-    assert tab.run(reference) == [False] * 3
+    assert tab.run(f"{drawn}.every((plot) => !before.has(plot))")
+    assert tab.run(reference) == [False] * count
 
 
 RANGES = f"""{PLOTS}.filter((plot) => plot.chart.over_time)
@@ -206,9 +240,9 @@ def test_zooming_one_plot_zooms_all_over_time_and_resetting_all_resets(
 ) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
-    unfold(tab)
+    tab.until(BUILT)
     before = tab.run(RANGES)
-    assert len(before) == 2 + 4 + 1
+    assert len(before) == 2 + 5 + 1
     at = box(tab)
     y = at["top"] + at["height"] / 2
     ends = [at["left"] + share * at["width"] for share in (0.25, 0.5)]
@@ -216,7 +250,7 @@ def test_zooming_one_plot_zooms_all_over_time_and_resetting_all_resets(
     wide = at["end"] - at["start"]
     expected = [at["start"] + share * wide for share in (0.25, 0.5)]
     tab.until(f"{RANGES}.every(([a]) => Math.abs(a - {expected[0]}) < 0.05)")
-    np.testing.assert_allclose(tab.run(RANGES), [expected] * 7, atol=0.05)
+    np.testing.assert_allclose(tab.run(RANGES), [expected] * 8, atol=0.05)
 
 
 TIPS = "[...document.querySelectorAll('.tip')].map((tip) => tip.innerText)"
@@ -227,7 +261,7 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
 ) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
-    unfold(tab)
+    tab.until(BUILT)
     record = next(
         c
         for c in troubled.cases
@@ -245,23 +279,29 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
     tab.mouse("mouseMoved", x, y)
     tab.until("document.querySelector('.view.current .readout').textContent.startsWith('t = 4.8')")
     texts = tab.run(
-        "[...document.querySelectorAll('.view.current .readout')].map(r => r.textContent)"
+        "[...document.querySelectorAll('.view.current .chosen .readout')].map(r => r.textContent)"
     )
-    assert len(texts) == 7, "every plot over time tells its own"
+    assert len(texts) == 2 + 1 + 1, "every plot over time tells its own"
     for i, text in ((0, texts[0]), (1, texts[2])):
         told = dict(re.findall(r"(?:: |; )([^;]+?) (\S+)(?=;|$)", text))
         assert float(told["reference"]) == pytest.approx(series.reference[i][k], rel=1e-4)
         mine = next(value for name, value in told.items() if name.startswith("this"))
         assert float(mine) == pytest.approx(series.engine[i][k], rel=1e-4)
-    cursors = f"{PLOTS}.filter((p) => p.chart.over_time).map((p) => [p.cursor.x1, p.x])"
+    cursors = f"{PLOTS}.filter((p) => p.chart.over_time && p.element.closest('.chosen'))"
+    cursors += ".map((p) => [p.cursor.x1, p.x])"
     times = tab.run(f"{cursors}.map(([x1, x]) => x.value(x1.baseVal.value))")
-    np.testing.assert_allclose(times, [t] * 7, atol=0.03)
+    np.testing.assert_allclose(times, [t] * 4, atol=0.03)
     tab.until(f"{TIPS}.some((tip) => tip.startsWith('reference'))")
     (tip,) = (tip for tip in tab.run(TIPS) if tip.startswith("reference"))
     found = re.search(r"t: (\S+)\s+value: (\S+)", tip)
     assert found
     assert float(found[1]) == pytest.approx(t, rel=1e-4)
     assert float(found[2]) == pytest.approx(value, rel=1e-3)
+    tab.run(f"{TABS}[1].click()")
+    errors = tab.run(
+        "[...document.querySelectorAll('.view.current .chosen .readout')].map(r => r.textContent)"
+    )
+    assert [one.partition(":")[0] for one in errors] == [texts[0].partition(":")[0]] * 4
 
 
 def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
@@ -270,9 +310,9 @@ def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
     tab.open(f"{address}#{CASE}")
     tab.until("document.querySelector('.view.current .moving')")
     time = "Number(document.querySelector('.view.current .controls input').value)"
-    tab.until(f"{time} === 0")
+    tab.until(f"Math.abs({time} - 1.1) < 0.02")
     tab.run("document.querySelector('.view.current .play').click()")
-    tab.until(f"{time} > 0.2")
+    tab.until(f"{time} > 1.3")
     tab.run("document.querySelector('.view.current .play').click()")
     stopped = tab.run(time)
     assert tab.run(f"new Promise((ok) => setTimeout(() => ok({time}), 200))") == stopped
@@ -309,11 +349,11 @@ def test_each_plot_has_words_and_a_table_of_its_numbers(
     tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.open(f"{address}#{CASE}")
-    unfold(tab)
+    tab.until(BUILT)
     told = tab.run("[...document.querySelectorAll('.view.current .plot')].map(p => p.ariaLabel)")
     assert all(len(text) > 40 for text in told)
     assert not tab.run("document.querySelector('.view.current .told').checkVisibility()")
-    motion = ".view.current .topic .data"
+    motion = ".view.current .lead .data"
     tab.run(f"document.querySelector('{motion}').open = true")
     tab.until(f"document.querySelector('{motion} table')")
     cells = tab.run(

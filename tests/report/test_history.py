@@ -12,12 +12,14 @@ from typing import Any
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.history import Past, past_of
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import render, write_report
+from physics_crosscheck.harness.render.html.past_charts import past_runs
 from physics_crosscheck.harness.render.html.view import Content
 from tests.report.chromium import Browser
 from tests.report.samples import changed_case, results
-from tests.report.steps import CASE, PLOTS, needs_browser, sound, unfold
+from tests.report.steps import BUILT, CASE, PLOTS, needs_browser, sound
 
 
 def past(found: Results) -> tuple[Past, ...]:
@@ -39,7 +41,7 @@ def charts(found: Results, lines: tuple[Past, ...], pack: str) -> Any:
     if pack not in packs:
         return {}
     content = json.loads(gzip.decompress(base64.b64decode(packs[pack])))
-    kept = [one for one in content["charts"] if one["part"] == "Over time"]
+    kept = [one for one in content["charts"] if one["part"] == "History"]
     return {
         one["title"]: {
             curve["label"]: [content["columns"][curve[axis]] for axis in ("x", "y")]
@@ -81,6 +83,21 @@ def test_an_error_of_a_motion_that_no_step_follows_hides_no_other(agreeing: Resu
     assert own["Error at dt"]["mujoco 4.0"][1] == [0.944]
 
 
+def test_a_past_run_has_its_commit_and_the_cases_that_it_changed(agreeing: Results) -> None:
+    lines = list(past(agreeing))
+    last = len(lines) - 1
+    lines[last] = replace(lines[last], outcome=Outcome.DIFFERS, commit="0123456789abcdef")
+    first, second, third = past_runs(agreeing.cases, lines)
+    assert (first.time, first.changes, second.changes) == (DATES[0], (), ())
+    assert first.name == "2026-11-19 02:00 · mujoco 3.9"
+    assert third.name == "2026-11-21 02:00 · 012345678 · mujoco 4.0"
+    count = len(agreeing.cases)
+    assert third.summary == f"{count} cases: {count - 1} AGREES, 1 DIFFERS"
+    assert len(third.changes) == count
+    assert third.changes[-1] == f"{lines[last].id}: AGREES → DIFFERS"
+    assert third.changes[0] == f"{lines[0].id}: 11.9 → 10.9 digits"
+
+
 def test_without_two_runs_there_is_no_history(agreeing: Results) -> None:
     alone = past_of(agreeing, "")
     broken = tuple(replace(one, time="yesterday") for one in alone)
@@ -108,9 +125,18 @@ def test_past_runs_are_drawn_on_the_overview_and_in_their_case(
         tab.until("document.querySelectorAll('#overview figure[data-drawn]').length === 2")
         assert tab.run(f"{PLOTS}.map((plot) => plot.x.kind)") == ["date", "date"]
         labels = tab.run("[...document.querySelectorAll('.plot text')].map((t) => t.textContent)")
-        assert {"19 Nov 2026", "20 Nov", "21 Nov"} <= set(labels)
+        assert {"20 Nov 00:00", "21 Nov 00:00"} <= set(labels)
+        picker = "document.querySelector('#overview .picker')"
+        assert tab.run(f"{picker}.querySelector('select').value") == "2", "the last run"
+        assert "11.9 → 10.9 digits" in tab.run(f"{picker}.textContent")
+        tab.run(f"""(() => {{ const choice = {picker}.querySelector("select");
+          choice.value = 1; choice.dispatchEvent(new Event("change")); }})()""")
+        assert "no change since the run before" in tab.run(f"{picker}.textContent")
+        assert tab.run(f"{PLOTS}.map((plot) => plot.time)") == [DATES[1]] * 2
         tab.go(CASE)
-        unfold(tab)
-        titles = tab.run("[...document.querySelectorAll('.view.current h4')].map(h => h.innerText)")
+        tab.until(BUILT)
+        titles = tab.run(
+            "[...document.querySelectorAll('.view.current h4')].map(h => h.textContent)"
+        )
         assert "Agreeing digits" in titles
         sound(tab, path.as_uri())

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.render.html import write_report
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
     BOTH,
+    BUILT,
     CASE,
     DIAGNOSIS,
     PLOTS,
@@ -23,7 +24,6 @@ from tests.report.steps import (
     rows,
     shown,
     sound,
-    unfold,
 )
 from tests.report.test_page import HOSTILE, hostile
 
@@ -43,7 +43,7 @@ def brightness(colour: str) -> int:
 def test_plots_follow_the_page_from_light_to_dark_and_back(tab: Tab, address: str) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
-    unfold(tab)
+    tab.until(BUILT)
     paper, light = tab.run(COLOURS)
     assert paper == "rgb(255, 255, 255)"
     assert all(brightness(colour) < 400 for plot in light for colour in plot)
@@ -74,28 +74,27 @@ def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(tab: Tab, addr
     assert len(pdf) > 10_000
 
 
-def test_paper_has_what_is_folded_as_text_and_the_screen_folds_it_again(
-    tab: Tab, address: str
-) -> None:
+def test_paper_has_every_tab_with_its_plots(tab: Tab, address: str) -> None:
     tab.open(f"{address}#{CASE}")
     look(tab)
-    tab.run("""(() => { window.seen = [];
-      addEventListener("beforeprint", () => {
-        seen.push([...document.querySelectorAll(".view.current .topic")].map((t) => t.open)); });
-    })()""")
+    tab.run("""addEventListener("beforeprint", () => { window.waiting = document
+      .querySelectorAll(".view.current figure:has(.plot):not([data-drawn])").length; })""")
     tab.send("Page.printToPDF")
-    tab.until("window.seen.length > 0")
-    assert tab.run("seen[0]") == [False] * 5 + [True], "numbers, and no plots that nobody opened"
-    topics = "[...document.querySelectorAll('.view.current .topic')]"
-    tab.until(f"{topics}.every((t) => !t.open)")
+    tab.until("window.waiting === 0")
     tab.window(1050, 740, media="print")
-    assert not tab.run(f"{topics}.some((t) => t.checkVisibility())"), "no heading of nothing"
+    panels = "[...document.querySelectorAll('.view.current [role=tabpanel]')]"
+    shown_panels = f"{panels}.filter((p) => p.checkVisibility({{visibilityProperty: true}}))"
+    assert tab.run(f"{shown_panels}.length === {panels}.length")
+    assert tab.run(f"{panels}.map((p) => p.querySelector('h3').checkVisibility())") == [True] * 5
+    assert not tab.run("document.querySelector('.view.current .tabs').checkVisibility()")
+    heights = f"{panels}.map((p) => p.getBoundingClientRect().height)"
+    assert min(tab.run(heights)) > 100
     beside = (
         "['.motion', '.lead .group'].map((n) => document.querySelector(`.view.current ${n}`)"
         ".getBoundingClientRect().top)"
     )
     top, other = tab.run(beside)
-    assert top == other, "motion and plot beside each other"
+    assert top == other, "motion and plots beside each other"
 
 
 def test_plots_that_were_drawn_on_a_dark_ground_are_light_on_paper(tab: Tab, address: str) -> None:
@@ -155,7 +154,7 @@ def test_an_accessibility_checker_finds_nothing_serious(
     tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
     for view in ("overview", SYSTEM, CASE, BOTH, DIAGNOSIS):
         tab.go(view)
-        unfold(tab)
+        tab.until(BUILT)
         assert tab.run(CHECK) == [], view
 
 
@@ -173,7 +172,7 @@ def test_hostile_names_neither_run_nor_break_the_plots(
             view = tab.run(f"document.querySelector('.view[id^={kind}]').id")
             tab.run(f"location.hash = {json.dumps(view)}")
             tab.until(f"document.getElementById({json.dumps(view)}).checkVisibility()")
-            unfold(tab)
+            tab.until(BUILT)
         assert tab.run("document.querySelectorAll('img, b:not([class]) b').length") == 0
         text = tab.run("document.body.innerText")
         assert "<script>alert(1)</script>" in text

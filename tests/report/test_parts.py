@@ -24,7 +24,6 @@ from tests.report.steps import (
     needs_browser,
     rows,
     shown,
-    unfold,
 )
 
 ALL = """[...document.querySelectorAll('#cases tbody tr')]
@@ -88,10 +87,10 @@ def test_every_case_opens_with_its_plots_and_those_of_other_files_over_it(
     for case in ids:
         many.go(case)
         many.until(f"document.getElementById({case!r})?.checkVisibility()")
-        unfold(many)
+        many.until(BUILT)
         assert shown(many) == [case]
         figures += many.run("document.querySelectorAll('[data-drawn]').length")
-    assert figures == 7 * 9 - 2 + 9 * 13  # as many as in one file
+    assert figures == 7 * 10 - 2 + 9 * 14  # as many as in one file
     for view, plots in ((SYSTEM, 1), (DIAGNOSIS, 3)):
         many.go(view)
         many.until(f"document.getElementById({view!r})?.checkVisibility()")

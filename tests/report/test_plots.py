@@ -18,7 +18,7 @@ from physics_crosscheck.harness.render import html as report
 from tests.report.chromium import Browser, Tab
 from tests.report.page import Page
 from tests.report.samples import results
-from tests.report.steps import BOTH, CASE, DIAGNOSIS, PLOTS, TALL, look, needs_browser, unfold
+from tests.report.steps import BOTH, BUILT, CASE, DIAGNOSIS, PLOTS, TALL, look, needs_browser
 from tests.report.test_browser import RANGES, TIPS, box
 
 pytestmark = needs_browser
@@ -167,7 +167,7 @@ def case(tab: Tab, address: str) -> Tab:
     """A case's page with its leading plots drawn: of a motion, and of an error, over time."""
     tab.open(f"{address}#{BOTH}")
     look(tab)
-    tab.until(f"{PLOTS}.length === 2")
+    tab.until(f"{PLOTS}.length >= 2")
     return tab
 
 
@@ -185,7 +185,7 @@ def test_a_box_zooms_both_axes_and_reset_shows_all_again(case: Tab) -> None:
     assert "12" not in case.run(f"{labels}.map((text) => text.textContent)"), "new ticks"
     case.run("document.querySelector('.view.current [aria-label=\"Reset the zoom\"]').click()")
     assert shown_part(case) == whole
-    assert case.run(RANGES) == [whole[:2]] * 2
+    assert all(shown == whole[:2] for shown in case.run(RANGES))
 
 
 def test_a_flat_drag_zooms_one_axis_and_a_double_click_resets(case: Tab) -> None:
@@ -303,7 +303,7 @@ def test_a_plot_is_saved_as_a_file_that_stands_alone(
             tab.run(
                 f"document.querySelector('.view.current [aria-label=\"Save as {ending}\"]').click()"
             )
-        files = [tmp_path / f"q0-error-against-uncertainty.{ending}" for ending in ("svg", "png")]
+        files = [tmp_path / f"q0-reference-and-engines.{ending}" for ending in ("svg", "png")]
         browser.until(lambda: all(file.exists() and file.stat().st_size for file in files), "files")
         time.sleep(0.1)
         assert tab.problems == []
@@ -314,7 +314,7 @@ def test_a_plot_is_saved_as_a_file_that_stands_alone(
     assert "var(" not in text
     paths = root.findall(".//{http://www.w3.org/2000/svg}path")
     assert len([path for path in paths if len(path.get("d", "")) > 500]) >= 3, "the curves"
-    assert root.findtext("{http://www.w3.org/2000/svg}title") == "q0: error against uncertainty"
+    assert root.findtext("{http://www.w3.org/2000/svg}title") == "q0: reference and engines"
     paper = "#ffffff" if scheme == "light" else "#14181c"
     assert f"fill: {paper}" in text
     picture = files[1].read_bytes()
@@ -327,14 +327,14 @@ def test_the_page_draws_each_point_at_its_place(tab: Tab, address: str) -> None:
     """The path of the reference, read back, is the data of the table."""
     tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
-    unfold(tab)
+    tab.until(BUILT)
     path, x, y = tab.run(f"""(() => {{
       const plot = {PLOTS}.find((each) => each.chart.title.startsWith("q0: reference"));
       const layer = plot.layers.find((each) => each.curve.role === "reference");
       return [layer.path.getAttribute("d"), layer.curve.x, layer.curve.y];
     }})()""")
     drawn = np.array([point.split(",") for point in path[1:].split("L")], dtype=float)
-    at = box(tab, 1)
+    at = box(tab)
     time_shown = at["start"] + drawn[:, 0] / at["width"] * (at["end"] - at["start"])
     value = at["high"] - drawn[:, 1] / at["height"] * (at["high"] - at["low"])
     expected = np.interp(time_shown, x, y)
