@@ -12,13 +12,15 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
+from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.html import render, unbroken, write_report
 from physics_crosscheck.harness.render.html.maths import ELEMENTS, mathml
-from physics_crosscheck.harness.render.html.sweep import tick_labels
+from physics_crosscheck.harness.render.html.sweep import AT_THE_STEP, parallel, tick_labels
 from tests.report.page import Page
 from tests.report.samples import results
 
@@ -311,3 +313,30 @@ def test_a_robot_without_constants_has_no_heading_for_them() -> None:
     bare = replace(found.systems[0], constants=())
     page = render(replace(found, systems=(bare, *found.systems[1:])))
     assert page.count("<h3>Constants</h3>") == 1
+
+
+def test_parallel_coordinates_have_a_line_for_each_case_and_mark_differences() -> None:
+    def row(i: int, k: float, error: float | None, outcome: Outcome) -> SweepRow:
+        return SweepRow(
+            index=i, draw=i, system="s", model="m.xml", engine="e", scenario="free",
+            integrator="euler", constants={"k": k, "c": 1.0 + i}, outcome=outcome,
+            global_error=error, command="",
+        )  # fmt: skip
+
+    rows = [
+        row(0, 2.0, 0.01, Outcome.DIFFERS),
+        row(1, 1.0, 0.1, Outcome.AGREES),
+        row(2, 3.0, None, Outcome.AGREES),
+    ]
+    drawn = parallel(rows, ["e, euler"], ["k", "c"], AT_THE_STEP)
+    assert drawn is not None
+    assert [axis.label for axis in drawn.axes] == ["k", "c", "error at dt"]
+    assert [outcome for _, _, outcome, _ in drawn.lines] == ["AGREES", "DIFFERS"]
+    paths = [path for path, *_ in drawn.lines]
+    points = [[point.split(",") for point in path[1:].split("L")] for path in paths]
+    assert [x for x, _ in points[0]] == [axis.position for axis in drawn.axes]
+    heights = [[float(y) for _, y in line] for line in points]
+    assert heights[0][0] > heights[1][0], "a larger k is higher"
+    assert heights[0][1] < heights[1][1]
+    assert heights[0][2] < heights[1][2]
+    assert parallel(rows[2:], ["e, euler"], ["k", "c"], AT_THE_STEP) is None
