@@ -1,0 +1,395 @@
+"""Canonical contact problems in several engines: `python -m campaigns.canonical`.
+
+Each engine builds one ball or block on a plane through its own interface, with one friction
+coefficient mu and one restitution e, and runs at its default step and a tenth of it. Exact answers
+are closed forms. It prints the table of `docs/canonical-contacts.md`, and needs the extras of the
+engines; `--engines` selects some.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Track = NDArray[np.float64]
+"""Motion of a body's centre along the plane and away from it: x, z, their rates, (S, 4)."""
+
+HALF, MASS, G = 0.1, 1.0, 9.81
+"""Radius of the ball and half of the block's edge, m; mass, kg; gravity, m/s^2."""
+
+DROP, RESTITUTION = 0.5, 0.8
+SPEED, MU = 2.0, 0.3
+SLOPE, SLOPE_MU = math.radians(20), 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class CanonicalScene:
+    """A ball or block over a plane.
+
+    Attributes:
+        ball: whether it is a ball.
+        gap, speed: at the start, m and m/s along the plane.
+        slope: inclination of gravity, rad.
+        mu, e: what friction and restitution of the pair are to be.
+        duration: s.
+    """
+
+    ball: bool = False
+    gap: float = 0.0
+    speed: float = 0.0
+    slope: float = 0.0
+    mu: float = SLOPE_MU
+    e: float = 0.0
+    duration: float = 2.0
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """Components along x, y and z."""
+        return G * math.sin(self.slope), 0.0, -G * math.cos(self.slope)
+
+    @property
+    def inertia(self) -> float:
+        """Principal moment of inertia, kg m^2."""
+        return (0.4 if self.ball else 2 / 3) * MASS * HALF**2
+
+
+def mujoco_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in MuJoCo."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(mjcf(scene, h))
+    data = mujoco.MjData(model)
+    data.qvel[0] = scene.speed
+    rows = []
+    for _ in range(round(scene.duration / h)):
+        mujoco.mj_step(model, data)
+        rows.append((data.qpos[0], data.qpos[2], data.qvel[0], data.qvel[2]))
+    return np.array(rows)
+
+
+def mjcf(scene: CanonicalScene, h: float) -> str:
+    """Return a scene as MJCF; the format has no restitution."""
+    gravity = " ".join(map(repr, scene.gravity))
+    kind, size = ("sphere", "0.1") if scene.ball else ("box", "0.1 0.1 0.1")
+    return f"""<mujoco><option timestep="{h}" gravity="{gravity}" jacobian="dense"/><worldbody>
+    <geom type="plane" size="9 9 1" friction="{scene.mu}"/>
+    <body pos="0 0 {HALF + scene.gap}"><freejoint/>
+    <geom type="{kind}" size="{size}" mass="{MASS}" friction="{scene.mu}"/></body>
+    </worldbody></mujoco>"""
+
+
+def mjx_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in MJX."""
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    jax.config.update("jax_enable_x64", True)
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(mjcf(scene, h)))
+    data = mjx.make_data(model)
+    data = data.replace(qvel=data.qvel.at[0].set(scene.speed))
+
+    def step(data: Any, _: None) -> tuple[Any, Any]:
+        data = mjx.step(model, data)
+        return data, (data.qpos[0], data.qpos[2], data.qvel[0], data.qvel[2])
+
+    run = jax.jit(lambda data: jax.lax.scan(step, data, None, round(scene.duration / h))[1])
+    return np.stack(run(data), axis=1)
+
+
+def pybullet_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in PyBullet; both coefficients are products."""
+    import pybullet as p
+
+    client = p.connect(p.DIRECT)
+    p.setGravity(*scene.gravity)
+    p.setTimeStep(h)
+    floor = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
+    shape = (
+        p.createCollisionShape(p.GEOM_SPHERE, radius=HALF)
+        if scene.ball
+        else p.createCollisionShape(p.GEOM_BOX, halfExtents=[HALF] * 3)
+    )
+    body = p.createMultiBody(MASS, shape, basePosition=[0, 0, HALF + scene.gap])
+    p.changeDynamics(floor, -1, lateralFriction=1, restitution=1)
+    p.changeDynamics(body, -1, lateralFriction=scene.mu, restitution=scene.e)
+    p.changeDynamics(body, -1, linearDamping=0, angularDamping=0)
+    p.resetBaseVelocity(body, [scene.speed, 0, 0])
+    rows = []
+    for _ in range(round(scene.duration / h)):
+        p.stepSimulation()
+        (x, _y, z), _ = p.getBasePositionAndOrientation(body)
+        (vx, _vy, vz), _ = p.getBaseVelocity(body)
+        rows.append((x, z, vx, vz))
+    p.disconnect(client)
+    return np.array(rows)
+
+
+def pymunk_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in pymunk, seen from the side; both coefficients are products."""
+    import pymunk
+
+    space = pymunk.Space()
+    space.gravity = scene.gravity[0], scene.gravity[2]
+    space.collision_slop = 1e-5  # its default is a tenth of a metre
+    floor = pymunk.Segment(space.static_body, (-50, 0), (50, 0), 0)
+    floor.elasticity = floor.friction = 1
+    body = pymunk.Body(MASS, scene.inertia)
+    body.position, body.velocity = (0, HALF + scene.gap), (scene.speed, 0)
+    shape = (
+        pymunk.Circle(body, HALF) if scene.ball else pymunk.Poly.create_box(body, [2 * HALF] * 2)
+    )
+    shape.elasticity, shape.friction = scene.e, scene.mu
+    space.add(floor, body, shape)
+    rows = []
+    for _ in range(round(scene.duration / h)):
+        space.step(h)
+        rows.append((*body.position, *body.velocity))
+    return np.array(rows)
+
+
+def drake_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in Drake's discrete plant with point contacts."""
+    from pydrake.geometry import Box, HalfSpace, Sphere
+    from pydrake.math import RigidTransform
+    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+    from pydrake.multibody.tree import SpatialInertia
+    from pydrake.systems.analysis import Simulator
+    from pydrake.systems.framework import DiagramBuilder
+
+    builder = DiagramBuilder()
+    plant, _graph = AddMultibodyPlantSceneGraph(builder, h)
+    friction = CoulombFriction(scene.mu, scene.mu)
+    plant.RegisterCollisionGeometry(
+        plant.world_body(), RigidTransform(), HalfSpace(), "floor", friction
+    )
+    inertia = (
+        SpatialInertia.SolidSphereWithMass(MASS, HALF)
+        if scene.ball
+        else SpatialInertia.SolidBoxWithMass(MASS, *[2 * HALF] * 3)
+    )
+    body = plant.AddRigidBody("body", inertia)
+    shape = Sphere(HALF) if scene.ball else Box(*[2 * HALF] * 3)
+    plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "body", friction)
+    plant.mutable_gravity_field().set_gravity_vector(list(scene.gravity))
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    start = [1, 0, 0, 0, 0, 0, HALF + scene.gap, 0, 0, 0, scene.speed, 0, 0]
+    plant.SetPositionsAndVelocities(context, start)
+    rows = []
+    for k in range(round(scene.duration / h)):
+        simulator.AdvanceTo((k + 1) * h)
+        state = plant.GetPositionsAndVelocities(context)
+        rows.append((state[4], state[6], state[10], state[12]))
+    return np.array(rows)
+
+
+def dart_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in DART; friction is the smaller one, restitution the product."""
+    import dartpy as dart
+
+    world = dart.simulation.World()
+    world.setGravity(np.array(scene.gravity))
+    world.setTimeStep(h)
+
+    def add(name: str, shape: Any, height: float, e: float, *, fixed: bool) -> Any:
+        skeleton = dart.dynamics.Skeleton(name)
+        make = (
+            skeleton.createWeldJointAndBodyNodePair
+            if fixed
+            else (skeleton.createFreeJointAndBodyNodePair)
+        )
+        joint, body = make()
+        node = body.createShapeNode(shape)
+        node.createCollisionAspect()
+        aspect = node.createDynamicsAspect()
+        aspect.setFrictionCoeff(scene.mu)
+        aspect.setRestitutionCoeff(e)
+        inertia = dart.dynamics.Inertia()
+        inertia.setMass(MASS)
+        inertia.setMoment(scene.inertia * np.eye(3))
+        body.setInertia(inertia)
+        place = dart.math.Isometry3()
+        place.set_translation([0, 0, height])
+        joint.setTransformFromParentBodyNode(place)
+        world.addSkeleton(skeleton)
+        return skeleton
+
+    add("floor", dart.dynamics.BoxShape([40, 40, 1]), -0.5, 1.0, fixed=True)
+    shape = (
+        dart.dynamics.SphereShape(HALF) if scene.ball else (dart.dynamics.BoxShape([2 * HALF] * 3))
+    )
+    body = add("body", shape, HALF + scene.gap, scene.e, fixed=False)
+    body.setVelocities([0, 0, 0, scene.speed, 0, 0])
+    rows = []
+    for _ in range(round(scene.duration / h)):
+        world.step()
+        node = body.getBodyNode(0)
+        x, _y, z = node.getWorldTransform().translation()
+        vx, _vy, vz = node.getLinearVelocity()
+        rows.append((x, z, vx, vz))
+    return np.array(rows)
+
+
+def sapien_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in SAPIEN; both coefficients are means."""
+    import sapien
+
+    config = sapien.physx.PhysxSceneConfig()
+    config.gravity = np.array(scene.gravity)
+    sapien.physx.set_scene_config(config)
+    made = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    made.set_timestep(h)
+    material = sapien.physx.PhysxMaterial(scene.mu, scene.mu, scene.e)
+    made.add_ground(0, render=False, material=material)
+    builder = made.create_actor_builder()
+    density = MASS / (4 / 3 * math.pi * HALF**3 if scene.ball else (2 * HALF) ** 3)
+    if scene.ball:
+        builder.add_sphere_collision(radius=HALF, material=material, density=density)
+    else:
+        builder.add_box_collision(half_size=[HALF] * 3, material=material, density=density)
+    actor = builder.build()
+    actor.set_pose(sapien.Pose([0, 0, HALF + scene.gap]))
+    body = actor.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+    body.set_linear_velocity([scene.speed, 0, 0])
+    body.linear_damping = body.angular_damping = 0.0
+    rows = []
+    for _ in range(round(scene.duration / h)):
+        made.step()
+        x, _y, z = actor.get_pose().p
+        vx, _vy, vz = body.get_linear_velocity()
+        rows.append((x, z, vx, vz))
+    return np.array(rows, dtype=float)
+
+
+def newton_track(scene: CanonicalScene, h: float) -> Track:
+    """Run a scene in Newton with its XPBD solver."""
+    import newton
+    import warp as wp
+
+    wp.config.quiet = True
+    with wp.ScopedDevice("cpu"):
+        builder = newton.ModelBuilder()
+        config = newton.ModelBuilder.ShapeConfig(density=0, mu=scene.mu, restitution=scene.e)
+        builder.add_ground_plane(cfg=config)
+        inertia = wp.mat33(*(scene.inertia * np.eye(3)).ravel().tolist())
+        body = builder.add_body(
+            xform=wp.transform((0.0, 0.0, HALF + scene.gap), wp.quat_identity()),
+            mass=MASS,
+            inertia=inertia,
+        )
+        if scene.ball:
+            builder.add_shape_sphere(body, radius=HALF, cfg=config)
+        else:
+            builder.add_shape_box(body, hx=HALF, hy=HALF, hz=HALF, cfg=config)
+        model = builder.finalize()
+        model.set_gravity(scene.gravity)
+        solver = newton.solvers.SolverXPBD(model, enable_restitution=scene.e > 0)
+        one, two = model.state(), model.state()
+        speed = np.zeros((1, 6), dtype=np.float32)
+        speed[0, 0] = scene.speed
+        one.body_qd.assign(speed)
+        rows = []
+        for _ in range(round(scene.duration / h)):
+            one.clear_forces()
+            contacts = model.collide(one)
+            solver.step(one, two, None, contacts, h)
+            one, two = two, one
+            q, v = one.body_q.numpy()[0], one.body_qd.numpy()[0]
+            rows.append((q[0], q[2], v[0], v[2]))
+    return np.array(rows, dtype=float)
+
+
+ENGINES: Mapping[str, tuple[Callable[[CanonicalScene, float], Track], float]] = {
+    "mujoco": (mujoco_track, 1 / 500),
+    "mjx": (mjx_track, 1 / 500),
+    "newton": (newton_track, 1 / 600),
+    "drake": (drake_track, 1 / 1000),
+    "dart": (dart_track, 1 / 1000),
+    "sapien": (sapien_track, 1 / 100),
+    "pybullet": (pybullet_track, 1 / 240),
+    "pymunk": (pymunk_track, 1 / 60),
+}
+"""Engines with their steps: the default, or that of their own examples."""
+
+
+def rebound(track: Track, h: float) -> float:
+    """Return the restitution that acts: the largest height after touch over the drop, as a root."""
+    z = track[:, 1] - HALF
+    until = round(1.2 * math.sqrt(2 * DROP / G) / h)
+    touched = int(np.argmin(z[:until]))
+    return math.sqrt(max(float(z[touched:].max()), 0.0) / DROP)
+
+
+def depth(track: Track, h: float) -> float:
+    """Return the penetration at rest, m."""
+    return float(HALF - track[-1, 1])
+
+
+def creep(track: Track, h: float) -> float:
+    """Return the mean speed over the second half, m/s."""
+    half = len(track) // 2
+    return float((track[-1, 0] - track[half, 0]) / ((len(track) - 1 - half) * h))
+
+
+def stop_error(track: Track, h: float) -> float:
+    """Return the relative error of the stop distance."""
+    return float(track[-1, 0]) / (SPEED**2 / (2 * MU * G)) - 1
+
+
+Measure = Callable[[Track, float], float]
+
+PROBLEMS: Mapping[str, tuple[CanonicalScene, Measure, Callable[[float], str]]] = {
+    "rebound, e = 0.8": (
+        CanonicalScene(ball=True, gap=DROP, e=RESTITUTION, duration=1.0),
+        rebound,
+        lambda value: f"{value:.3f}",
+    ),
+    "depth at rest": (CanonicalScene(), depth, lambda value: f"{1e6 * value:.3g} µm"),
+    "creep on 20°": (
+        CanonicalScene(slope=SLOPE),
+        creep,
+        lambda value: f"{1e3 * value:.2g} mm/s" if abs(value) >= 1e-9 else "0",
+    ),
+    "stop distance": (
+        CanonicalScene(speed=SPEED, mu=MU),
+        stop_error,
+        lambda value: f"{100 * value:+.2g} %",
+    ),
+}
+"""Scene, quantity and its text, by the name of the column."""
+
+EXACT = ("0.800", "0", "0", "0.680 m")
+
+
+def cells(engine: str) -> list[str]:
+    """Return one engine's row: each quantity at its step and at a tenth of it."""
+    run, step = ENGINES[engine]
+    row = []
+    for scene, measure, text in PROBLEMS.values():
+        both = [text(measure(run(scene, h), h)) for h in (step, step / 10)]
+        row.append(both[0] if both[0] == both[1] else " → ".join(both))
+    return row
+
+
+def main(names: list[str]) -> None:
+    """Print the table."""
+    heads = list(PROBLEMS)
+    print(f"| engine | step | {' | '.join(heads)} |\n|{'---|' * (len(heads) + 2)}")
+    print(f"| exact | - | {' | '.join(EXACT)} |")
+    for name in names:
+        step = f"{1e3 * ENGINES[name][1]:.3g} ms"
+        print(f"| {name} | {step} | {' | '.join(cells(name))} |", flush=True)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--engines", nargs="+", default=list(ENGINES), choices=list(ENGINES))
+    main(parser.parse_args().engines)
