@@ -10,6 +10,7 @@ import pytest
 
 from physics_crosscheck.harness.checks import audit as audit_run
 from physics_crosscheck.harness.checks import case as case_room
+from physics_crosscheck.harness.checks import planar_step as planar_room
 from physics_crosscheck.harness.checks import task as task_room
 from physics_crosscheck.harness.checks.by_steps import suffices
 from physics_crosscheck.harness.checks.case import StepError, run_case
@@ -48,7 +49,7 @@ def known(monkeypatch: pytest.MonkeyPatch) -> None:
     def engines() -> dict[str, Engine]:
         return {"known": KnownEngine()}
 
-    for room in (task_room, audit_run, diagnosis_room):
+    for room in (task_room, planar_room, audit_run, diagnosis_room):
         monkeypatch.setattr(room, "engines", engines)
 
 
