@@ -154,6 +154,15 @@ class WholeStepComparison(ABC, Generic[M, S]):
     def expected(self, sample: Evaluated[S]) -> Array:
         """Return the components by the laws, (C,)."""
 
+    def expected_by(self, laws: M, evaluated: Sequence[Evaluated[S]]) -> Array:
+        """Return the components by other laws at evaluated states, (S, C)."""
+        other, rows = self.under(laws), list[Array]()
+        postures = other.postures([sample.state for sample in evaluated])
+        for sample, posture in zip(evaluated, postures, strict=True):
+            again = other.solve(posture, sample.state, sample.engine)
+            rows.append(other.expected(replace(sample, solution=again)))
+        return np.array(rows)
+
     def outward_speed(self, state: WholeState, outwards: Array) -> Array:
         """Return speeds at which limits act although other forces pull joints back, (nz,).
 

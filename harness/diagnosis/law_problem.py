@@ -302,15 +302,9 @@ class LawProblem(Generic[M, S]):
 
     def _solved(self, laws: M) -> Array:
         """Return the change of all components by other laws, (S, C)."""
-        other = self.comparison.under(laws)
-        states = [sample.state for sample in self.evaluated]
-        rows = []
-        for sample, posture in zip(self.evaluated, other.postures(states), strict=True):
-            again = other.solve(posture, sample.state, sample.engine)
-            rows.append(other.expected(replace(sample, solution=again)))
-        return self._change(rows)
+        return self._change(self.comparison.expected_by(laws, self.evaluated))
 
-    def _change(self, rows: Sequence[Array]) -> Array:
+    def _change(self, rows: Sequence[Array] | Array) -> Array:
         """Return components by other laws, (C,) at each state, minus those by the file's laws."""
         change: Array = (np.array(rows) - self._expected) / self.compared.scale
         return change

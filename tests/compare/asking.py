@@ -26,11 +26,12 @@ def compared(
     resolution: float = 1e-9,
     starts: tuple[Mapping[str, float], ...] = (),
     include_constraints: bool = False,
+    floating: bool = False,
 ) -> ComparisonResult:
     """Compare two files as the command does."""
     options = CompareOptions(
-        a=candidate("A", Path(a), engine_a),
-        b=candidate("B", Path(b), engine_b),
+        a=candidate("A", Path(a), engine_a, floating=floating),
+        b=candidate("B", Path(b), engine_b, floating=floating),
         joints=declared(joints, table),
         resolution=resolution,
         starts=starts,

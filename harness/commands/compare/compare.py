@@ -40,8 +40,13 @@ from physics_crosscheck.harness.commands.compare.judge import (
     judge,
     recorded_runs,
 )
+from physics_crosscheck.harness.commands.compare.laws import LawsTask, compare_laws
 from physics_crosscheck.harness.commands.compare.match import Match, halves
-from physics_crosscheck.harness.commands.compare.prepared import PreparedComparison, prepare
+from physics_crosscheck.harness.commands.compare.prepared import (
+    PreparedComparison,
+    omission_notes,
+    prepare,
+)
 from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
 from physics_crosscheck.harness.commands.compare.segments import (
     Ends,
@@ -51,6 +56,7 @@ from physics_crosscheck.harness.commands.compare.segments import (
     run_source,
     run_target,
 )
+from physics_crosscheck.harness.commands.compare.side import pairs_of
 from physics_crosscheck.harness.commands.compare.states import StatesTask, sampled_states
 from physics_crosscheck.harness.commands.compare.terms import (
     MechanicsTask,
@@ -69,6 +75,7 @@ from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedModel,
+    ComparedProperty,
     ComparedRuns,
     ComparedTerm,
     ComparisonResult,
@@ -196,17 +203,31 @@ def compare(
         executor, prepared, motions.recorded, motions.followed, motions.files.moving
     )
     judged = motions.judgement
-    compared = _compared(prepared, motions, share, measured, attribution)
+    laws = _laws(executor, prepared)
+    compared = _compared(prepared, motions, share, measured, attribution, laws)
+    outcome, reason = judged.outcome, judged.verdict.reason
+    acting = [row for row in laws or () if (row.effect or 0.0) > options.resolution]
+    if outcome is Outcome.AGREES and acting:
+        outcome, reason = Outcome.DIFFERS, acting[0].message
     return ComparisonResult(
         created=_spelled(created),
         resolution=options.resolution,
         models=tuple(map(_model, prepared.models, prepared.facts, own_files)),
-        outcome=judged.outcome,
+        outcome=outcome,
         strict=options.strict,
-        reason=judged.verdict.reason,
+        reason=reason,
         kind=judged.verdict.kind,
         compared=structs.replace(compared, seconds=time.perf_counter() - began),
     )
+
+
+def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:
+    """Return the numbers of both files' laws that differ; None without a law or if one fails."""
+    source = prepared.source_first(prepared.facts)[0]
+    pairs = pairs_of(prepared.match, source.coordinates)
+    task = LawsTask(facts=prepared.facts, pairs=pairs)
+    (rows,) = ask_each(executor, prepared.models[0], compare_laws, [task])
+    return None if isinstance(rows, Failure) else rows
 
 
 def failed_comparison(
@@ -459,10 +480,11 @@ def _compared(
     share: Explained | None,
     measured: tuple[ComparedTerm, ...],
     attribution: Attribution,
+    laws: tuple[ComparedProperty, ...] | None,
 ) -> Compared:
     """Return the record of the motions and their differences."""
     judged, recorded, match = motions.judgement, motions.recorded, prepared.match
-    turned, files = motions.turned, motions.files
+    turned, files = motions.turned, without_laws(motions.files, laws)
     shown = judged.certain | (judged.outcome is not Outcome.DIFFERS)
     return Compared(
         discrepancy=number(judged.verdict.discrepancy),
@@ -487,12 +509,31 @@ def _compared(
         terms=measured,
         differences=attribution.trials,
         untried=attribution.untried,
-        untested=_untested(prepared, judged, files, attribution),
+        untested=_untested(prepared, judged, files, attribution, laws),
         impossible=_impossible(prepared),
-        notes=_notes(prepared, recorded, motions.start),
+        notes=_notes(prepared, recorded, motions.start, by_law=laws is not None),
         acting=compare_acting(*prepared.facts),
+        laws=laws,
         seconds=0.0,
     )
+
+
+LIMITED = ("control range of", "state range of", "force range of")
+"""Start of differences of actuators that laws compare."""
+
+
+def without_laws(
+    files: FileComparison, laws: tuple[ComparedProperty, ...] | None
+) -> FileComparison:
+    """Return the comparison of files without the differences that laws state."""
+    if laws is None:
+        return files
+    rest = tuple(
+        one
+        for one in files.properties
+        if one.moves or (one.kind != "range" and not one.message.startswith(LIMITED))
+    )
+    return replace(files, properties=rest)
 
 
 def _impossible(prepared: PreparedComparison) -> tuple[str, ...]:
@@ -512,20 +553,25 @@ def _untested(
     judgement: Judgement,
     files: FileComparison,
     attribution: Attribution,
+    laws: tuple[ComparedProperty, ...] | None,
 ) -> tuple[str, ...]:
     """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
     messages = [one.message for one in files.properties if agrees or not one.moves]
+    messages += [one.message for one in laws or () if agrees or not one.effect]
     messages += attribution.silent
     if attribution.untried:
         messages.append(f"{attribution.untried} differences of the files that were not tried alone")
     return (*dict.fromkeys(messages), *prepared.uncompared)
 
 
-def _notes(prepared: PreparedComparison, recorded: Recorded, start: StartRange) -> tuple[str, ...]:
+def _notes(
+    prepared: PreparedComparison, recorded: Recorded, start: StartRange, *, by_law: bool
+) -> tuple[str, ...]:
     """Return assumptions and actions, without duplicates."""
     source, lost = prepared.match.source, recorded.lost
-    notes = [*(note for one in prepared.models for note in one.notes), *prepared.notes]
+    notes = [note for one in prepared.models for note in one.notes]
+    notes += [*omission_notes(prepared, by_law=by_law), *prepared.notes]
     notes += range_notes(start.strangers, source)
     if lost:
         every = counted(lost + len(recorded.bound), "run")

@@ -40,12 +40,14 @@ class PreparedComparison:
         facts: of both, as they run.
         match: of their coordinates.
         notes: actions, a sentence each.
+        omissions: of both files, that the runs leave out.
         uncompared: omissions that may differ, since no literals of one format show them.
     """
 
     facts: Pair
     match: Match
     notes: tuple[str, ...]
+    omissions: tuple[tuple[Omission, ...], tuple[Omission, ...]]
     uncompared: tuple[str, ...]
 
     @property
@@ -74,7 +76,10 @@ def prepare(
     names = models[0].coordinates, models[1].coordinates
     given = spoken_for(*names, joints, readback)
     joint_pairs = pair_joints(*names, given, _drawn(models))
-    notes = [*_left_out(models, include_constraints), *floated]
+    notes, omissions = list(floated), (_parts(models[0]), _parts(models[1]))
+    if include_constraints:
+        every = "contacts, joint limits, dry friction and couplings of the files are included"
+        notes, omissions = [every, *notes], ((), ())
     unlike = [] if include_constraints else list(_uncompared(models))
     still: list[Mapping[str, float]] = [{}, {}]
     if joint_pairs.pairs:
@@ -94,6 +99,7 @@ def prepare(
         facts=models,
         match=_matched(models, joints, readback, joint_pairs, still),
         notes=tuple(notes),
+        omissions=omissions,
         uncompared=tuple(unlike),
     )
 
@@ -255,29 +261,35 @@ ALWAYS = ("how ", "limits of effort", "limits of velocity")
 """Start of omissions that are made with all options."""
 
 
-def _left_out(models: Pair, include_constraints: bool) -> tuple[str, ...]:
-    """Return notes about contacts and other omissions."""
-    if include_constraints:
-        return ("contacts, joint limits, dry friction and couplings of the files are included",)
+BY_LAW = (LIMITS, "dry friction", "saturation")
+"""Start of omissions that laws compare."""
+
+
+def omission_notes(prepared: PreparedComparison, *, by_law: bool) -> tuple[str, ...]:
+    """Return notes about what neither the runs nor the laws compare."""
+    compared = BY_LAW if by_law else ()
     # Such as: contact geometry (12), dry friction (7).
-    texts = [", ".join(map(_counted, _parts(one))) for one in models]
-    files = {one.candidate.sidecar.model.resolve() for one in models}
+    texts = [
+        ", ".join(_counted(part) for part in parts if not part.what.startswith(compared))
+        for parts in prepared.omissions
+    ]
+    files = {one.sidecar.model.resolve() for one in prepared.models}
     if len(files) == 1 or texts[0] == texts[1]:
         return (f"{NOT_COMPARED}: {texts[0]}",) if texts[0] else ()
     return tuple(
-        f"{NOT_COMPARED}: {text}, in {one.candidate.label}"
-        for one, text in zip(models, texts, strict=True)
+        f"{NOT_COMPARED}: {text}, in {label}"
+        for label, text in zip("AB", texts, strict=True)
         if text
     )
 
 
-def _parts(model: Facts) -> list[Omission]:
+def _parts(model: Facts) -> tuple[Omission, ...]:
     """Return what a model's motions leave out."""
     settings = model.candidate.settings
     if model.robot is None or not settings.get("smooth", False):
-        return []
+        return ()
     kept = COUPLED if settings.get("couplings", True) else ()
-    return [one for one in model.robot.left_out if not one.what.startswith((*ALWAYS, *kept))]
+    return tuple(one for one in model.robot.left_out if not one.what.startswith((*ALWAYS, *kept)))
 
 
 def _counted(omission: Omission) -> str:

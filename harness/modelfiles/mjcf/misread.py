@@ -81,7 +81,7 @@ def check_reading(path: Path, compiled: CompiledTree, model: LawModel) -> Readin
         stated = StatedLaws(path)
     except EngineError as error:
         return ReadingCheck(compared=0, misread=(), unread=(f"all: {error.sentence}",))
-    skipped = tuple(_skipped(stated, compiled, model))
+    skipped = tuple(skipped_kinds(stated, compiled, model))
     kinds = [kind for kind, _ in skipped]
     expected = {key: row for key, row in stated.rows.items() if _kind(key) not in kinds}
     actual = {
@@ -113,7 +113,7 @@ _NOT_READ: Mapping[str, str] = {
 }
 
 
-def _skipped(
+def skipped_kinds(
     stated: StatedLaws, compiled: CompiledTree, model: LawModel
 ) -> Iterator[tuple[str, str]]:
     """Yield kinds of elements that do not correspond one to one, each with a phrase."""

@@ -15,10 +15,13 @@ from physics_crosscheck.harness.records.comparison import (
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.console import print_text
-from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.status import counted, listed
 
 MAX_ROWS = 20
 """Maximum number of each kind; the record has all."""
+
+MAX_NAMES = 3
+"""Largest number of equal differences that a line names."""
 
 SHARE = 0.99
 """Share of a discrepancy that makes a difference its cause."""
@@ -56,6 +59,26 @@ def print_properties(
         _print_share(console, comparison, compared)
     _print_all(console, "frames that differ", frames)
     _print_all(console, "differences without an effect on these runs", without_effect)
+
+
+def law_lines(rows: Sequence[ComparedProperty]) -> list[str]:
+    """Return a line per number of the laws that differs, with its effect; equal ones share one."""
+    alike: dict[tuple[str, str], list[ComparedProperty]] = {}
+    for row in rows:
+        head, _, tail = row.message.partition(f" of {row.about}: ")
+        alike.setdefault((head, f"{tail}; {law_effect(row)}"), []).append(row)
+    lines = []
+    for (head, tail), own in alike.items():
+        names = listed([row.about for row in own], MAX_NAMES)
+        lines.append(f"{_where(own[0])}{head} of {names}: {tail}")
+    return lines
+
+
+def law_effect(row: ComparedProperty) -> str:
+    """Return what a number of the laws does to a step."""
+    if row.effect is None:
+        return "effect unknown"
+    return f"changes a step by {row.effect:.1e}" if row.effect else "no effect at any drawn state"
 
 
 def minor_line(count: int) -> str:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from msgspec.structs import replace
 from rich.console import Console
 
 from physics_crosscheck.harness.records.base import SourceLine
@@ -23,6 +24,8 @@ from physics_crosscheck.harness.render.terminal.compared_properties import (
     MINOR,
     SIX_DIGITS,
     is_explained,
+    law_effect,
+    law_lines,
     line_name,
     minor_line,
     print_properties,
@@ -59,8 +62,10 @@ def print_comparison(console: Console, comparison: ComparisonResult) -> None:
         _print_outcome(console, comparison, compared)
         edit = _edit_that_explains(compared)
         print_properties(console, comparison, compared, is_named=edit is None)
-        _print_terms(console, comparison, compared)
-        _print_differences(console, comparison.outcome, compared)
+        if not _is_by_law(comparison, compared):
+            _print_terms(console, comparison, compared)
+        _print_differences(console, comparison.outcome, _without_laws(compared))
+        _print_laws(console, comparison, compared)
         _print_acting(console, compared)
         _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
@@ -82,6 +87,39 @@ def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
     for outcome, sentence in sentences:
         lead = f"{WORDS[outcome]}  "
         print_wrapped(console, sentence, lead=lead, style=STYLES[outcome], indent=2)
+
+
+def _print_laws(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
+    """Print the numbers of the laws that differ, except the one that the verdict names."""
+    rows = list(compared.laws or ())
+    if _is_by_law(comparison, compared):
+        rows = rows[1:]
+    lines = law_lines(rows)
+    if lines:
+        console.print("\nlimits, friction, contacts and drives that differ")
+    for line in lines[:MAX_TERMS]:
+        print_wrapped(console, line, lead="  ", indent=4)
+    if len(lines) > MAX_TERMS:
+        print_text(console, f"  and {len(lines) - MAX_TERMS} more, see --json")
+
+
+def _without_laws(compared: Compared) -> Compared:
+    """Return the comparison without edits that no motion shows and that the laws state."""
+    lines = {str(where) for row in compared.laws or () for where in (row.where_a, row.where_b)}
+    kept = tuple(
+        one
+        for one in compared.differences
+        if one.moved != 0.0
+        or not all({str(edit.where_a), str(edit.where_b)} & lines for edit in one.edits)
+    )
+    return replace(compared, differences=kept)
+
+
+def _is_by_law(comparison: ComparisonResult, compared: Compared) -> bool:
+    """Return whether the motions agree, and only a law differs."""
+    size = compared.discrepancy
+    alike = size is not None and size <= max(comparison.resolution, compared.uncertainty or 0.0)
+    return comparison.outcome is Outcome.DIFFERS and alike and bool(compared.laws)
 
 
 def _print_acting(console: Console, compared: Compared) -> None:
@@ -169,6 +207,15 @@ def _print_outcome(console: Console, comparison: ComparisonResult, compared: Com
         text = f"{move}: difference {size}"
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return
+    if _is_by_law(comparison, compared) and compared.laws:
+        share = f" ({law_effect(compared.laws[0])})"
+        cause, remedy = _property_cause(compared.laws[0], share, names)
+        text = with_code(comparison.code, cause)
+        print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
+        if remedy:
+            print_text(console, f"Fix: {remedy}")
+        print_text(console, f"  motions without such forces are alike: difference {size}")
+        return
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
     text = with_code(comparison.code, _own_cause(comparison) or cause or comparison.reason)
     print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
@@ -195,7 +242,7 @@ def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
         return _edit_cause(edit.edits[0], _share(edit.explained or 0.0))
     moving = [one for one in compared.properties if one.moves]
     if moving:
-        return _property_cause(moving[0], len(moving), compared, names)
+        return _property_cause(moving[0], _explained_share(compared, len(moving)), names)
     return (compared.terms[0].message, "") if _is_cause_a_term(compared) else ("", "")
 
 
@@ -252,13 +299,15 @@ def _line_names(where_a: SourceLine, where_b: SourceLine) -> tuple[str, str]:
     return a, b
 
 
-def _property_cause(
-    row: ComparedProperty, count: int, compared: Compared, names: Sequence[str]
-) -> tuple[str, str]:
-    share = ""
-    if compared.explained is not None and compared.explained > 0:
-        others = f" with {counted(count - 1, 'other difference')}" if count > 1 else ""
-        share = f" ({_share(compared.explained)} of the difference{others})"
+def _explained_share(compared: Compared, count: int) -> str:
+    """Return the share of a difference that the properties explain, or ""."""
+    if compared.explained is None or compared.explained <= 0:
+        return ""
+    others = f" with {counted(count - 1, 'other difference')}" if count > 1 else ""
+    return f" ({_share(compared.explained)} of the difference{others})"
+
+
+def _property_cause(row: ComparedProperty, share: str, names: Sequence[str]) -> tuple[str, str]:
     a, b = (
         line_name(where) if where else name
         for where, name in zip((row.where_a, row.where_b), names, strict=True)

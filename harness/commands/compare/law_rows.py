@@ -1,0 +1,428 @@
+"""Rows of a file's laws: limits, dry friction, equalities, contacts and drives, with their lines.
+
+Rows of two files are paired by the names of joints, shapes and tendons.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.urdf import read_urdf
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.modelfiles.mjcf.misread import skipped_kinds
+from physics_crosscheck.harness.modelfiles.mjcf.stated import (
+    IMPEDANCE,
+    REFERENCE,
+    StatedLaws,
+    StatedRow,
+)
+from physics_crosscheck.harness.modelfiles.mjcf.stated import Key as StatedKey
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.reference.laws.impulses import ImpulseModel
+from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.laws import (
+    ContactParameters,
+    Drive,
+    DryFriction,
+    HardJoint,
+    HardSurface,
+    Laws,
+    Range,
+    SoftEquality,
+    SoftLimit,
+    Softness,
+    Surface,
+)
+
+Key = tuple[str, ...]
+"""A table of the laws, and the names by which rows of two files are paired."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contacting:
+    """The numbers that all contacts share."""
+
+    elliptic: bool
+    friction_ratio: float
+    safe: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointForces:
+    """Limits of all drives of a joint, and whether they compensate its weight."""
+
+    force: Range
+    lifts: bool = False
+
+
+def _soft(suffix: str = "") -> dict[str, tuple[str, ...]]:
+    return {
+        f"solref{suffix}": ("softness.reference",),
+        f"solimp{suffix}": ("softness.impedance",),
+    }
+
+
+ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
+    Contacting: {"cone": ("elliptic",), "impratio": ("friction_ratio",), "refsafe": ("safe",)},
+    SoftLimit: {"range": ("lower", "upper"), "margin": ("margin",), **_soft("limit")},
+    DryFriction: {"frictionloss": ("force",), **_soft("friction")},
+    SoftEquality: {"polycoef": ("polynomial",), "torquescale": ("turn_scale",), **_soft()},
+    Surface: {
+        "condim": ("dimension",), "friction": ("friction",), "priority": ("priority",),
+        "solmix": ("mix",), "margin": ("margin",), **_soft(),
+    },
+    ContactParameters: {
+        "condim": ("dimension",), "friction": ("friction",), "margin": ("margin",), **_soft(),
+        "solreffriction": ("sliding",),
+    },
+    Drive: {
+        "ctrlrange": ("control_range",), "actrange": ("state_range",),
+        "forcerange": ("force_range",),
+    },
+    JointForces: {"actuatorfrcrange": ("force",), "actuatorgravcomp": ("lifts",)},
+    HardJoint: {"range": ("lower", "upper"), "effort": ("effort",)},
+    HardSurface: {
+        "lateral_friction": ("friction",), "restitution": ("restitution",),
+        "stiffness and damping": ("spring",), "friction_anchor": ("anchored",),
+    },
+}  # fmt: skip
+"""Attributes of a row, each with the fields that it follows from.
+
+Gains, biases and dynamics of drives act without limits too: motions compare them.
+"""
+
+LEADING: Mapping[type, str] = {
+    SoftLimit: "range", DryFriction: "frictionloss", JointForces: "actuatorfrcrange",
+    SoftEquality: "polycoef", ContactParameters: "friction",
+}  # fmt: skip
+"""Attribute that names a row which only one file has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawRow:
+    """One row.
+
+    Attributes:
+        key: pairs it with a row of another file.
+        subject: its kind and name.
+        index: in its table.
+        row: its numbers.
+        lines: of its attributes; that of its element under "".
+    """
+
+    key: Key
+    subject: str
+    index: int
+    row: Any
+    lines: Mapping[str, SourceLine] = field(default_factory=dict)
+
+    def values(self, attribute: str) -> tuple[Any, ...]:
+        """Return the numbers of an attribute."""
+        return values_of(self.row, attribute)
+
+    def line(self, attribute: str) -> SourceLine | None:
+        """Return the line of an attribute, or that of the element."""
+        return self.lines.get(attribute) or self.lines.get("")
+
+
+def values_of(row: object, attribute: str) -> tuple[Any, ...]:
+    """Return the numbers of a row's attribute, flat; none for a limit that does not limit."""
+    flat: list[Any] = []
+    for path in ATTRIBUTES[type(row)][attribute]:
+        value: Any = row
+        for name in path.split("."):
+            value = getattr(value, name)
+        flat += value if isinstance(value, tuple) else [] if value is None else [value]
+    if attribute == "range" and flat[0] > flat[1]:
+        return ()
+    return tuple(flat)
+
+
+def with_attribute(row: Any, attribute: str, other: object) -> Any:
+    """Return a row with an attribute of another row of its kind."""
+    for path in ATTRIBUTES[type(row)][attribute]:
+        name, _, below = path.partition(".")
+        value = getattr(other, name)
+        if below:
+            value = replace(getattr(row, name), **{below: getattr(value, below)})
+        row = replace(row, **{name: value})
+    return row
+
+
+def with_row(laws: Any, table: str, index: int, row: Any) -> Any:
+    """Return laws with another row; index -1 adds it, and None removes it."""
+    if table == "options":
+        return replace(laws, **{one.name: getattr(row, one.name) for one in fields(row)})
+    if table == "joint_ranges":
+        rest = {joint: value for joint, value in laws.joint_ranges.items() if joint != index}
+        return replace(
+            laws,
+            joint_ranges=rest if row is None else {**rest, index: (row.force, row.lifts)},
+        )
+    rows = list(getattr(laws, table))
+    if table == "pairs":
+        rows[index] = (*rows[index][:2], row)
+    elif index < 0:
+        rows.append(row)
+    elif row is None:
+        del rows[index]
+    else:
+        rows[index] = row
+    return replace(laws, **{table: tuple(rows)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Names:
+    """Names by which the other file calls what this file has.
+
+    Attributes:
+        joints: of joints; others have no partner.
+        shapes: names that both files have.
+        drives: by index, of the paired ones.
+        same_bodies: whether both files have as many bodies.
+    """
+
+    joints: Mapping[str, str]
+    shapes: frozenset[str]
+    drives: Mapping[int, int]
+    same_bodies: bool
+
+
+def shape_names(compiled: CompiledTree) -> list[str]:
+    """Return the names of all shapes; some are empty."""
+    return [one.name.partition(":")[2] for one in compiled.placed if one.name.startswith("geom:")]
+
+
+def joint_names(compiled: CompiledTree) -> list[str]:
+    """Return the names of all joints."""
+    return [joint.name for body in compiled.bodies for joint in body.joints]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftRows:
+    """Rows of a compiled file.
+
+    Attributes:
+        file: its path.
+        compiled: the file.
+        model: its laws.
+        names: of the other file.
+    """
+
+    file: Path
+    compiled: CompiledTree
+    model: LawModel
+    names: Names
+
+    def rows(self) -> Iterator[LawRow]:
+        """Yield all rows that may have a partner."""
+        laws = self.model.laws
+        options = Contacting(
+            elliptic=laws.elliptic, friction_ratio=laws.friction_ratio, safe=laws.safe
+        )
+        yield self._row(("options",), "options", 0, options, ("option", 0))
+        tables: tuple[tuple[str, str, Sequence[SoftLimit | DryFriction]], ...] = (
+            ("limits", "limit", laws.limits),
+            ("frictions", "friction", laws.frictions),
+        )
+        for table, word, rows in tables:
+            for i, row in enumerate(rows):
+                kind, place = ("joint", row.joint) if row.joint >= 0 else ("tendon", row.path)
+                name = self._joint(place) if kind == "joint" else self._tendon(place)
+                stated = (f"{word} of {kind}", place)
+                if name is not None:
+                    yield self._row((table, kind, name), f"{kind} {name}", i, row, stated)
+        for joint, (force, lifts) in laws.joint_ranges.items():
+            name = self._joint(joint)
+            if name is not None:
+                forces, stated = JointForces(force=force, lifts=lifts), ("force of joint", joint)
+                yield self._row(("joint_ranges", name), f"joint {name}", joint, forces, stated)
+        for i, equality in enumerate(laws.equalities):
+            key = ("equalities", str(len(laws.equalities)), str(i))
+            yield self._row(key, f"equality #{i + 1}", i, equality, ("equality", i))
+        yield from self._contacts(laws)
+        for i, drive in enumerate(laws.drives):
+            if i in self.names.drives:
+                subject = self._drive(i)
+                pair = ("drives", str(self.names.drives[i]))
+                yield self._row(pair, subject, i, drive, ("drive", i))
+
+    def _contacts(self, laws: Laws) -> Iterator[LawRow]:
+        keys = self._shape_keys
+        for i, surface in enumerate(laws.surfaces):
+            subject = f"geom {shape_names(self.compiled)[i] or ' of '.join(keys[i][::-1])}"
+            yield self._row(("surfaces", *keys[i]), subject, i, surface, ("geom", i))
+        for i, (first, other, touch) in enumerate(laws.pairs):
+            both = sorted((keys[first], keys[other]))
+            yield self._row(
+                ("pairs", *both[0], "", *both[1]), f"pair #{i + 1}", i, touch, ("pair", i)
+            )
+
+    @cached_property
+    def _shape_keys(self) -> list[Key]:
+        """Names of all shapes, or their bodies and their order there."""
+        keys: list[Key] = []
+        count = Counter[str]()
+        names = shape_names(self.compiled)
+        for name, surface in zip(names, self.model.laws.surfaces, strict=True):
+            if name in self.names.shapes:
+                keys.append((name,))
+                continue
+            body = "ground"
+            if surface.body:
+                body = self.compiled.bodies[surface.body - 1].name
+            if self.names.same_bodies and surface.body:
+                body = body or f"#{surface.body}"
+            count[body] += 1
+            keys.append((body, f"#{count[body]}"))
+        return keys
+
+    def _joint(self, index: int) -> str | None:
+        """Return the name by which the other file calls a joint, or None."""
+        return self.names.joints.get(joint_names(self.compiled)[index])
+
+    def _tendon(self, index: int) -> str:
+        stated = () if self._stated is None else self._stated.names("tendon")
+        return (stated[index] if index < len(stated) else "") or f"#{index + 1}"
+
+    def _drive(self, index: int) -> str:
+        actuator = self.compiled.actuators[index]
+        return f"actuator {actuator.name or f'on {actuator.on}'}"
+
+    @cached_property
+    def _stated(self) -> StatedLaws | None:
+        try:
+            return StatedLaws(self.file)
+        except EngineError:
+            return None
+
+    @cached_property
+    def _stated_rows(self) -> Mapping[StatedKey, StatedRow]:
+        if self._stated is None:
+            return {}
+        kinds = [kind for kind, _ in skipped_kinds(self._stated, self.compiled, self.model)]
+        return {
+            key: row
+            for key, row in self._stated.rows.items()
+            if key[0].rpartition(" ")[2] not in kinds
+        }
+
+    def _row(self, key: Key, subject: str, index: int, row: object, stated: StatedKey) -> LawRow:
+        source, lines = self._stated_rows.get(stated), dict[str, SourceLine]()
+        if source is not None:
+            for place in source.places:
+                lines |= _line(self.file, place.element, place.key)
+            lines |= _line(self.file, source.element, "")
+        return LawRow(key=key, subject=subject, index=index, row=row, lines=lines)
+
+
+def _line(file: Path, element: XmlElement | None, attribute: str) -> dict[str, SourceLine]:
+    where, line = (None, None) if element is None else element.place
+    return {attribute: SourceLine(file=str(where or file), line=line)} if line else {}
+
+
+def hard_rows(file: Path, model: ImpulseModel, joints: Mapping[str, str]) -> Iterator[LawRow]:
+    """Yield the rows of a URDF in an engine of impulses.
+
+    Args:
+        file: its path.
+        model: its laws.
+        joints: names by which the other file calls its joints.
+    """
+    urdf, laws, links = read_urdf(Document(file)), model.laws, model.tree.tree.links
+    for i, joint in enumerate(laws.joints):
+        name = links[joint.joint].name
+        if name in joints:
+            limit = urdf.joints[name].element.find("limit")
+            lines = _line(file, limit, "")
+            yield LawRow(key=("joints", joints[name]), subject=f"joint {joints[name]}", index=i,
+                         row=joint, lines=lines)  # fmt: skip
+    for i, surface in enumerate(laws.surfaces):
+        name = laws.rules.bodies[i]
+        link = urdf.links.get(name)
+        if link is not None:
+            contact = link.element.find("contact") or link.element
+            lines = _line(file, contact, "")
+            for child in contact.children:
+                lines |= _line(file, child, child.tag)
+            yield LawRow(key=("surfaces", name), subject=f"link {name}", index=i, row=surface,
+                         lines=lines)  # fmt: skip
+
+
+def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
+    """Yield limits and efforts of impulses as rows of a compiled file, which gives the rest."""
+    theirs = {row.key[1]: row for row in rows if row.key[0] == "joints"}
+    mine = {row.key: row for row in a.rows()}
+    for name, other in theirs.items():
+        joint: HardJoint = other.row
+        limit = mine.get(("limits", "joint", name))
+        if joint.lower <= joint.upper:
+            base = limit.row if limit else _default_limit(a, name)
+            soft = replace(base, lower=joint.lower, upper=joint.upper)
+            yield replace(other, key=("limits", "joint", name), row=soft)
+        if not joint.effort:
+            continue
+        for key, row in _forces_on(a, mine, name):
+            both = -joint.effort, joint.effort
+            limited: JointForces | Drive
+            if isinstance(row, JointForces):
+                limited = replace(row, force=both)
+            else:
+                limited = replace(row, force_range=both)
+            yield replace(other, key=key, row=limited)
+
+
+def _default_limit(a: SoftRows, name: str) -> SoftLimit:
+    """Return a limit with default softness."""
+    softness = Softness(reference=REFERENCE, impedance=IMPEDANCE)
+    joint = joint_names(a.compiled).index(name)
+    return SoftLimit(joint=joint, lower=0.0, upper=0.0, margin=0.0, softness=softness)
+
+
+def _forces_on(
+    side: SoftRows, rows: Mapping[Key, LawRow], name: str
+) -> Iterator[tuple[Key, JointForces | Drive]]:
+    """Yield the row that limits the force on a joint: its own range, or that of its only drive."""
+    if (row := rows.get(("joint_ranges", name))) is not None:
+        yield row.key, row.row
+        return
+    own = {there: here for here, there in side.names.joints.items()}[name]
+    on = [i for i, one in enumerate(side.compiled.actuators) if one.on == own]
+    if len(on) == 1 and on[0] < len(side.model.laws.drives):
+        drive = side.model.laws.drives[on[0]]
+        gear = side.model.tree.paths[drive.path].joints
+        if drive.force_range is not None and [abs(share) for _, share in gear] == [1.0]:
+            yield ("drives", str(on[0])), drive
+
+
+def soft_as_hard(
+    rows: Mapping[Key, LawRow], b: SoftRows, mine: Sequence[LawRow]
+) -> Iterator[LawRow]:
+    """Yield limits and efforts of a compiled file as rows of impulses, which give the rest."""
+    for own in mine:
+        if own.key[0] != "joints":
+            continue
+        joint: HardJoint = own.row
+        name = own.key[1]
+        limit = rows.get(("limits", "joint", name))
+        lower, upper = (limit.row.lower, limit.row.upper) if limit else (1.0, 0.0)
+        changed, lines = (
+            replace(joint, lower=lower, upper=upper),
+            dict(limit.lines if limit else {}),
+        )
+        for key, row in _forces_on(b, rows, name):
+            force = row.force if isinstance(row, JointForces) else row.force_range
+            if force is not None and -force[0] == force[1] and joint.effort:
+                changed = replace(changed, effort=force[1])
+                source = rows.get(key)
+                line = source.line("forcerange") if source else None
+                lines |= {"effort": line} if line else {}
+        yield LawRow(key=own.key, subject=own.subject, index=-1, row=changed, lines=lines)

@@ -1,0 +1,396 @@
+"""Differences of limits, dry friction, contacts and drives, weighed by whole steps of A.
+
+At states where rows of A act, A's law steps with B's numbers; the engine does not run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace as replace_fields
+
+from physics_crosscheck.harness.checks.law_comparison import (
+    Evaluated,
+    ImpulseComparison,
+    LawComparison,
+)
+from physics_crosscheck.harness.checks.law_states import drawn_states
+from physics_crosscheck.harness.commands.compare.actuators import pair_actuators
+from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.commands.compare.law_rows import (
+    ATTRIBUTES,
+    LEADING,
+    Key,
+    LawRow,
+    Names,
+    SoftRows,
+    hard_as_soft,
+    hard_rows,
+    shape_names,
+    soft_as_hard,
+    with_attribute,
+    with_row,
+)
+from physics_crosscheck.harness.commands.compare.property import apart, make_property
+from physics_crosscheck.harness.commands.compare.side import JointPair
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    ModelSpec,
+    WholeModel,
+    WholeState,
+)
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
+from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.comparison import ComparedProperty
+from physics_crosscheck.reference.laws.impulses import ImpulseModel
+from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.tree import TreeError
+
+SAME = 8 * float(np.finfo(float).eps)
+"""Relative difference of equal numbers."""
+
+DEPTH = 0.01
+"""Violation of a limit that only B has, rad or m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawsTask:
+    """Input of a worker: both models, A first, and their pairs of joints."""
+
+    facts: tuple[Facts, Facts]
+    pairs: tuple[JointPair, ...]
+
+
+def compare_laws(task: LawsTask) -> tuple[ComparedProperty, ...] | None:
+    """Return the numbers of the laws that differ, largest effect on a step of A first.
+
+    Return None unless both engines act by a documented law.
+    """
+    try:
+        b, a = (_side(facts) for facts in reversed(task.facts))  # A stays loaded
+        if a is None or b is None:
+            return None
+        rows = _rows(a, b, task.pairs)
+        differences = tuple(_differences(*rows))
+        return tuple(_weighed(a, differences)) if differences else ()
+    except (TreeError, EngineError):
+        return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Side:
+    """A model with its laws, as an engine loads it with all its forces."""
+
+    facts: Facts
+    model: LawModel | ImpulseModel
+    whole: WholeModel
+
+    def comparison(self) -> Any:  # of either law
+        if isinstance(self.model, LawModel):
+            return LawComparison(self.model, self.whole)
+        return ImpulseComparison(self.model, self.whole)
+
+
+def _side(facts: Facts) -> _Side | None:
+    """Load a model with all its forces; None without a law."""
+    candidate = facts.candidate
+    if not candidate.bare:
+        return None
+    spec = _shipped(candidate)
+    whole = engines()[candidate.engine].load_whole(spec)
+    if whole is None:
+        return None
+    model: LawModel | ImpulseModel | None
+    if whole.rules is None:
+        model = None if facts.compiled is None else law_model(facts.compiled)
+        if model is not None and model.laws.uncovered:
+            return None
+    else:
+        robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
+        model = impulse_model(robot, whole.rules)
+    return None if model is None else _Side(facts=facts, model=model, whole=whole)
+
+
+def _shipped(candidate: Candidate) -> ModelSpec:
+    """Return a model without the settings that the comparison adds, except its root."""
+    spec = candidate.sidecar.spec(candidate.engine)
+    added = candidate.given - {"floating"}
+    return replace(
+        spec, settings={key: value for key, value in spec.settings.items() if key not in added}
+    )
+
+
+def _rows(
+    a: _Side, b: _Side, pairs: Sequence[JointPair]
+) -> tuple[Mapping[Key, LawRow], Mapping[Key, LawRow]]:
+    """Return the rows of both models in the tables of A's laws."""
+    soft_a, soft_b = _soft_sides(a, b, pairs)
+    names_a, names_b = ({pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs})
+    file_a, file_b = (side.facts.candidate.sidecar.model for side in (a, b))
+    if soft_a is not None:
+        mine = list(soft_a.rows())
+    else:
+        assert isinstance(a.model, ImpulseModel)
+        mine = list(hard_rows(file_a, a.model, names_a))
+    if soft_b is not None:
+        theirs = list(soft_b.rows())
+    else:
+        assert isinstance(b.model, ImpulseModel)
+        theirs = list(hard_rows(file_b, b.model, names_b))
+    by_name = {pair.a: pair for pair in pairs}
+    theirs = [_in_a(row, by_name) for row in theirs]
+    if soft_a is not None and soft_b is None:
+        theirs = list(hard_as_soft(theirs, soft_a))
+        mine = [row for row in mine if row.key in {other.key for other in theirs}
+                or row.key[:2] in (("limits", "joint"), ("frictions", "joint"))]  # fmt: skip
+    elif soft_a is None and soft_b is not None:
+        theirs = list(soft_as_hard({row.key: row for row in theirs}, soft_b, mine))
+        mine = [row for row in mine if row.key[0] == "joints"]
+    return {row.key: row for row in mine}, {row.key: row for row in theirs}
+
+
+def _soft_sides(
+    a: _Side, b: _Side, pairs: Sequence[JointPair]
+) -> tuple[SoftRows | None, SoftRows | None]:
+    """Return the sides whose laws are convex."""
+    compiled = [side.facts.compiled for side in (a, b)]
+    both = [one if isinstance(side.model, LawModel) else None
+            for one, side in zip(compiled, (a, b), strict=True)]  # fmt: skip
+    shapes, same_bodies = frozenset[str](), False
+    drives: tuple[Mapping[int, int], Mapping[int, int]]
+    first, other = both
+    if first is not None and other is not None:
+        shapes = frozenset(shape_names(first)) & frozenset(shape_names(other)) - {""}
+        same_bodies = len(first.bodies) == len(other.bodies)
+        joints = {pair.a: pair.b for pair in pairs}
+        found = pair_actuators(first.actuators, other.actuators, joints).pairs
+        drives = {i: i for i, _ in found}, {j: i for i, j in found}
+    else:
+        every = [{i: i for i in range(len(one.actuators))} if one else {} for one in both]
+        drives = every[0], every[1]
+    sides: list[SoftRows | None] = []
+    for side, one, own, names in zip(
+        (a, b), both, drives,
+        ({pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs}), strict=True,
+    ):  # fmt: skip
+        if one is None or not isinstance(side.model, LawModel):
+            sides.append(None)
+            continue
+        alike = len(one.actuators) == len(side.model.laws.drives)
+        its = Names(
+            joints=names,
+            shapes=shapes,
+            drives=own if alike else {},
+            same_bodies=same_bodies,
+        )
+        file = side.facts.candidate.sidecar.model
+        sides.append(SoftRows(file=file, compiled=one, model=side.model, names=its))
+    return sides[0], sides[1]
+
+
+def _in_a(row: LawRow, pairs: Mapping[str, JointPair]) -> LawRow:
+    """Return a limit of B in the coordinate of A."""
+    pair = pairs.get(row.key[-1])
+    if pair is None or "range" not in ATTRIBUTES[type(row.row)] or row.key[1:2] == ("tendon",):
+        return row
+    lower, upper = row.row.lower, row.row.upper
+    if lower > upper or (pair.slope, pair.offset) == (1.0, 0.0):
+        return row
+    lower, upper = sorted((end - pair.offset) / pair.slope for end in (lower, upper))
+    return replace(row, row=replace(row.row, lower=lower, upper=upper))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LawDifference:
+    """An attribute of a row that differs.
+
+    Attributes:
+        attribute: its name.
+        a, b: the rows; None for a row that only the other file has.
+    """
+
+    attribute: str
+    a: LawRow | None
+    b: LawRow | None
+
+    @cached_property
+    def values(self) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """The numbers of A and of B."""
+        both = [() if row is None else row.values(self.attribute) for row in (self.a, self.b)]
+        return both[0], both[1]
+
+    @property
+    def subject(self) -> str:
+        """Its kind and name."""
+        row = self.a or self.b
+        assert row is not None
+        return row.subject
+
+    def applied(self, laws: Any) -> Any:
+        """Return A's laws with B's numbers; None if these have no place there."""
+        if self.a is None:
+            assert self.b is not None
+            return None if self.b.key[0] not in _ADDED else self._added(laws, self.b)
+        table, index = self.a.key[0], self.a.index
+        if self.b is None:
+            return with_row(laws, table, index, None)
+        current = _row_of(laws, self.a)
+        return with_row(laws, table, index, with_attribute(current, self.attribute, self.b.row))
+
+    def _added(self, laws: Any, row: LawRow) -> Any:
+        table = row.key[0]
+        return with_row(laws, table, row.index if table == "joint_ranges" else -1, row.row)
+
+
+_ADDED = ("limits", "frictions", "joint_ranges")
+"""Tables whose rows of joints A can take from B."""
+
+
+def _row_of(laws: Any, row: LawRow) -> Any:
+    """Return a row of laws that may have changed before."""
+    table, index = row.key[0], row.index
+    if table == "options":
+        return type(row.row)(**{name: getattr(laws, name) for name in row.row.__annotations__})
+    if table == "joint_ranges":
+        force, lifts = laws.joint_ranges[index]
+        return type(row.row)(force=force, lifts=lifts)
+    own = getattr(laws, table)[index]
+    return own[2] if table == "pairs" else own
+
+
+def _differences(
+    mine: Mapping[Key, LawRow], theirs: Mapping[Key, LawRow]
+) -> Iterator[_LawDifference]:
+    """Yield attributes that differ; rows that only one file has, last."""
+    for key, row in mine.items():
+        other = theirs.get(key)
+        if other is None:
+            continue
+        for attribute in ATTRIBUTES[type(row.row)]:
+            difference = _LawDifference(attribute=attribute, a=row, b=other)
+            if not _equal(*difference.values):
+                yield difference
+    removed = [row for key, row in mine.items() if key not in theirs]
+    for row in sorted(removed, key=lambda row: -row.index):  # the indices of the rest stay
+        if type(row.row) in LEADING:
+            yield _LawDifference(attribute=LEADING[type(row.row)], a=row, b=None)
+    for key, row in theirs.items():
+        if key not in mine and type(row.row) in LEADING:
+            yield _LawDifference(attribute=LEADING[type(row.row)], a=None, b=row)
+
+
+def _equal(first: Sequence[Any], other: Sequence[Any]) -> bool:
+    return len(first) == len(other) and all(
+        abs(x - y) <= SAME * max(abs(x), abs(y)) for x, y in zip(first, other, strict=True)
+    )
+
+
+def _weighed(a: _Side, differences: Sequence[_LawDifference]) -> Iterator[ComparedProperty]:
+    """Yield differences with their effect on a step, largest first; equal ones act together."""
+    groups: dict[tuple[object, ...], list[_LawDifference]] = {}
+    for one in differences:
+        shown = one.a or one.b
+        assert shown is not None
+        groups.setdefault((shown.key[0], one.attribute, one.values), []).append(one)
+    weights = _Weights(a, differences)
+    rows: list[ComparedProperty] = []
+    for group in groups.values():
+        effect = weights.effect(group)
+        rows += [_property(one, effect) for one in group]
+    yield from sorted(rows, key=lambda row: -(row.effect or 0.0))
+
+
+class _Weights:
+    """Effects of B's numbers on a step of A, at states where rows of A act.
+
+    Args:
+        a: the model.
+        differences: with limits that only B has.
+    """
+
+    def __init__(self, a: _Side, differences: Sequence[_LawDifference]) -> None:
+        self._comparison: Any = a.comparison()
+        self._model: Any = a.model
+        states = tuple(drawn_states(self._comparison))
+        limits = [one.b for one in differences if one.a is None and one.b is not None]
+        states += tuple(_at_limits(self._comparison, states, limits))
+        self._evaluated: Sequence[Evaluated[Any]] = self._comparison.evaluate(states)
+        if not self._evaluated:
+            return
+        self._scale = self._comparison.compare(self._evaluated).scale
+        self._own = np.array([self._comparison.expected(one) for one in self._evaluated])
+
+    def effect(self, group: Sequence[_LawDifference]) -> float | None:
+        """Return the largest change of any component, relative; None if it is unknown."""
+        laws = self._model.laws
+        for one in group:
+            laws = one.applied(laws) if laws is not None else None
+        if laws is None or not self._evaluated:
+            return None
+        changed = self._comparison.expected_by(replace(self._model, laws=laws), self._evaluated)
+        effects: Array = np.abs(changed - self._own) / self._scale
+        return float(np.max(effects))
+
+
+def _at_limits(
+    comparison: Any, states: Sequence[WholeState], rows: Sequence[LawRow]
+) -> Iterator[WholeState]:
+    """Yield states beyond both ends of limits of joints that only B has."""
+    for row in rows:
+        name = row.key[-1]
+        if row.key[:2] != ("limits", "joint") or name not in comparison.model.coordinates:
+            continue
+        place = comparison.model.coordinates.index(name)
+        for end in (row.row.lower - DEPTH, row.row.upper + DEPTH):
+            z = states[0].z.copy()
+            z[place] = end
+            yield states[0]._replace(z=z)
+
+
+def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:
+    """Return the record of a difference."""
+    here, there = difference.values
+    about, label, values = difference.subject, difference.attribute, (_shown(here), _shown(there))
+    unlike = [i for i, (x, y) in enumerate(zip(here, there, strict=False)) if not _equal([x], [y])]
+    single = len(here) == len(there) and len(unlike) == 1
+    if single:
+        i = unlike[0]
+        label += f"[{i}]" if len(here) > 1 else ""
+        here, there = (here[i],), (there[i],)
+        values = (apart(float(here[0]), float(there[0]), 0.0) if not isinstance(here[0], bool)
+                  else (str(here[0]).lower(), str(there[0]).lower()))  # fmt: skip
+    lines = [
+        None if row is None else row.line(difference.attribute)
+        for row in (difference.a, difference.b)
+    ]
+    record, _ = make_property(
+        "law",
+        about,
+        f"{label} of {about}: {values[0]} in A, {values[1]} in B",
+        a=float(here[0]) if single else None,
+        b=float(there[0]) if single else None,
+        lines=(lines[0], lines[1]),
+        moves=False,
+        relative=_relative(here, there),
+    )
+    return replace_fields(record, effect=number(effect))
+
+
+def _shown(values: Sequence[Any]) -> str:
+    text = " ".join(f"{float(value):.9g}" for value in values)
+    return f"({text})" if len(values) > 1 else text or "none"
+
+
+def _relative(first: Sequence[Any], other: Sequence[Any]) -> float:
+    if len(first) != len(other):
+        return 1.0
+    sizes = [(abs(x - y), max(abs(x), abs(y))) for x, y in zip(first, other, strict=True)]
+    return max((float(miss / size) for miss, size in sizes if size), default=0.0)
