@@ -186,8 +186,8 @@ class Compared(Record, frozen=True, kw_only=True):
         notes: Remarks on the comparison.
         seconds: Duration, seconds.
         acting: Quantities that the numbers of the files act as, where they differ.
-        laws: Numbers of limits, dry friction, contacts and drives that differ; `effect` is the
-            change of a step of A where these act. None if an engine has no documented law.
+        laws: Differing limits, friction, contacts and drives, by effect on a step; None without
+            laws.
     """
 
     discrepancy: Number

@@ -47,7 +47,7 @@ Key = tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contacting:
+class ContactOptions:
     """The numbers that all contacts share."""
 
     elliptic: bool
@@ -56,7 +56,7 @@ class Contacting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointForces:
+class JointForceLimit:
     """Limits of all drives of a joint, and whether they compensate its weight."""
 
     force: Range
@@ -71,7 +71,7 @@ def _soft(suffix: str = "") -> dict[str, tuple[str, ...]]:
 
 
 ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
-    Contacting: {"cone": ("elliptic",), "impratio": ("friction_ratio",), "refsafe": ("safe",)},
+    ContactOptions: {"cone": ("elliptic",), "impratio": ("friction_ratio",), "refsafe": ("safe",)},
     SoftLimit: {"range": ("lower", "upper"), "margin": ("margin",), **_soft("limit")},
     DryFriction: {"frictionloss": ("force",), **_soft("friction")},
     SoftEquality: {"polycoef": ("polynomial",), "torquescale": ("turn_scale",), **_soft()},
@@ -87,7 +87,7 @@ ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
         "ctrlrange": ("control_range",), "actrange": ("state_range",),
         "forcerange": ("force_range",),
     },
-    JointForces: {"actuatorfrcrange": ("force",), "actuatorgravcomp": ("lifts",)},
+    JointForceLimit: {"actuatorfrcrange": ("force",), "actuatorgravcomp": ("lifts",)},
     HardJoint: {"range": ("lower", "upper"), "effort": ("effort",)},
     HardSurface: {
         "lateral_friction": ("friction",), "restitution": ("restitution",),
@@ -100,7 +100,7 @@ Gains, biases and dynamics of drives act without limits too: motions compare the
 """
 
 LEADING: Mapping[type, str] = {
-    SoftLimit: "range", DryFriction: "frictionloss", JointForces: "actuatorfrcrange",
+    SoftLimit: "range", DryFriction: "frictionloss", JointForceLimit: "actuatorfrcrange",
     SoftEquality: "polycoef", ContactParameters: "friction",
 }  # fmt: skip
 """Attribute that names a row which only one file has."""
@@ -225,7 +225,7 @@ class SoftRows:
     def rows(self) -> Iterator[LawRow]:
         """Yield all rows that may have a partner."""
         laws = self.model.laws
-        options = Contacting(
+        options = ContactOptions(
             elliptic=laws.elliptic, friction_ratio=laws.friction_ratio, safe=laws.safe
         )
         yield self._row(("options",), "options", 0, options, ("option", 0))
@@ -243,7 +243,10 @@ class SoftRows:
         for joint, (force, lifts) in laws.joint_ranges.items():
             name = self._joint(joint)
             if name is not None:
-                forces, stated = JointForces(force=force, lifts=lifts), ("force of joint", joint)
+                forces, stated = (
+                    JointForceLimit(force=force, lifts=lifts),
+                    ("force of joint", joint),
+                )
                 yield self._row(("joint_ranges", name), f"joint {name}", joint, forces, stated)
         for i, equality in enumerate(laws.equalities):
             key = ("equalities", str(len(laws.equalities)), str(i))
@@ -372,8 +375,8 @@ def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
             continue
         for key, row in _forces_on(a, mine, name):
             both = -joint.effort, joint.effort
-            limited: JointForces | Drive
-            if isinstance(row, JointForces):
+            limited: JointForceLimit | Drive
+            if isinstance(row, JointForceLimit):
                 limited = replace(row, force=both)
             else:
                 limited = replace(row, force_range=both)
@@ -388,17 +391,17 @@ def _default_limit(a: SoftRows, name: str) -> SoftLimit:
 
 
 def _forces_on(
-    side: SoftRows, rows: Mapping[Key, LawRow], name: str
-) -> Iterator[tuple[Key, JointForces | Drive]]:
+    soft: SoftRows, rows: Mapping[Key, LawRow], name: str
+) -> Iterator[tuple[Key, JointForceLimit | Drive]]:
     """Yield the row that limits the force on a joint: its own range, or that of its only drive."""
     if (row := rows.get(("joint_ranges", name))) is not None:
         yield row.key, row.row
         return
-    own = {there: here for here, there in side.names.joints.items()}[name]
-    on = [i for i, one in enumerate(side.compiled.actuators) if one.on == own]
-    if len(on) == 1 and on[0] < len(side.model.laws.drives):
-        drive = side.model.laws.drives[on[0]]
-        gear = side.model.tree.paths[drive.path].joints
+    joint = {there: here for here, there in soft.names.joints.items()}[name]
+    on = [i for i, one in enumerate(soft.compiled.actuators) if one.on == joint]
+    if len(on) == 1 and on[0] < len(soft.model.laws.drives):
+        drive = soft.model.laws.drives[on[0]]
+        gear = soft.model.tree.paths[drive.path].joints
         if drive.force_range is not None and [abs(share) for _, share in gear] == [1.0]:
             yield ("drives", str(on[0])), drive
 
@@ -407,11 +410,11 @@ def soft_as_hard(
     rows: Mapping[Key, LawRow], b: SoftRows, mine: Sequence[LawRow]
 ) -> Iterator[LawRow]:
     """Yield limits and efforts of a compiled file as rows of impulses, which give the rest."""
-    for own in mine:
-        if own.key[0] != "joints":
+    for target in mine:
+        if target.key[0] != "joints":
             continue
-        joint: HardJoint = own.row
-        name = own.key[1]
+        joint: HardJoint = target.row
+        name = target.key[1]
         limit = rows.get(("limits", "joint", name))
         lower, upper = (limit.row.lower, limit.row.upper) if limit else (1.0, 0.0)
         changed, lines = (
@@ -419,10 +422,10 @@ def soft_as_hard(
             dict(limit.lines if limit else {}),
         )
         for key, row in _forces_on(b, rows, name):
-            force = row.force if isinstance(row, JointForces) else row.force_range
+            force = row.force if isinstance(row, JointForceLimit) else row.force_range
             if force is not None and -force[0] == force[1] and joint.effort:
                 changed = replace(changed, effort=force[1])
                 source = rows.get(key)
                 line = source.line("forcerange") if source else None
                 lines |= {"effort": line} if line else {}
-        yield LawRow(key=own.key, subject=own.subject, index=-1, row=changed, lines=lines)
+        yield LawRow(key=target.key, subject=target.subject, index=-1, row=changed, lines=lines)

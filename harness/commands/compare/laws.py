@@ -75,7 +75,7 @@ def compare_laws(task: LawsTask) -> tuple[ComparedProperty, ...] | None:
     Return None unless both engines act by a documented law.
     """
     try:
-        b, a = (_side(facts) for facts in reversed(task.facts))  # A stays loaded
+        b, a = (_load_laws(facts) for facts in reversed(task.facts))  # A stays loaded
         if a is None or b is None:
             return None
         rows = _rows(a, b, task.pairs)
@@ -86,7 +86,7 @@ def compare_laws(task: LawsTask) -> tuple[ComparedProperty, ...] | None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Side:
+class _LawSide:
     """A model with its laws, as an engine loads it with all its forces."""
 
     facts: Facts
@@ -99,7 +99,7 @@ class _Side:
         return ImpulseComparison(self.model, self.whole)
 
 
-def _side(facts: Facts) -> _Side | None:
+def _load_laws(facts: Facts) -> _LawSide | None:
     """Load a model with all its forces; None without a law."""
     candidate = facts.candidate
     if not candidate.bare:
@@ -116,7 +116,7 @@ def _side(facts: Facts) -> _Side | None:
     else:
         robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
         model = impulse_model(robot, whole.rules)
-    return None if model is None else _Side(facts=facts, model=model, whole=whole)
+    return None if model is None else _LawSide(facts=facts, model=model, whole=whole)
 
 
 def _shipped(candidate: Candidate) -> ModelSpec:
@@ -129,12 +129,12 @@ def _shipped(candidate: Candidate) -> ModelSpec:
 
 
 def _rows(
-    a: _Side, b: _Side, pairs: Sequence[JointPair]
+    a: _LawSide, b: _LawSide, pairs: Sequence[JointPair]
 ) -> tuple[Mapping[Key, LawRow], Mapping[Key, LawRow]]:
     """Return the rows of both models in the tables of A's laws."""
     soft_a, soft_b = _soft_sides(a, b, pairs)
     names_a, names_b = ({pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs})
-    file_a, file_b = (side.facts.candidate.sidecar.model for side in (a, b))
+    file_a, file_b = (model_laws.facts.candidate.sidecar.model for model_laws in (a, b))
     if soft_a is not None:
         mine = list(soft_a.rows())
     else:
@@ -158,12 +158,12 @@ def _rows(
 
 
 def _soft_sides(
-    a: _Side, b: _Side, pairs: Sequence[JointPair]
+    a: _LawSide, b: _LawSide, pairs: Sequence[JointPair]
 ) -> tuple[SoftRows | None, SoftRows | None]:
     """Return the sides whose laws are convex."""
-    compiled = [side.facts.compiled for side in (a, b)]
-    both = [one if isinstance(side.model, LawModel) else None
-            for one, side in zip(compiled, (a, b), strict=True)]  # fmt: skip
+    compiled = [model_laws.facts.compiled for model_laws in (a, b)]
+    both = [one if isinstance(model_laws.model, LawModel) else None
+            for one, model_laws in zip(compiled, (a, b), strict=True)]  # fmt: skip
     shapes, same_bodies = frozenset[str](), False
     drives: tuple[Mapping[int, int], Mapping[int, int]]
     first, other = both
@@ -171,28 +171,28 @@ def _soft_sides(
         shapes = frozenset(shape_names(first)) & frozenset(shape_names(other)) - {""}
         same_bodies = len(first.bodies) == len(other.bodies)
         joints = {pair.a: pair.b for pair in pairs}
-        found = pair_actuators(first.actuators, other.actuators, joints).pairs
-        drives = {i: i for i, _ in found}, {j: i for i, j in found}
+        drive_pairs = pair_actuators(first.actuators, other.actuators, joints).pairs
+        drives = {i: i for i, _ in drive_pairs}, {j: i for i, j in drive_pairs}
     else:
         every = [{i: i for i in range(len(one.actuators))} if one else {} for one in both]
         drives = every[0], every[1]
     sides: list[SoftRows | None] = []
-    for side, one, own, names in zip(
+    for model_laws, compiled_tree, paired, names in zip(
         (a, b), both, drives,
         ({pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs}), strict=True,
     ):  # fmt: skip
-        if one is None or not isinstance(side.model, LawModel):
+        if compiled_tree is None or not isinstance(model_laws.model, LawModel):
             sides.append(None)
             continue
-        alike = len(one.actuators) == len(side.model.laws.drives)
+        alike = len(compiled_tree.actuators) == len(model_laws.model.laws.drives)
         its = Names(
             joints=names,
             shapes=shapes,
-            drives=own if alike else {},
+            drives=paired if alike else {},
             same_bodies=same_bodies,
         )
-        file = side.facts.candidate.sidecar.model
-        sides.append(SoftRows(file=file, compiled=one, model=side.model, names=its))
+        file = model_laws.facts.candidate.sidecar.model
+        sides.append(SoftRows(file=file, compiled=compiled_tree, model=model_laws.model, names=its))
     return sides[0], sides[1]
 
 
@@ -262,8 +262,8 @@ def _row_of(laws: Any, row: LawRow) -> Any:
     if table == "joint_ranges":
         force, lifts = laws.joint_ranges[index]
         return type(row.row)(force=force, lifts=lifts)
-    own = getattr(laws, table)[index]
-    return own[2] if table == "pairs" else own
+    paired = getattr(laws, table)[index]
+    return paired[2] if table == "pairs" else paired
 
 
 def _differences(
@@ -293,13 +293,14 @@ def _equal(first: Sequence[Any], other: Sequence[Any]) -> bool:
     )
 
 
-def _weighed(a: _Side, differences: Sequence[_LawDifference]) -> Iterator[ComparedProperty]:
+def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[ComparedProperty]:
     """Yield differences with their effect on a step, largest first; equal ones act together."""
     groups: dict[tuple[object, ...], list[_LawDifference]] = {}
-    for one in differences:
-        shown = one.a or one.b
-        assert shown is not None
-        groups.setdefault((shown.key[0], one.attribute, one.values), []).append(one)
+    for difference in differences:
+        row = difference.a or difference.b
+        assert row is not None
+        key = row.key[0], difference.attribute, difference.values
+        groups.setdefault(key, []).append(difference)
     weights = _Weights(a, differences)
     rows: list[ComparedProperty] = []
     for group in groups.values():
@@ -316,7 +317,7 @@ class _Weights:
         differences: with limits that only B has.
     """
 
-    def __init__(self, a: _Side, differences: Sequence[_LawDifference]) -> None:
+    def __init__(self, a: _LawSide, differences: Sequence[_LawDifference]) -> None:
         self._comparison: Any = a.comparison()
         self._model: Any = a.model
         states = tuple(drawn_states(self._comparison))
@@ -326,17 +327,17 @@ class _Weights:
         if not self._evaluated:
             return
         self._scale = self._comparison.compare(self._evaluated).scale
-        self._own = np.array([self._comparison.expected(one) for one in self._evaluated])
+        self._expected = np.array([self._comparison.expected(one) for one in self._evaluated])
 
     def effect(self, group: Sequence[_LawDifference]) -> float | None:
         """Return the largest change of any component, relative; None if it is unknown."""
         laws = self._model.laws
-        for one in group:
-            laws = one.applied(laws) if laws is not None else None
+        for difference in group:
+            laws = difference.applied(laws) if laws is not None else None
         if laws is None or not self._evaluated:
             return None
         changed = self._comparison.expected_by(replace(self._model, laws=laws), self._evaluated)
-        effects: Array = np.abs(changed - self._own) / self._scale
+        effects: Array = np.abs(changed - self._expected) / self._scale
         return float(np.max(effects))
 
 

@@ -68,9 +68,9 @@ def law_lines(rows: Sequence[ComparedProperty]) -> list[str]:
         head, _, tail = row.message.partition(f" of {row.about}: ")
         alike.setdefault((head, f"{tail}; {law_effect(row)}"), []).append(row)
     lines = []
-    for (head, tail), own in alike.items():
-        names = listed([row.about for row in own], MAX_NAMES)
-        lines.append(f"{_where(own[0])}{head} of {names}: {tail}")
+    for (head, tail), equal in alike.items():
+        names = listed([row.about for row in equal], MAX_NAMES)
+        lines.append(f"{_where(equal[0])}{head} of {names}: {tail}")
     return lines
 
 
