@@ -25,7 +25,7 @@ from physics_crosscheck.harness.checks.case_record import (
 from physics_crosscheck.harness.checks.planar_step import case_steps
 from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
-from physics_crosscheck.harness.checks.scene import errors_record
+from physics_crosscheck.harness.checks.scene import errors_record, inertia_records
 from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
 from physics_crosscheck.harness.checks.verdict import (
     CaseJudgement,
@@ -54,7 +54,7 @@ from physics_crosscheck.harness.numerics.stepping import (
 from physics_crosscheck.harness.records.base import Record, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseKind, SkippedCheck, Stepping
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.scene import StateErrors
+from physics_crosscheck.harness.records.scene import EngineInertia, StateErrors
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.solving.segments import Motion
 
@@ -137,6 +137,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         raise StepError(f"{_place_of_step(task)}: {why}")
     # Now: some engines unload this model when another one is loaded.
     parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
+    inertias = _inertias(task.target, model)
     judged = _judgement(task, (model, coordinates), None if why else motion)
     verdict = _combined(judged.verdict, parts.values())
     study, full_run, series = None, None, None
@@ -172,7 +173,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         verdict=verdict_record(verdict, judged.limits, judged.order, judged.steps_taken),
         full_run=full_run,
         series=series,
-        by_state=_by_state(task, judged),
+        by_state=_by_state(task, judged, inertias),
         stepping=judged.stepping_record(task.target.components),
         forward_dynamics=dynamics_record(judged.dynamics, tuple(judged.model.coordinates)),
         skipped=() if task.thorough else tuple(_skipped(judged, study)),
@@ -180,7 +181,16 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     )
 
 
-def _by_state(task: ModelTask[Prepared], judged: _Judgement) -> StateErrors | None:
+def _inertias(target: Prepared, model: LoadedModel) -> tuple[EngineInertia, ...]:
+    """Return the inertia of an engine's bodies, for pictures; nothing for declared energies."""
+    if not isinstance(target, PreparedTree) or target.record.scene is None:
+        return ()
+    return inertia_records(target.tree, target.record.scene.bodies, model.inertias)
+
+
+def _by_state(
+    task: ModelTask[Prepared], judged: _Judgement, inertias: tuple[EngineInertia, ...]
+) -> StateErrors | None:
     """Return the errors of bodies at each state, for pictures; None for declared energies."""
     target = task.target
     if not isinstance(target, PreparedTree):
@@ -188,11 +198,12 @@ def _by_state(task: ModelTask[Prepared], judged: _Judgement) -> StateErrors | No
     segments = target.segments(task.scenario)
     if judged.limits is None:
         assert judged.stepping is not None  # single steps decide
-        return errors_record(target.tree, segments, target.names, judged.stepping.defects, None)
+        steps = judged.stepping.defects
+        return errors_record(target.tree, segments, target.names, steps, None, inertias)
     apart = judged.limits.limit.value - segments.end
     uncertainty = (judged.limits.limit.uncertainty + segments.bound) / segments.unit
     defects = StepDefects(defect=np.abs(apart) / segments.unit, uncertainty=uncertainty)
-    return errors_record(target.tree, segments, target.names, defects, apart)
+    return errors_record(target.tree, segments, target.names, defects, apart, inertias)
 
 
 def judge(

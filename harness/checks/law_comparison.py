@@ -163,6 +163,14 @@ class WholeStepComparison(ABC, Generic[M, S]):
             rows.append(other.expected(replace(sample, solution=again)))
         return np.array(rows)
 
+    @abstractmethod
+    def limits(self) -> Iterator[tuple[int, float, float]]:
+        """Yield joints with their lower and upper limits, infinite without one."""
+
+    @abstractmethod
+    def efforts(self, sample: Evaluated[S]) -> Iterator[tuple[int, float, float]]:
+        """Yield joints with the force of a drive and its limit in that direction."""
+
     def outward_speed(self, state: WholeState, outwards: Array) -> Array:
         """Return speeds at which limits act although other forces pull joints back, (nz,).
 
@@ -327,6 +335,25 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         states = law.driven.states / state_sizes(engine)
         return np.concatenate([acceleration, velocity, position, states])
 
+    def limits(self) -> Iterator[tuple[int, float, float]]:
+        """Yield joints with their lower and upper limits, infinite without one."""
+        for limit in self.laws.laws.limits:
+            if limit.joint >= 0:
+                yield limit.joint, limit.lower, limit.upper
+
+    def efforts(self, sample: Evaluated[LawSolution]) -> Iterator[tuple[int, float, float]]:
+        """Yield joints with the force of a drive and its limit in that direction."""
+        driven = sample.solution.law.driven
+        for i, drive in enumerate(self.laws.laws.drives):
+            joints = self.laws.tree.paths[drive.path].joints
+            if len(joints) == 1 and drive.on:
+                (joint, gear), force = joints[0], float(driven.forces[i])
+                low, high = drive.force_range or (-np.inf, np.inf)
+                largest = abs(high if force > 0 else low)
+                if i in driven.clipped:  # by a limit of its tendon
+                    largest = abs(force)
+                yield joint, gear * force, abs(gear) * largest
+
 
 def applied(laws: LawModel, model: WholeModel) -> LawModel:
     """Return the laws of a file with the choices of an engine."""
@@ -356,6 +383,18 @@ class ImpulseComparison(WholeStepComparison[ImpulseModel, ImpulseStep]):
         """Return the components by the law, (C,)."""
         a, after = sample.acceleration, sample.engine.after.m[self.order]
         return np.concatenate([a, *self.laws.next_state(sample.solution, a, after)])
+
+    def limits(self) -> Iterator[tuple[int, float, float]]:
+        """Yield joints with their lower and upper limits."""
+        for joint in self.laws.laws.joints:
+            if joint.lower <= joint.upper:
+                yield joint.joint, joint.lower, joint.upper
+
+    def efforts(self, sample: Evaluated[ImpulseStep]) -> Iterator[tuple[int, float, float]]:
+        """Yield joints with the force of their motor and its limit."""
+        places = [there.start for there in self.laws.tree.tree.velocities]
+        for place, force, largest in sample.solution.motors:
+            yield places.index(place), force, largest
 
 
 def state_sizes(engine: EngineStep) -> Array:

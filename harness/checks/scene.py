@@ -2,30 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import get_args
+import base64
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
+from physics_crosscheck.harness.checks.law_comparison import (
+    Evaluated,
+    M,
+    S,
+    WholeStepComparison,
+)
+from physics_crosscheck.harness.modelfiles.mesh_files import (
+    MeshError,
+    decimated_mesh,
+    locate_mesh,
+)
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.numerics.stepping import StepDefects
 from physics_crosscheck.harness.records.base import Numbers, number, rounded
 from physics_crosscheck.harness.records.scene import (
+    ActingState,
+    EngineInertia,
     Scene,
     SceneBody,
+    SceneContact,
+    SceneDrive,
     SceneJoint,
+    SceneLimit,
+    SceneMesh,
     SceneShape,
     ShapeKind,
     StateErrors,
 )
 from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.laws import Contact
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
-from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.mechanism.spatial_inertia import (
+    IDENTITY,
+    NO_INERTIA,
+    Place,
+    SpatialInertia,
+)
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from physics_crosscheck.reference.solving.segments import Segments
 
 DIGITS = 7
@@ -33,8 +61,11 @@ DIGITS = 7
 
 SIZE_DIGITS = 5
 
-_ELEMENTS = ("visual:", "collision:")
-"""Beginnings of the names of shapes in URDF and SDFormat files; their meshes are not drawn."""
+FACES, LEAST_FACES, MOST_FACES = 40_000, 120, 2500
+"""Triangles of all meshes of a scene together, and of each mesh at least and at most."""
+
+VISIBLE = 1e-3
+"""Relative difference of inertias from which a picture marks them."""
 
 
 def scene_record(
@@ -53,8 +84,9 @@ def scene_record(
     rates = states.start[:, n:], (states.end - states.start)[:, n:] / states.lengths[:, None]
     velocities, accelerations = (joint_rates(tree, coordinates, one) for one in rates)
     placements = _placements(tree, coordinates)
+    meshes = _Meshes.build(shapes)
     return Scene(
-        bodies=tuple(_body(tree, one, shapes) for one in bodies),
+        bodies=tuple(_body(tree, one, shapes, meshes) for one in bodies),
         joints=tuple(
             SceneJoint(name=link.name, parent=link.parent, twists=_twists(*link.motion))
             for link in tree.links
@@ -63,6 +95,7 @@ def scene_record(
         velocities=tuple(rounded(row, DIGITS) for row in velocities.tolist()),
         accelerations=tuple(rounded(row, DIGITS) for row in accelerations.tolist()),
         length=number(_length(tree, coordinates)),
+        meshes=meshes.records,
     )
 
 
@@ -106,30 +139,99 @@ def _length(tree: Tree, coordinates: Array) -> float:
     return max((float(np.max(np.abs(one.origin), initial=0.0)) for one in poses), default=0.0)
 
 
-def _body(tree: Tree, body: RigidBody, shapes: Sequence[PlacedShape]) -> SceneBody:
+def _body(tree: Tree, body: RigidBody, shapes: Sequence[PlacedShape], meshes: _Meshes) -> SceneBody:
     joint, place = tree.frames[body.name]
+    mine = [shape for shape in shapes if shape.body == body.name]
     return SceneBody(
         name=body.name,
         joint=joint,
         place=_place(place),
         mass=number(body.mass),
         ellipsoid=_ellipsoid(body.spatial_inertia),
-        shapes=tuple(map(_shape, _drawn([one for one in shapes if one.body == body.name]))),
+        shapes=tuple(_shape(shape, meshes) for shape in _drawn(mine, meshes)),
     )
 
 
-def _drawn(shapes: Sequence[PlacedShape]) -> Sequence[PlacedShape]:
-    """Return the visual shapes of a link of a URDF or SDFormat file, or all without any."""
-    solids = [one for one in shapes if one.kind != "mesh" or not one.name.startswith(_ELEMENTS)]
-    return [one for one in solids if one.name.startswith("visual:")] or solids
+@dataclass(frozen=True)
+class _Meshes:
+    """The meshes of a scene.
+
+    Attributes:
+        records: each once.
+        places: their indices, by the shape's file, name and scale; missing if it can't be read.
+    """
+
+    records: tuple[SceneMesh, ...]
+    places: Mapping[_MeshKey, int]
+
+    @staticmethod
+    def build(shapes: Sequence[PlacedShape]) -> _Meshes:
+        """Read and reduce the meshes of shapes; visual ones have more triangles."""
+        keys = dict.fromkeys(map(_mesh_key, filter(_is_mesh, shapes)))
+        budget = int(np.clip(FACES / max(len(keys), 1), LEAST_FACES, MOST_FACES))
+        found = {key: mesh for key in keys if (mesh := _mesh_record(key, budget)) is not None}
+        return _Meshes(tuple(found.values()), {key: i for i, key in enumerate(found)})
+
+    def index(self, shape: PlacedShape) -> int | None:
+        """Return the index of a shape's mesh; None without one."""
+        return self.places.get(_mesh_key(shape)) if _is_mesh(shape) else None
 
 
-def _shape(shape: PlacedShape) -> SceneShape:
+_MeshKey = tuple[Path, str, tuple[float, ...]]
+
+
+def _mesh_key(shape: PlacedShape) -> _MeshKey:
+    return shape.file, shape.mesh, shape.scale
+
+
+def _is_mesh(shape: PlacedShape) -> bool:
+    return shape.kind == "mesh" and bool(shape.mesh)
+
+
+def _mesh_record(key: _MeshKey, faces: int) -> SceneMesh | None:
+    """Return a reduced mesh in the shape's frame; None if it is missing or can't be read."""
+    model, name, scale = key
+    file = locate_mesh(model, name)
+    try:
+        mesh = None if file is None else decimated_mesh(file, faces)
+    except MeshError:
+        return None
+    if mesh is None or not len(mesh.faces) or len(mesh.points) > 1 << 16:
+        return None
+    points = mesh.points * np.array(scale)
+    low, extent = np.min(points, axis=0), np.ptp(points, axis=0)
+    shares = np.rint((points - low) / np.where(extent, extent, 1.0) * 65535)
+    return SceneMesh(
+        low=rounded(low.tolist(), SIZE_DIGITS),
+        extent=rounded(extent.tolist(), SIZE_DIGITS),
+        points=_base64(shares),
+        faces=_base64(mesh.faces),
+    )
+
+
+def _base64(values: NDArray[Any]) -> str:
+    """Return numbers as unsigned 16-bit ones, little-endian."""
+    return base64.b64encode(values.astype("<u2").tobytes()).decode("ascii")
+
+
+def _drawn(shapes: Sequence[PlacedShape], meshes: _Meshes) -> Sequence[PlacedShape]:
+    """Return the visual shapes of a body if its file separates them, or all; without lost meshes.
+
+    In an MJCF, visual shapes without a mesh are additions to those that collide.
+    """
+    solids = [one for one in shapes if not _is_mesh(one) or meshes.index(one) is not None]
+    visual = [one for one in solids if one.visual]
+    separate = any(_is_mesh(one) or one.name.startswith("visual:") for one in visual)
+    return visual if separate else solids
+
+
+def _shape(shape: PlacedShape, meshes: _Meshes) -> SceneShape:
     return SceneShape(
         kind=_kind(shape),
         size=rounded(shape.size, SIZE_DIGITS),
         place=_place(shape.place),
         visual=shape.visual,
+        mesh=meshes.index(shape),
     )
 
 
@@ -152,8 +254,118 @@ def _ellipsoid(inertia: SpatialInertia) -> Numbers:
     return (*_place(Place(axes, inertia.center)), *rounded(half, SIZE_DIGITS))
 
 
+def inertia_records(
+    tree: Tree, bodies: Sequence[SceneBody], inertias: Mapping[str, SpatialInertia]
+) -> tuple[EngineInertia, ...]:
+    """Compare the inertia of an engine's bodies with the file's, of all that move as one.
+
+    Args:
+        tree: the tree; its frames have the names of the bodies.
+        bodies: of the scene.
+        inertias: the engine's, in the frames of its bodies; it may merge bodies.
+    """
+    whole = [NO_INERTIA] * len(tree.links)
+    for name, inertia in inertias.items():
+        link, place = tree.frames.get(name, (WORLD, IDENTITY))
+        if link != WORLD:
+            whole[link] = whole[link].combined(inertia.in_frame(place))
+    first = {body.joint: i for i, body in reversed(list(enumerate(bodies)))}
+    return tuple(
+        _inertia_record(tree, first[i], bodies[first[i]].name, inertia)
+        for i, inertia in enumerate(whole)
+        if i in first and inertia.mass > 0
+    )
+
+
+def _inertia_record(tree: Tree, body: int, name: str, inertia: SpatialInertia) -> EngineInertia:
+    joint, place = tree.frames[name]
+    link = tree.links[joint]
+    stated = SpatialInertia(link.mass, link.center, link.inertia)
+    inverse = Place(place.rotation.T, -place.rotation.T @ place.origin)
+    return EngineInertia(
+        body=body,
+        mass=number(inertia.mass),
+        ellipsoid=_ellipsoid(inertia.in_frame(inverse)),
+        stated_mass=number(stated.mass),
+        stated=_ellipsoid(stated.in_frame(inverse)),
+        differs=_differ(inertia, stated),
+    )
+
+
+def _differ(first: SpatialInertia, second: SpatialInertia) -> bool:
+    """Return whether inertias visibly differ."""
+    size = float(np.sqrt(np.trace(second.inertia) / max(second.mass, 1e-300)))
+    off = (
+        abs(first.mass - second.mass) / max(second.mass, 1e-300),
+        float(np.linalg.norm(first.center - second.center)) / (size or 1.0),
+        float(np.linalg.norm(first.inertia - second.inertia))
+        / (float(np.linalg.norm(second.inertia)) or 1.0),
+    )
+    return not max(off) <= VISIBLE
+
+
+def acting_state(
+    comparison: WholeStepComparison[M, S], sample: Evaluated[S], *, differs: bool
+) -> ActingState:
+    """Return a state of whole steps with the contacts, limits and drives that act there.
+
+    Args:
+        comparison: of laws and engine.
+        sample: the state.
+        differs: whether to draw the engine's accelerations too.
+    """
+    posture, tree = sample.solution.posture, comparison.laws.tree.tree
+    placements = Recursion(tree).placements(posture.q)
+    chart = MinimalCoordinates(tree)
+    engine = sample.engine.acceleration[comparison.order]
+    speeds = [posture.m, sample.acceleration, engine - sample.acceleration]
+    y = np.repeat(posture.y[:, None], len(speeds), axis=1)
+    rows = chart.tree_velocities(y, np.stack(speeds, axis=1)).T
+    velocity, acceleration, apart = (rounded(row.tolist(), DIGITS) for row in rows)
+    return ActingState(
+        joints=tuple(link.name for link in tree.links),
+        placements=tuple(_place(Place(*map(np.asarray, one))) for one in placements),
+        velocities=velocity,
+        accelerations=acceleration,
+        apart=apart if differs else (),
+        contacts=tuple(map(_contact, sample.engine.contacts)),
+        limits=tuple(_limits(comparison, posture)),
+        drives=tuple(
+            SceneDrive(
+                joint=joint,
+                force=rounded([force], SIZE_DIGITS)[0],
+                share=number(round(force / largest, 4)) if 0 < largest < np.inf else None,
+            )
+            for joint, force, largest in comparison.efforts(sample)
+        ),
+    )
+
+
+def _contact(contact: Contact) -> SceneContact:
+    return SceneContact(
+        point=rounded(contact.position.tolist(), DIGITS),
+        normal=rounded(contact.frame[0].tolist(), SIZE_DIGITS),
+        distance=rounded([contact.distance], SIZE_DIGITS)[0],
+    )
+
+
+def _limits(comparison: WholeStepComparison[M, S], posture: Posture) -> Iterator[SceneLimit]:
+    """Yield the limits of hinges and slides, relative to their positions."""
+    tree = comparison.laws.tree.tree
+    for joint, *bounds in comparison.limits():
+        if tree.links[joint].kind in ("hinge", "slide"):
+            position = float(posture.y[tree.velocities[joint].start])
+            lower, upper = rounded([bound - position for bound in bounds], SIZE_DIGITS)
+            yield SceneLimit(joint=joint, lower=lower, upper=upper)
+
+
 def errors_record(
-    tree: Tree, states: Segments, names: tuple[str, ...], defects: StepDefects, apart: Array | None
+    tree: Tree,
+    states: Segments,
+    names: tuple[str, ...],
+    defects: StepDefects,
+    apart: Array | None,
+    inertias: tuple[EngineInertia, ...] = (),
 ) -> StateErrors:
     """Return the errors of a case by coordinate and state.
 
@@ -164,6 +376,7 @@ def errors_record(
         defects: relative differences and uncertainties, (K, 2n) each.
         apart: ends of the segments in the engine minus those in the equations, (K, 2n); None if
             single steps decide. Unused where no error exceeds its uncertainty.
+        inertias: of the engine.
     """
     half = len(names)
     with np.errstate(all="ignore"):
@@ -181,6 +394,7 @@ def errors_record(
         uncertainty=tuple(rounded(row, 3) for row in uncertainty.tolist()),
         accelerations=_differences(tree, states, apart) if apart is not None and differs else (),
         worst=int(np.argmax(defects.defect[:, component])),
+        inertias=inertias,
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
+from numpy.typing import NDArray
 
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.checks.law_comparison import (
@@ -25,6 +26,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
 )
 from physics_crosscheck.harness.checks.law_states import drawn_states
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
+from physics_crosscheck.harness.checks.scene import acting_state
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, decided, motions_in_words
 from physics_crosscheck.harness.engines.protocol import (
@@ -49,6 +51,7 @@ from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.case import CaseKind, LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.scene import ActingState
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules, NearRigidRules
 from physics_crosscheck.reference.mechanism.tree import TreeError
@@ -260,19 +263,43 @@ def _check(
         raise EngineError("impulses that do not converge")
     compared, model = comparison.compare(evaluated), comparison.model
     judged = comparison.judge(compared, resolution)
+    kept = compared.resolved(resolution)
     return WholeStepCheck.compared(
         judged,
         resolution,
         _acted(evaluated),
         component=comparison.components[judged.component],
-        states=int(np.sum(compared.resolved(resolution))),
+        states=int(np.sum(kept)),
         step=number(model.step),
         next_state=comparison.steps,
         edits=model.edits,
         covered=covered,
         uncovered=model.uncovered,
+        acting=_shown(comparison, evaluated, judged, kept),
     )
 
+
+def _shown(
+    comparison: WholeStepComparison[M, S],
+    evaluated: Sequence[Evaluated[S]],
+    judged: LimitVerdict,
+    kept: NDArray[np.bool_],
+) -> ActingState:
+    """Return the worst state, or for steps that agree the one where most forces act."""
+    rows = [sample for sample, keep in zip(evaluated, kept, strict=True) if keep]
+    if judged.outcome is Outcome.DIFFERS:
+        return acting_state(comparison, rows[judged.segment], differs=True)
+    return acting_state(comparison, max(rows, key=_acting_forces), differs=False)
+
+
+def _acting_forces(sample: Evaluated[S]) -> int:
+    """Return how many contacts, limits and saturated drives act, each kind up to eight."""
+    acted = sample.solution.law.acted(sample.acceleration)
+    return sum(min(count, 8) for name, count in acted if name in SHOWN)
+
+
+SHOWN = ("contacts", "limits", "drives at a limit", "motors at a limit")
+"""Forces that a picture marks."""
 
 IMPULSES = ("limits of position", "limits of effort", "collision geometry")
 """Parts of a file that only steps by impulses compare."""

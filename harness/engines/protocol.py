@@ -29,6 +29,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     NearRigidRules,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarLaws
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -306,6 +307,14 @@ class LoadedModel(ABC):
     def places(self) -> tuple[str, ...]:
         """Bodies and frames with a pose, as `kind:name`, such as `body:rod`; empty if unknown."""
         return ()
+
+    @property
+    def inertias(self) -> Mapping[str, SpatialInertia]:
+        """Mass and inertia of each body in its frame, by name; empty if unknown.
+
+        Bodies that are fixed to others may be part of these.
+        """
+        return {}
 
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:

@@ -1,4 +1,4 @@
-"""Files of meshes: where a model's names lead, and the vertices in them."""
+"""Files of meshes: where a model's names lead, and the triangles in them."""
 
 from __future__ import annotations
 
@@ -7,14 +7,22 @@ import re
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
+from numpy.typing import NDArray
 
 from physics_crosscheck.reference.mechanism.rotations import Array
 
 MAX_MESH_BYTES = 40_000_000
 """Largest file of a mesh that is read."""
+
+_FINEST = 400
+"""Most cells along the longest edge of a decimated mesh."""
+
+_TO_THE_MIDDLE = 0.01
+"""Weight of the mean of merged vertices beside the planes of their faces."""
 
 _PACKAGE_PATHS = ("ROS_PACKAGE_PATH",)
 """Environment variables with folders that contain packages."""
@@ -70,45 +78,135 @@ def package_folders(package: str) -> Iterator[Path]:
             yield from (Path(folder, package), *([Path(folder)] * (Path(folder).name == package)))
 
 
+class Mesh(NamedTuple):
+    """Triangles: points, (n, 3), in the file's unit or in meters for COLLADA; corners, (m, 3)."""
+
+    points: Array
+    faces: NDArray[np.int64]
+
+
 @lru_cache(maxsize=256)
-def mesh_vertices(file: Path) -> Array:
-    """Return the vertices of a mesh, (n, 3): in its file's unit, and in meters for COLLADA.
+def read_mesh(file: Path) -> Mesh:
+    """Return the triangles of a mesh, with the vertices that they use.
 
     A COLLADA file states its unit, which engines apply.
 
     Raises:
-        MeshError: if it can't be read, or if its axes are turned in some programs: those of a
-            COLLADA file whose `up_axis` is Y, which Assimp turns, and rviz does not.
+        MeshError: if it can't be read.
     """
     try:
         import trimesh
 
         if file.stat().st_size > MAX_MESH_BYTES:
             raise MeshError(f"{file}: larger than {MAX_MESH_BYTES / 1e6:.0f} MB")
-        unit = _collada_unit(file) if file.suffix.lower() == ".dae" else 1.0
+        unit = _COLLADA_UNIT.search(_collada_head(file))
         scene = trimesh.load_scene(file, process=False, skip_materials=True)
-        meshes = [one for one in scene.dump() if hasattr(one, "faces")]
-        # A file may list vertices that no face uses.
-        parts = [np.asarray(one.vertices, float)[np.unique(one.faces)] for one in meshes]
+        scale = 1.0 if unit is None else float(unit[1])
+        parts = [_used(one, scale) for one in scene.dump() if hasattr(one, "faces")]
     except MeshError:
         raise
     except Exception as error:  # each format's parser has its own errors
         raise MeshError(f"{file}: {type(error).__name__}: {error}") from None
-    points = unit * np.concatenate(parts) if parts else np.zeros((0, 3))
-    if not len(points) or not np.isfinite(points).all():
+    starts = np.cumsum([0, *(len(one.points) for one in parts)])
+    mesh = Mesh(
+        np.concatenate([np.zeros((0, 3)), *(one.points for one in parts)]),
+        np.concatenate(
+            [np.zeros((0, 3), int), *(one.faces + n for one, n in zip(parts, starts, strict=False))]
+        ),
+    )
+    if not len(mesh.points) or not np.isfinite(mesh.points).all():
         raise MeshError(f"{file}: no vertices")
-    return points
+    return mesh
 
 
-def _collada_unit(file: Path) -> float:
-    """Return the meters of a COLLADA file's unit.
+def _used(mesh: Any, scale: float) -> Mesh:
+    """Return a part without the vertices that no face uses, scaled."""
+    used, corners = np.unique(np.asarray(mesh.faces), return_inverse=True)
+    return Mesh(scale * np.asarray(mesh.vertices, float)[used], corners.reshape(-1, 3))
+
+
+def _collada_head(file: Path) -> bytes:
+    """Return the beginning of a COLLADA file, with its unit and upper axis; else nothing."""
+    if file.suffix.lower() != ".dae":
+        return b""
+    with file.open("rb") as opened:
+        return opened.read(_COLLADA_HEAD)
+
+
+@lru_cache(maxsize=512)
+def decimated_mesh(file: Path, faces: int) -> Mesh:
+    """Return a mesh with at most a number of triangles, for a picture.
 
     Raises:
-        MeshError: if the y axis is its upper one.
+        MeshError: if it can't be read.
     """
-    with file.open("rb") as opened:
-        head = opened.read(_COLLADA_HEAD)
-    if b"<up_axis>Y_UP" in head:
+    fine, cells = _merged(read_mesh(file), _FINEST), float(_FINEST)
+    result = fine
+    while len(result.faces) > faces:  # their number is about that of cells on a surface
+        cells *= min(0.9, (0.9 * faces / len(result.faces)) ** 0.5)
+        result = _merged(fine, cells)
+    return result if cells == _FINEST else _merged(fine, cells, sharp=True)
+
+
+def _merged(mesh: Mesh, cells: float, sharp: bool = False) -> Mesh:
+    """Merge the vertices in each cell of a grid.
+
+    Args:
+        mesh: the mesh.
+        cells: number of cells along its longest edge.
+        sharp: whether they merge near the planes of their faces; else in their middle.
+    """
+    points, low = mesh.points, np.min(mesh.points, axis=0)
+    size = float(np.max(np.ptp(points, axis=0))) / cells or 1.0
+    grid = np.floor((points - low) / size).astype(np.int64)
+    owner = np.unique(grid @ np.array([1, 1 << 20, 1 << 40]), return_inverse=True)[1].ravel()
+    count = np.bincount(owner)
+    places = np.stack([np.bincount(owner, axis) / count for axis in points.T], axis=1)
+    corners = owner[mesh.faces]
+    if sharp:
+        moved = np.clip(_to_planes(mesh, corners, places), -size, size)
+        places = np.clip(places + moved, low, np.max(points, axis=0))
+    solid = np.all(corners != np.roll(corners, 1, axis=1), axis=1)
+    alike = np.sort(corners[solid], axis=1) @ np.array([1, len(count), len(count) ** 2])
+    first = np.unique(alike, return_index=True)[1]
+    kept, faces = np.unique(corners[solid][first], return_inverse=True)
+    return Mesh(places[kept], faces.reshape(-1, 3))
+
+
+def _to_planes(mesh: Mesh, corners: NDArray[np.int64], places: Array) -> Array:
+    """Return displacements of merged vertices to the planes of their faces, (n, 3).
+
+    Source: Lindstrom 2000, Out-of-core simplification of large polygonal models.
+
+    Args:
+        mesh: before it was merged.
+        corners: merged vertex at each corner of its faces, (m, 3).
+        places: the merged vertices, (n, 3).
+    """
+    count = len(places)
+    a, b, c = (mesh.points[mesh.faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)  # long for large faces
+    matrix, side = np.zeros((3, 3, count)), np.zeros((3, count))
+    for corner in corners.T:
+        away = np.einsum("fi,fi->f", normals, a - places[corner])
+        for i in range(3):
+            side[i] += np.bincount(corner, normals[:, i] * away, count)
+            for j in range(3):
+                matrix[i, j] += np.bincount(corner, normals[:, i] * normals[:, j], count)
+    weight = np.where(trace := np.trace(matrix), trace, 1.0)
+    stiff = np.moveaxis(matrix / weight, 2, 0) + _TO_THE_MIDDLE * np.eye(3)
+    moved = np.linalg.solve(stiff, (side / weight).T[:, :, None])[:, :, 0]
+    return np.asarray(moved, dtype=np.float64)
+
+
+def mesh_vertices(file: Path) -> Array:
+    """Return the vertices of a mesh, (n, 3), as `read_mesh` does.
+
+    Raises:
+        MeshError: if it can't be read, or if its axes are turned in some programs: those of a
+            COLLADA file whose `up_axis` is Y, which Assimp turns, and rviz does not.
+    """
+    points = read_mesh(file).points
+    if b"<up_axis>Y_UP" in _collada_head(file):
         raise MeshError(f"{file}: its up_axis is Y, which some programs turn to Z and some do not")
-    unit = _COLLADA_UNIT.search(head)
-    return 1.0 if unit is None else float(unit[1])
+    return points

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.records.base import (
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, contradiction
 from physics_crosscheck.harness.records.poses import Poses
-from physics_crosscheck.harness.records.scene import StateErrors
+from physics_crosscheck.harness.records.scene import ActingState, StateErrors
 
 CaseKind = Literal[
     "",
@@ -446,6 +446,7 @@ class WholeStep(Record, frozen=True, kw_only=True):
         stated: Number of attributes whose compiled values were compared with the file's text.
         misread: Attributes that the compiler resolves otherwise, one sentence each.
         unread: Numbers of the laws that only the compiler read.
+        acting: The state to draw; None if nothing was compared.
     """
 
     outcome: Outcome | None = None
@@ -462,6 +463,7 @@ class WholeStep(Record, frozen=True, kw_only=True):
     stated: Count = 0
     misread: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
+    acting: ActingState | None = None
 
     @property
     def differs(self) -> bool:

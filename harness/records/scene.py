@@ -18,12 +18,30 @@ class SceneShape(Record, frozen=True, kw_only=True):
         size: Half edges, half axes or radius, m; radius and half length along z.
         place: Position, m, and unit quaternion (w, x, y, z) in the body's frame.
         visual: Whether it is drawn only, without contacts.
+        mesh: Index of its mesh in the scene; None without one.
     """
 
     kind: ShapeKind
     size: Numbers
     place: Numbers
     visual: bool = False
+    mesh: Count | None = None
+
+
+class SceneMesh(Record, frozen=True, kw_only=True):
+    """Triangles of a mesh, reduced for a picture.
+
+    Attributes:
+        low: Smallest coordinates, m.
+        extent: Largest coordinates minus the smallest, m.
+        points: Coordinates as 16-bit shares of the extent, little-endian, in base64.
+        faces: Indices of three points per triangle, likewise.
+    """
+
+    low: Numbers
+    extent: Numbers
+    points: str
+    faces: str
 
 
 class SceneBody(Record, frozen=True, kw_only=True):
@@ -70,6 +88,7 @@ class Scene(Record, frozen=True, kw_only=True):
         velocities: Velocity of each velocity coordinate at each state.
         accelerations: Mean accelerations by the equations, from each state on.
         length: Largest distance of a joint from the origin, m.
+        meshes: Meshes of the shapes.
     """
 
     bodies: tuple[SceneBody, ...]
@@ -78,14 +97,112 @@ class Scene(Record, frozen=True, kw_only=True):
     velocities: Rows
     accelerations: Rows
     length: Number
+    meshes: tuple[SceneMesh, ...] = ()
 
     def __post_init__(self) -> None:
         if any(not -1 <= joint.parent < i for i, joint in enumerate(self.joints)):
             raise ValueError("a joint of the scene precedes the one that carries it")
         if any(not -1 <= body.joint < len(self.joints) for body in self.bodies):
             raise ValueError("a body of the scene has no joint")
+        shapes = (shape.mesh or 0 for body in self.bodies for shape in body.shapes)
+        if max(shapes, default=0) > max(0, len(self.meshes) - 1):
+            raise ValueError("a shape of the scene has no mesh")
         one_length("the joints", self.joints, self.placements)
         one_length("the states", *self.velocities, *self.accelerations)
+
+
+class EngineInertia(Record, frozen=True, kw_only=True):
+    """Mass and inertia of bodies that are fixed together, in the engine and in the file.
+
+    Attributes:
+        body: Index of the first of these bodies, in whose frame the ellipsoids are.
+        mass: Mass in the engine, kg.
+        ellipsoid: The engine's, as in `SceneBody`.
+        stated_mass: Mass by the file, kg.
+        stated: Ellipsoid by the file.
+        differs: Whether mass, center or inertia visibly differ.
+    """
+
+    body: Count
+    mass: Number
+    ellipsoid: Numbers
+    stated_mass: Number
+    stated: Numbers
+    differs: bool = False
+
+
+class SceneContact(Record, frozen=True, kw_only=True):
+    """A contact that an engine found.
+
+    Attributes:
+        point: Its position in the world, m.
+        normal: Unit vector from the first surface to the second one.
+        distance: Distance of the surfaces, negative where they overlap, m.
+    """
+
+    point: Numbers
+    normal: Numbers
+    distance: Number
+
+
+class SceneLimit(Record, frozen=True, kw_only=True):
+    """A limited joint at one state.
+
+    Attributes:
+        joint: Index of the joint.
+        lower: Lower limit minus position, rad or m; None without one.
+        upper: Upper limit minus position; None without one.
+    """
+
+    joint: Count
+    lower: Number
+    upper: Number
+
+
+class SceneDrive(Record, frozen=True, kw_only=True):
+    """A drive on a joint at one state.
+
+    Attributes:
+        joint: Index of the joint.
+        force: Force of the drive by its law, N or N m.
+        share: Force as a share of its limit, with sign; None without a limit.
+    """
+
+    joint: Count
+    force: Number
+    share: Number
+
+
+class ActingState(Record, frozen=True, kw_only=True):
+    """A state of whole steps, with the forces that act there.
+
+    It is the worst one, or for steps that agree the one where most forces act.
+
+    Attributes:
+        joints: Names of the joints, as in `Scene`.
+        placements: As in `Scene`, of this state.
+        velocities: Velocity of each velocity coordinate.
+        accelerations: By the laws.
+        apart: Accelerations in the engine minus those by the laws; empty unless steps differ.
+        contacts: Contacts of the engine.
+        limits: Limited joints.
+        drives: Drives on single joints.
+    """
+
+    joints: tuple[str, ...]
+    placements: Rows
+    velocities: Numbers
+    accelerations: Numbers
+    apart: Numbers = ()
+    contacts: tuple[SceneContact, ...] = ()
+    limits: tuple[SceneLimit, ...] = ()
+    drives: tuple[SceneDrive, ...] = ()
+
+    def __post_init__(self) -> None:
+        one_length("the joints of a step", self.joints, self.placements)
+        marks: tuple[SceneLimit | SceneDrive, ...] = (*self.limits, *self.drives)
+        if any(mark.joint >= len(self.joints) for mark in marks):
+            raise ValueError("a mark of a step has no joint")
 
 
 class StateErrors(Record, frozen=True, kw_only=True):
@@ -98,6 +215,7 @@ class StateErrors(Record, frozen=True, kw_only=True):
         uncertainty: Uncertainty U of each.
         accelerations: Mean accelerations in the engine minus those of the equations.
         worst: Index of the state with the largest E of the component with the largest E/U.
+        inertias: Inertia of the engine, by joint; empty if the engine does not report it.
     """
 
     coordinates: tuple[str, ...]
@@ -105,6 +223,7 @@ class StateErrors(Record, frozen=True, kw_only=True):
     uncertainty: Rows
     accelerations: Rows = ()
     worst: Count = 0
+    inertias: tuple[EngineInertia, ...] = ()
 
     def __post_init__(self) -> None:
         one_length("the errors by state", self.coordinates, self.error, self.uncertainty)

@@ -201,6 +201,15 @@ class ImpulseStep:
         result: Array = (DIGITS * SMALLEST * rounding + np.abs(self._response) @ change) / h
         return result + np.abs(unbalanced)
 
+    @property
+    def motors(self) -> Iterator[tuple[int, float, float]]:
+        """Index of the velocity that each motor drives, its mean force and its largest one."""
+        for i, name in enumerate(self.rows.names):
+            if name == "motors":
+                place = int(np.flatnonzero(self.rows.jacobian[i])[0])
+                impulse, largest = self._solution[0][i], self.rows.bounds[i][1]
+                yield place, float(impulse) / self.step, largest / self.step
+
     def acted(self, a: Array) -> Iterator[tuple[str, int]]:
         """Yield how often forces of each kind acted."""
         impulses = self._solution[0]

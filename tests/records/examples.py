@@ -47,7 +47,7 @@ def _named(field: inspect.Field) -> Any:
     # A point of a sketch is a pair of trees, which the types don't say.
     # The example's case agrees, so that nothing is misread.
     # The one body of its scene is on the one joint, and that is on the world.
-    exceptions = {"center": [0.5, 0.5], "misread": [], "parent": -1}
+    exceptions = {"center": [0.5, 0.5], "mesh": 0, "misread": [], "parent": -1}
     if isinstance(field.type, inspect.IntType):
         exceptions["joint"] = 0
     return exceptions.get(field.encode_name, _of(field.type))

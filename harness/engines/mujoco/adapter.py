@@ -83,6 +83,7 @@ from physics_crosscheck.harness.engines.urdf import (
 )
 from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 
 
 class PoseEvaluator:
@@ -491,6 +492,19 @@ class MujocoModel(LoadedModel):
     def places(self) -> tuple[str, ...]:
         """Bodies, their centres, and sites and geoms with a name."""
         return self._poses.places
+
+    @property
+    def inertias(self) -> Mapping[str, SpatialInertia]:
+        """Mass and inertia of each body."""
+        model = self.model
+        return {
+            model.body(i).name or f"body_{i}": SpatialInertia(
+                float(model.body_mass[i]),
+                np.array(model.body_ipos[i]),
+                (turn := from_quaternion(model.body_iquat[i])) * model.body_inertia[i] @ turn.T,
+            )
+            for i in range(1, model.nbody)
+        }
 
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:

@@ -82,6 +82,7 @@ from physics_crosscheck.harness.engines.urdf_sidecar import (
     joint_springs,
     kept_mimics,
 )
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 
 _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 
@@ -377,6 +378,12 @@ class PybulletModel(LoadedModel):
             w,
         )
         yield from axes_remarks(self._lost)
+
+    @property
+    def inertias(self) -> Mapping[str, SpatialInertia]:
+        """Mass and inertia of each link."""
+        self._ensure_loaded()
+        return held_inertias(self._body, base=True)
 
     @property
     def places(self) -> tuple[str, ...]:

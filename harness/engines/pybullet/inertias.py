@@ -19,6 +19,7 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import refused
 from physics_crosscheck.reference.mechanism.rotations import from_rpy, to_rpy
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 
 PRODUCTS = ("ixy", "ixz", "iyz")
 """Products of inertia in a URDF."""
@@ -32,12 +33,12 @@ EXACT: Mapping[str, object] = {"exact_axes": True}
 """The adapter's setting that computes principal axes to the last digits."""
 
 
-def lost_inertias(robot: XmlElement, held: Mapping[str, Array]) -> dict[str, float]:
+def lost_inertias(robot: XmlElement, held: Mapping[str, SpatialInertia]) -> dict[str, float]:
     """Return the relative error of PyBullet's tensor of each link, if it exceeds rounding.
 
     Args:
         robot: the URDF.
-        held: PyBullet's tensors, in their links' frames, (3, 3) each.
+        held: PyBullet's, in their links' frames, without the base.
     """
     errors = {}
     for link in robot.findall("link"):
@@ -45,21 +46,22 @@ def lost_inertias(robot: XmlElement, held: Mapping[str, Array]) -> dict[str, flo
         if inertial is not None and name in held:
             turn = from_rpy(*_origin(inertial))
             stated = turn @ _tensor(inertial) @ turn.T
-            off = float(np.max(np.abs(held[name] - stated)) / np.max(np.abs(stated)))
+            off = float(np.max(np.abs(held[name].inertia - stated)) / np.max(np.abs(stated)))
             if off > ROUNDING:
                 errors[name] = off
     return errors
 
 
-def held_inertias(body: int) -> dict[str, Array]:
-    """Return PyBullet's tensors of all links except the base, in their links' frames."""
+def held_inertias(body: int, *, base: bool = False) -> dict[str, SpatialInertia]:
+    """Return PyBullet's mass and inertia of links, in their frames, with or without the base."""
     import pybullet as p
 
     held = {}
-    for index in range(p.getNumJoints(body)):
-        _, _, moments, _, turn = p.getDynamicsInfo(body, index)[:5]
+    for index in range(-1 if base else 0, p.getNumJoints(body)):
+        mass, _, moments, center, turn = p.getDynamicsInfo(body, index)[:5]
         axes = np.array(p.getMatrixFromQuaternion(turn)).reshape(3, 3)
-        held[_link(body, index)] = (axes * np.array(moments)) @ axes.T
+        tensor = (axes * np.array(moments)) @ axes.T
+        held[_link(body, index)] = SpatialInertia(mass, np.array(center), tensor)
     return held
 
 
@@ -145,7 +147,8 @@ def _check_moved(path: str, body: int) -> None:
 def _link(body: int, index: int) -> str:
     import pybullet as p
 
-    name: str = p.getJointInfo(body, index)[12].decode()
+    info = p.getBodyInfo(body)[0] if index < 0 else p.getJointInfo(body, index)[12]
+    name: str = info.decode()
     return name
 
 

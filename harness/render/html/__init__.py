@@ -35,7 +35,7 @@ from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "tabs", "figures", "motion")
 """Files of `script/` that draw plots, omitted from a page without plots."""
 
-SCENES = ("kinematics", "outlines", "solids", "scene")
+SCENES = ("kinematics", "outlines", "solids", "marks", "scene")
 """Files of `script/` that draw bodies, omitted from a page without bodies."""
 
 SCRIPTS = ("packs", "parts", *PLOTTING, *SCENES, "overview", "copying", "routes", "start")

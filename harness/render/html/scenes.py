@@ -15,7 +15,12 @@ from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.records.base import Rows
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.scene import Scene, StateErrors
+from physics_crosscheck.harness.records.scene import (
+    ActingState,
+    EngineInertia,
+    Scene,
+    StateErrors,
+)
 from physics_crosscheck.harness.render.html.diagnoses import blamed_lines, marked_lines
 from physics_crosscheck.harness.render.html.text import shown
 from physics_crosscheck.harness.results.status import counted
@@ -50,7 +55,9 @@ class CaseStates:
     """The states of a case, and the lines of its bodies.
 
     Attributes:
-        coordinates, error, uncertainty, accelerations, worst: as in `StateErrors`.
+        coordinates, error, uncertainty, accelerations, inertias: as in `StateErrors`.
+        worst: index of the state to open; the number of states for that of whole steps.
+        acting: the state of whole steps; None without one of the same joints.
         bodies: index of the first body that each coordinate moves; -1 for none.
         lit: indices of the bodies that the cause names.
         lines: lines of each body in the file.
@@ -64,6 +71,8 @@ class CaseStates:
     uncertainty: Rows
     accelerations: Rows
     worst: int
+    inertias: tuple[EngineInertia, ...]
+    acting: ActingState | None
     bodies: tuple[int, ...]
     lit: tuple[int, ...]
     lines: tuple[Spans, ...]
@@ -105,6 +114,9 @@ def case_states(scene: Scene, case: Case, errors: StateErrors, model: Model | No
     blamed = [*case.locations, *(() if model is None else blamed_lines(model))]
     marked = sorted(marked_lines(blamed, case.model))
     joints = [joint.name for joint in scene.joints]
+    acting = None if case.whole_step is None else case.whole_step.acting
+    if acting is not None and list(acting.joints) != joints:
+        acting = None
     carried = {body.joint: i for i, body in reversed(list(enumerate(scene.bodies)))}
     rows = (name.partition(":")[0] for name in errors.coordinates)
     return CaseStates(
@@ -112,7 +124,9 @@ def case_states(scene: Scene, case: Case, errors: StateErrors, model: Model | No
         error=errors.error,
         uncertainty=errors.uncertainty,
         accelerations=errors.accelerations,
-        worst=errors.worst,
+        worst=errors.worst if errors.accelerations or acting is None else len(scene.velocities[0]),
+        inertias=errors.inertias,
+        acting=acting,
         bodies=tuple(
             carried.get(joints.index(name), -1) if name in joints else -1 for name in rows
         ),

@@ -33,10 +33,26 @@ function screwed([a, b, c, x, y, z]) {
     .concat([Math.cos(angle / 2), half * a, half * b, half * c]);
 }
 
+/** Return scene and states with the state of whole steps as the last one. */
+function withActing(scene, states) {
+  const { acting } = states ?? {};
+  if (!acting) return [scene, states];
+  const count = scene.placements[0].length / 7, nothing = acting.velocities.map(() => Array(count).fill(0));
+  const extended = (rows, more) => rows.map((row, i) => [...row, more[i]]);
+  const apart = states.accelerations.length ? states.accelerations : acting.apart.length ? nothing : [];
+  return [
+    { ...scene, placements: scene.placements.map((row, i) => [...row, ...acting.placements[i]]),
+      velocities: extended(scene.velocities, acting.velocities), accelerations: extended(scene.accelerations, acting.accelerations) },
+    { ...states, accelerations: extended(apart, acting.apart.length ? acting.apart : acting.velocities.map(() => 0)) },
+  ];
+}
+
 /** A tree of bodies at its states. From a state it moves with constant joint accelerations. */
 class Mechanism {
-  constructor(scene, states) {
+  constructor(...given) {
+    const [scene, states] = withActing(...given);
     Object.assign(this, { scene, states });
+    this.acting = states?.acting ?? null;
     let count = 0;
     this.slots = scene.joints.map(({ twists }) => {
       count += twists.length;
@@ -44,6 +60,11 @@ class Mechanism {
     });
     this.count = scene.placements[0].length / 7;
     this.differs = Boolean(states?.accelerations.length);
+  }
+
+  /** Return whether nothing differs at a state. */
+  agreesAt(state) {
+    return this.states.accelerations.every((row) => !row[state]);
   }
 
   /** Return the displacement of each velocity coordinate after a time; `factor` amplifies the
@@ -56,8 +77,8 @@ class Mechanism {
     });
   }
 
-  /** Return the pose of every body in the world. */
-  poses(state, time = 0, factor = 0) {
+  /** Return the pose of every joint in the world. */
+  frames(state, time = 0, factor = 0) {
     const moved = this.displacements(state, time, factor);
     const joints = [];
     this.scene.joints.forEach(({ parent, twists }, i) => {
@@ -66,6 +87,12 @@ class Mechanism {
       const placed = this.scene.placements[i].slice(7 * state, 7 * state + 7);
       joints.push(composed(parent < 0 ? ORIGIN : joints[parent], composed(placed, screwed(twist))));
     });
+    return joints;
+  }
+
+  /** Return the pose of every body in the world. */
+  poses(state, time = 0, factor = 0) {
+    const joints = this.frames(state, time, factor);
     return this.scene.bodies.map(({ joint, place }) => composed(joint < 0 ? ORIGIN : joints[joint], place));
   }
 

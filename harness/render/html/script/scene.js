@@ -10,11 +10,16 @@ class Viewer {
     this.mechanism = new Mechanism(scene, states);
     this.lit = new Set(states?.lit ?? []);
     this.hovered = new Set();
+    this.inertia = Boolean(states?.inertias.some(({ differs }) => differs));
+    this.forces = true;
+    this.camera = new Camera();
+    this.lines = scene.bodies.map((_, body) => outlines(formsOf(scene, body)).flat());
     this.open(states?.worst ?? 0);
-    const points = this.#points();
-    const [low, high] = [Math.min, Math.max].map((end) => [0, 1, 2].map((i) => end(...points.map((point) => point[i]))));
-    const center = low.map((value, i) => (value + high[i]) / 2);
-    this.camera = new Camera(center, Math.max(...points.map((point) => Math.hypot(...point.map((value, i) => value - center[i]))), 1e-3));
+  }
+
+  /** The state of whole steps, if it is shown. */
+  get acting() {
+    return this.state === this.mechanism.count - 1 ? this.mechanism.acting : null;
   }
 
   /** Show the start of a state, with a visible difference. */
@@ -22,7 +27,8 @@ class Viewer {
     this.state = Math.min(Math.max(state, 0), this.mechanism.count - 1);
     this.horizon = this.mechanism.horizon(this.state);
     this.power = this.mechanism.visiblePower(this.state);
-    this.time = this.mechanism.differs ? this.horizon : 0;
+    this.time = this.mechanism.differs && !this.mechanism.agreesAt(this.state) ? this.horizon : 0;
+    this.fitted = "";
     this.changed();
   }
 
@@ -40,17 +46,31 @@ class Viewer {
   /** Return the poses of all bodies: by the equations, and in the engine. */
   poses() {
     const { mechanism, state, time } = this;
-    const engine = mechanism.differs ? [mechanism.poses(state, time, 10 ** this.power)] : [];
+    const engine = mechanism.differs && !mechanism.agreesAt(state) ? [mechanism.poses(state, time, 10 ** this.power)] : [];
     return [mechanism.poses(state, time), ...engine];
   }
 
+  /** Fit the camera to the bodies at both ends of the shown time, once per state and size. */
+  #fit() {
+    const { clientWidth: width, clientHeight: height } = this.drawing.canvas, { mechanism, state, horizon, power } = this;
+    const fitted = `${state} ${width} ${height}`;
+    if (!width || !height || this.fitted === fitted) return;
+    this.fitted = fitted;
+    const layers = [mechanism.poses(state), ...(this.poses().length > 1 ? [mechanism.poses(state, horizon), mechanism.poses(state, horizon, 10 ** power)] : [])];
+    const points = layers.flatMap((poses) => poses.flatMap((pose, body) => this.lines[body].map((point) => placedPoint(pose, point))));
+    this.camera.fit(points.length ? points : [[0, 0, 0]], width, height);
+  }
+
   draw() {
+    this.#fit();
     const glow = this.playing ? Math.sin((performance.now() * Math.PI) / 600) : 0;
     const mark = (body) => (this.hovered.has(body) || body === this.chosen ? "chosen" : this.lit.has(body) ? "lit" : null);
     const [expected, engine] = this.poses();
     const layers = [{ poses: expected, ghost: false, glow, tone: (body) => mark(body) ?? "body" }];
     if (engine) layers.push({ poses: engine, ghost: true, glow, tone: (body) => mark(body) ?? "engine" });
     this.drawing.draw(this.camera, layers, this.inertia);
+    const acting = this.forces ? this.acting : null;
+    this.marks?.draw(this.camera, acting, acting ? this.mechanism.frames(this.state, this.time) : [], this.data.joints, this.data.bodies[this.chosen]?.joint);
     this.#label(expected);
     this.element.dataset.frames = Number(this.element.dataset.frames ?? 0) + 1;
   }
@@ -71,19 +91,14 @@ class Viewer {
     return placedPoint(poses[body], ellipsoid.length ? ellipsoid.slice(0, 3) : shapes[0]?.place.slice(0, 3) ?? [0, 0, 0]);
   }
 
-  #points() {
-    const [poses] = this.poses();
-    const points = poses.flatMap((pose, body) => outlines(formsOf(this.data, body)).flat().map((point) => placedPoint(pose, point)));
-    return points.length ? points : [[0, 0, 0]];
-  }
-
-  /** Return the body nearest to a pixel; -1 if there is none. */
+  /** Return the body at a pixel, or without solids the nearest one; -1 if there is none. */
   pick(x, y) {
     const { canvas } = this.drawing;
+    if (this.drawing.pick) return this.drawing.pick(x, y);
     const project = this.camera.projection(canvas.clientWidth, canvas.clientHeight);
     let [best, least] = [-1, 30];
     this.poses()[0].forEach((pose, body) => {
-      const seen = outlines(formsOf(this.data, body)).flat().map((point) => project(placedPoint(pose, point)));
+      const seen = this.lines[body].map((point) => project(placedPoint(pose, point)));
       if (!seen.length) return;
       const [left, right, top, bottom] = [Math.min(...seen.map(([u]) => u)), Math.max(...seen.map(([u]) => u)), Math.min(...seen.map(([, v]) => v)), Math.max(...seen.map(([, v]) => v))];
       const outside = Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
@@ -119,12 +134,14 @@ async function buildScene(box) {
   const { scene } = await pack(box.dataset.scene);
   const states = box.dataset.states ? await pack(box.dataset.states) : null;
   const style = getComputedStyle(box);
-  const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   const canvas = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
-  const picture = make("div", { class: "picture" }, canvas);
+  const over = make("canvas", { class: "marks", "aria-hidden": "true" });
+  const picture = make("div", { class: "picture" }, canvas, over);
   const solid = await three();
-  const drawing = new (solid ? Solids : Projection)(canvas, scene, colours);
+  const drawing = new (solid ? Solids : Projection)(canvas, scene, states, colours);
   const viewer = new Viewer(picture, scene, states, drawing);
+  if (viewer.mechanism.acting) viewer.marks = new Marks(over, colours);
   for (const body of viewer.lit) picture.append(make("span", { class: "label", "data-body": body }, scene.bodies[body].name));
   box.viewer = viewer;
   box.dataset.drawing = solid ? "solids" : "projection";
@@ -155,8 +172,18 @@ function endScene(box) {
 function pointing(viewer, canvas) {
   let last = null, moved = 0;
   canvas.addEventListener("pointerdown", (event) => { last = event; moved = 0; canvas.setPointerCapture(event.pointerId); });
+  const under = ({ clientX, clientY }) => {
+    const { left, top } = canvas.getBoundingClientRect();
+    return viewer.pick(clientX - left, clientY - top);
+  };
+  const hover = (body) => {
+    if (viewer.hovered.has(body) || (body < 0 && !viewer.hovered.size)) return;
+    viewer.set({ hovered: new Set(body < 0 ? [] : [body]) });
+    canvas.title = viewer.data.bodies[body]?.name ?? "";
+  };
+  canvas.addEventListener("pointerleave", () => hover(-1));
   canvas.addEventListener("pointermove", (event) => {
-    if (!last) return;
+    if (!last) { hover(under(event)); return; }
     moved += Math.abs(event.clientX - last.clientX) + Math.abs(event.clientY - last.clientY);
     viewer.camera.orbit((event.clientX - last.clientX) / 120, (event.clientY - last.clientY) / 120);
     last = event;
@@ -165,8 +192,7 @@ function pointing(viewer, canvas) {
   canvas.addEventListener("pointerup", (event) => {
     last = null;
     if (moved > 4) return;
-    const { left, top } = canvas.getBoundingClientRect();
-    viewer.set({ chosen: viewer.pick(event.clientX - left, event.clientY - top) });
+    viewer.set({ chosen: under(event) });
   });
   canvas.addEventListener("wheel", (event) => {
     if (!event.ctrlKey && document.activeElement !== canvas) return;
@@ -200,24 +226,42 @@ function sceneControls(viewer) {
   const power = slider("Amplify the error", { min: 0, max: 6, step: 0.5 }, (value) => viewer.set({ power: value }));
   const link = make("select", {}, make("option", { value: -1 }, "–"), ...data.bodies.map(({ name }, i) => make("option", { value: i }, name)));
   link.addEventListener("change", () => viewer.set({ chosen: Number(link.value) }));
-  const inertia = make("input", { type: "checkbox" });
-  inertia.addEventListener("change", () => viewer.set({ inertia: inertia.checked }));
+  const toggle = (name) => {
+    const input = make("input", { type: "checkbox" });
+    input.checked = viewer[name];
+    input.addEventListener("change", () => viewer.set({ [name]: input.checked }));
+    return input;
+  };
+  const { acting } = mechanism, words = make("p", { class: "acting" });
   viewer.listeners.add(() => {
     play.textContent = viewer.playing ? "❚❚ Pause" : "▶ Play";
     time.input.value = (1000 * viewer.time) / viewer.horizon;
     time.output.textContent = `${short(1000 * viewer.time)} ms`;
     state.input.value = viewer.state + 1;
-    state.output.textContent = `${viewer.state + 1} of ${mechanism.count}`;
+    state.output.textContent = viewer.acting ? "whole step" : `${viewer.state + 1} of ${mechanism.count - Number(Boolean(acting))}`;
+    words.textContent = viewer.acting ? `At this state: ${actingWords(acting, data.joints)}.` : "";
     power.input.value = viewer.power;
     power.output.textContent = `× ${Number((10 ** viewer.power).toPrecision(2)).toLocaleString("en")}`;
     link.value = viewer.chosen;
   });
   const rows = [make("div", { class: "row" }, play, time.row), state.row, ...(mechanism.differs ? [power.row] : []),
-    make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, inertia, " Inertia of the file"))];
-  const keys = mechanism.differs ? ["body", "engine"] : ["body"];
-  const names = { body: "equations", engine: "engine" };
+    make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, toggle("inertia"), " Inertia"),
+      ...(acting ? [make("label", {}, toggle("forces"), " Contacts, limits, drives")] : []))];
+  const solid = viewer.states?.inertias.length;
+  const keys = ["body", ...(mechanism.differs ? ["engine"] : []), "inertia", ...(solid ? ["solid"] : []), ...(acting ? ["contact", "limit", "drive"] : [])];
+  const names = { body: "equations", engine: "engine", inertia: "inertia by the equations", solid: "inertia in the engine", contact: "contact", limit: "beyond a limit", drive: "drive; thick: at its limit" };
   return make("div", { class: "steering" }, ...rows, make("p", { class: "keys" }, ...keys.map((key) => make("span", { class: `key ${key}` }, names[key])),
-    ...(viewer.lit.size ? [make("span", { class: "key lit" }, "named by the cause")] : [])));
+    ...(viewer.lit.size ? [make("span", { class: "key lit" }, "named by the cause")] : [])), words, ...differing(viewer));
+}
+
+/** Say which inertias of the engine differ. */
+function differing({ states, data }) {
+  const wrong = (states?.inertias ?? []).filter(({ differs }) => differs);
+  if (!wrong.length) return [];
+  const names = wrong.slice(0, 5).map(({ body, mass, stated_mass: stated }) => (Math.abs(mass - stated) > 1e-3 * stated
+    ? `${data.bodies[body].name} (mass ${short(mass)} kg instead of ${short(stated)})` : data.bodies[body].name));
+  const more = wrong.length > 5 ? ` and ${wrong.length - 5} more` : "";
+  return [make("p", { class: "unequal" }, `The engine has another inertia of ${names.join(", ")}${more}.`)];
 }
 
 /** The source of the model: its lines light links up, and a chosen link shows its lines. */
@@ -247,6 +291,13 @@ function source(viewer) {
     open.textContent = `Open line ${line} in the editor`;
     list.scrollTop = rows[line - 1].offsetTop - list.clientHeight / 3;
   };
+  let under = "";
+  viewer.listeners.add(() => {
+    const hovered = [...viewer.hovered].join();
+    if (hovered === under) return;
+    under = hovered;
+    rows.forEach((row, i) => row.classList.toggle("hovered", hovered !== "" && viewer.hovered.has(owner.get(i + 1))));
+  });
   viewer.listeners.add(() => {
     if (viewer.chosen === before) return;
     before = viewer.chosen;
@@ -261,7 +312,7 @@ function source(viewer) {
 /** Errors of all coordinates and states; a click shows the state and the link. */
 function heatMap(viewer) {
   const { coordinates, error, uncertainty, bodies } = viewer.states;
-  const count = viewer.mechanism.count;
+  const count = error[0].length;
   const level = (row, state) => Math.log10(error[row][state] / uncertainty[row][state]);
   const drawing = svg("svg", { viewBox: `0 0 ${count} ${coordinates.length}`, preserveAspectRatio: "none" });
   coordinates.forEach((_, row) => {
@@ -278,7 +329,7 @@ function heatMap(viewer) {
   const go = (to, state) => {
     row = Math.min(Math.max(to, 0), coordinates.length - 1);
     viewer.chosen = bodies[row];
-    viewer.open(state);
+    viewer.open(Math.min(Math.max(state, 0), count - 1));
   };
   const frame = make("div", { class: "heat", tabindex: 0, role: "group", "aria-label": `Errors of ${coordinates.length} coordinates at ${count} states; arrow keys choose a state and a coordinate` }, drawing);
   frame.style.setProperty("--rows", coordinates.length);
@@ -293,10 +344,11 @@ function heatMap(viewer) {
     go(row + down, viewer.state + right);
   });
   viewer.listeners.add(() => {
+    frame.classList.toggle("apart", viewer.state >= count);
     mark.setAttribute("x", viewer.state);
     mark.setAttribute("y", row);
     const [e, u] = [error[row][viewer.state], uncertainty[row][viewer.state]];
-    readout.textContent = `${coordinates[row]} at state ${viewer.state + 1}: E ${e?.toExponential(1) ?? "–"}, U ${u?.toExponential(1) ?? "–"}`;
+    readout.textContent = viewer.state >= count ? "The picture shows a whole step." : `${coordinates[row]} at state ${viewer.state + 1}: E ${e?.toExponential(1) ?? "–"}, U ${u?.toExponential(1) ?? "–"}`;
   });
   return make("section", { class: "errors" }, make("h4", {}, "Error over uncertainty, by coordinate and state"), make("div", { class: "rows" }, make("ul", { "aria-hidden": "true" }, ...coordinates.map((name) => make("li", { title: name }, name))), frame), readout);
 }

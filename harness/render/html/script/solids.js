@@ -35,12 +35,22 @@ const GEOMETRIES = {
     const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(x, y, z).normalize());
     return shaft.applyQuaternion(turn);
   },
+  mesh(mesh) {
+    const { points, faces, normals } = mesh, around = points.map(() => []), geometry = new THREE.BufferGeometry();
+    faces.forEach((face, i) => face.forEach((corner) => around[corner].push(i)));
+    const shading = faces.flatMap((face, i) => face.flatMap((corner) => around[corner].filter((k) => cosine(normals[i], normals[k]) > 0.75)
+      .reduce((sum, k) => sum.map((value, n) => value + normals[k][n]), [0, 0, 0])));
+    geometry.setAttribute("position", new THREE.Float32BufferAttribute(faces.flatMap((face) => face.flatMap((corner) => points[corner])), 3));
+    geometry.setAttribute("normal", new THREE.Float32BufferAttribute(shading, 3));
+    geometry.normalizeNormals();
+    return geometry;
+  },
 };
 
 /** Bodies as shaded solids. */
 class Solids {
-  constructor(canvas, scene, colours) {
-    Object.assign(this, { canvas, data: scene, colours, layers: [] });
+  constructor(canvas, scene, states, colours) {
+    Object.assign(this, { canvas, data: scene, colours, layers: [], geometries: new Map() });
     const fast = !webgl().software;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: fast, alpha: true });
     this.renderer.setPixelRatio(fast ? devicePixelRatio : 1);
@@ -49,6 +59,7 @@ class Solids {
     this.world.add(new THREE.HemisphereLight(0xffffff, 0xaab4bf, 0.8));
     this.light = new THREE.DirectionalLight(0xffffff, 0.35);
     this.world.add(this.light);
+    this.ovals = inertias(scene, states).map((one) => this.#inertia(one));
   }
 
   /** Give the context back, since browsers have few. */
@@ -72,46 +83,74 @@ class Solids {
     this.light.position.set(...camera.position).add(new THREE.Vector3(0, 0, camera.distance));
     while (this.layers.length < layers.length) this.layers.push(this.#layer(layers[this.layers.length].ghost));
     this.layers.forEach((groups, i) => groups.forEach((group, body) => this.#place(group, layers[i], body, inertia)));
+    for (const group of this.ovals) {
+      group.visible = inertia;
+      this.#pose(group, layers[0].poses[group.userData.body]);
+    }
     this.renderer.render(this.world, this.camera);
+  }
+
+  /** Return the body at a pixel of the last picture; -1 if there is none. */
+  pick(x, y) {
+    const { clientWidth: width, clientHeight: height } = this.canvas, ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2((2 * x) / width - 1, 1 - (2 * y) / height), this.camera);
+    const [hit] = ray.intersectObjects(this.layers[0] ?? [], true);
+    return hit ? this.layers[0].indexOf(hit.object.parent) : -1;
+  }
+
+  #pose(group, [x, y, z, w, i, j, k]) {
+    group.matrix.compose(new THREE.Vector3(x, y, z), new THREE.Quaternion(i, j, k, w), new THREE.Vector3(1, 1, 1));
   }
 
   #place(group, layer, body, inertia) {
     group.visible = Boolean(layer);
     if (!layer) return;
-    const [x, y, z, w, i, j, k] = layer.poses[body];
-    group.matrix.compose(new THREE.Vector3(x, y, z), new THREE.Quaternion(i, j, k, w), new THREE.Vector3(1, 1, 1));
-    const { material, wires } = group.userData, tone = layer.tone(body);
+    this.#pose(group, layer.poses[body]);
+    const { material } = group.userData, tone = layer.tone(body);
     material.color.set(this.colours[tone]);
     material.emissive.set(tone === "lit" ? this.colours.lit : "#000000");
     material.emissiveIntensity = 0.35 + 0.25 * layer.glow;
-    material.opacity = layer.ghost ? 0.45 : inertia ? 0.35 : 1;
+    material.opacity = inertia ? 0.25 : layer.ghost ? 0.45 : 1;
     material.transparent = material.opacity < 1;
     material.depthWrite = !material.transparent;
-    wires.visible = inertia && !layer.ghost;
   }
 
   /** Create the groups of all bodies for one layer. */
   #layer(ghost) {
-    return this.data.bodies.map((body, index) => {
+    return this.data.bodies.map((_, index) => {
       const group = new THREE.Group();
       group.matrixAutoUpdate = false;
       const material = new THREE.MeshPhongMaterial({ shininess: 25, side: THREE.DoubleSide, polygonOffset: ghost, polygonOffsetFactor: 2, polygonOffsetUnits: 8 });
       for (const form of formsOf(this.data, index)) {
-        const mesh = new THREE.Mesh(GEOMETRIES[form.kind](form.size), material);
-        const [x, y, z, w, i, j, k] = form.place;
-        mesh.position.set(x, y, z);
-        mesh.quaternion.set(i, j, k, w);
-        group.add(mesh);
+        group.add(this.#solid(form, material));
       }
-      const wires = new THREE.Group();
-      for (const line of ghost ? [] : outlines(inertiaOf(body))) {
-        const points = new THREE.BufferGeometry().setFromPoints(line.map((point) => new THREE.Vector3(...point)));
-        wires.add(new THREE.Line(points, new THREE.LineBasicMaterial({ color: this.colours.inertia })));
-      }
-      group.add(wires);
-      group.userData = { material, wires };
+      group.userData = { material };
       this.world.add(group);
       return group;
     });
+  }
+
+  #solid({ kind, size, place: [x, y, z, w, i, j, k] }, material) {
+    if (!this.geometries.has(size)) this.geometries.set(size, GEOMETRIES[kind](size));
+    const mesh = new THREE.Mesh(this.geometries.get(size), material);
+    mesh.position.set(x, y, z);
+    mesh.quaternion.set(i, j, k, w);
+    return mesh;
+  }
+
+  /** Create a group with an engine's inertia as a solid, and that of the equations as lines. */
+  #inertia({ body, differs, stated, engine }) {
+    const group = new THREE.Group();
+    group.matrixAutoUpdate = false;
+    group.userData = { body };
+    const colour = this.colours[differs ? "lit" : "solid"];
+    const material = new THREE.MeshPhongMaterial({ color: colour, emissive: differs ? colour : "#000000", emissiveIntensity: 0.4, shininess: 10 });
+    for (const form of engine) group.add(this.#solid(form, material));
+    for (const line of outlines(stated)) {
+      const points = new THREE.BufferGeometry().setFromPoints(line.map((point) => new THREE.Vector3(...point)));
+      group.add(new THREE.Line(points, new THREE.LineBasicMaterial({ color: this.colours.inertia })));
+    }
+    this.world.add(group);
+    return group;
   }
 }

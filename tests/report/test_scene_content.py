@@ -1,0 +1,167 @@
+"""Meshes, inertia and forces in the picture of bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.urdf import SETTINGS
+from physics_crosscheck.harness.modelfiles.mesh_files import decimated_mesh, read_mesh
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.render.html import write_report
+from tests.report.chromium import Browser, Tab
+from tests.report.sample_acting import arm_results, write_arm
+from tests.report.steps import needs_browser, sound
+from tests.report.test_scene import BOX, DRAWN
+
+PLAIN_URDF = """<robot name="two"><link name="base"/>
+<link name="arm"><inertial><origin xyz="0 0 1"/>
+<mass value="2"/><inertia ixx="0.03" iyy="0.02" izz="0.04" ixy="0" ixz="0" iyz="0.001"/></inertial>
+<visual><geometry><mesh filename="gone.stl"/></geometry></visual></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+HARMLESS = ("GL Driver Message", "willReadFrequently")
+"""Warnings on software rendering, and on this test's own reading of pixels."""
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Results]:
+    folder = tmp_path_factory.mktemp("arm")
+    results = arm_results(folder)
+    write_report(folder / "index.html", results)
+    return folder / "index.html", results
+
+
+@pytest.fixture
+def arm_tab(browser: Browser, arm: tuple[Path, Results]) -> Iterator[Tab]:
+    with browser.tab() as tab:
+        tab.window(1440, 900)
+        still = {"name": "prefers-reduced-motion", "value": "reduce"}
+        tab.send("Emulation.setEmulatedMedia", features=[still])
+        tab.open(arm[0].as_uri())
+        tab.until(DRAWN)
+        yield tab
+        tab.problems = [one for one in tab.problems if not any(map(one.count, HARMLESS))]
+        sound(tab, arm[0].as_uri())
+
+
+@needs_browser
+def test_meshes_inertias_and_forces_are_drawn(arm_tab: Tab, arm: tuple[Path, Results]) -> None:
+    (system,), (case,) = arm[1].systems, arm[1].cases
+    assert system.scene is not None
+    assert case.whole_step is not None
+    acting = case.whole_step.acting
+    assert acting is not None
+    # The file's mesh, not an ellipsoid.
+    forms = arm_tab.run(f"{BOX}.viewer.lines.map((points) => [0, 1, 2].map((i) => "
+                        "Math.max(...points.map((point) => point[i]))))")  # fmt: skip
+    assert np.allclose(forms[1], (0.05, 0.05, 0.4), atol=1e-5)
+    # The engine's inertia differs, so that it is shown and named.
+    assert arm_tab.run(f"{BOX}.viewer.inertia")
+    text = arm_tab.run(f"{BOX}.querySelector('.unequal').textContent")
+    assert text == "The engine has another inertia of arm (mass 1.5 kg instead of 1)."
+    # The picture opens at the whole step: both robots, and a mark at each contact.
+    assert len(arm_tab.run(f"{BOX}.viewer.poses()")) == 2
+    assert f"{len(acting.contacts)} contact" in arm_tab.run(
+        f"{BOX}.querySelector('.acting').textContent"
+    )
+    inked = """(() => { const { viewer } = %s, { canvas, pen, colours } = viewer.marks;
+      const project = viewer.camera.projection(canvas.clientWidth, canvas.clientHeight);
+      return viewer.acting.contacts.map(({ point }) => { const [x, y] = project(point);
+        return [...pen.getImageData(Math.round(x), Math.round(y), 1, 1).data]; }); })()""".replace(
+        "%s", BOX
+    )
+    for red, green, blue, alpha in arm_tab.run(inked):
+        assert (red, green, blue, alpha) == (0, 0x87, 0x5F, 255)
+    # The sampled states have no marks.
+    arm_tab.run(f"{BOX}.viewer.open(0)")
+    arm_tab.until(f"{BOX}.querySelector('.acting').textContent === ''")
+    arm_tab.until(
+        """(() => { const { canvas, pen } = %s.viewer.marks;
+      const { data } = pen.getImageData(0, 0, canvas.width, canvas.height);
+      return data.every((value) => !value); })()""".replace("%s", BOX)
+    )
+
+
+@needs_browser
+@pytest.mark.parametrize("size", [(1440, 900), (390, 844), (2000, 500)])
+def test_all_bodies_are_inside_the_first_picture(arm_tab: Tab, size: tuple[int, int]) -> None:
+    arm_tab.window(*size)
+    outside = """(() => { const { viewer } = %s, { canvas } = viewer.drawing;
+      viewer.fitted = ""; viewer.draw();
+      const project = viewer.camera.projection(canvas.clientWidth, canvas.clientHeight);
+      const points = viewer.poses().flatMap((poses) => poses.flatMap((pose, body) =>
+        viewer.lines[body].map((point) => project(placed(pose, point)))));
+      const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+      return points.filter(([x, y]) => !(x > 0 && x < width && y > 0 && y < height)).length;
+      function placed([x, y, z, w, i, j, k], p) {
+        const c = ([a, b, d], [e, f, g]) => [b * g - d * f, d * e - a * g, a * f - b * e];
+        const t = c([i, j, k], p).map((v) => 2 * v), u = c([i, j, k], t);
+        return [x, y, z].map((v, n) => v + p[n] + w * t[n] + u[n]);
+      } })()""".replace("%s", BOX)
+    assert arm_tab.run(outside) == 0
+
+
+def test_marks_are_where_the_laws_act(arm: tuple[Path, Results]) -> None:
+    whole = arm[1].cases[0].whole_step
+    assert whole is not None
+    assert whole.acting is not None
+    acting = whole.acting
+    assert acting.joints == ("root", "elbow")
+    for contact in acting.contacts:
+        assert abs(contact.point[2] or 0.0) < 0.02
+        assert abs(abs(contact.normal[2] or 0.0) - 1) < 1e-6
+    (limit,), (drive,) = acting.limits, acting.drives
+    assert limit.upper is not None
+    assert limit.lower is not None
+    assert limit.upper - limit.lower == pytest.approx(2.0, abs=1e-4)
+    assert limit.joint == drive.joint == 1
+    assert drive.share is not None
+    assert abs(drive.share) <= 1
+    assert abs(drive.force or 0.0) <= 40 * 0.5 + 1e-6
+    assert np.any(np.abs(np.array(acting.apart, float)) > 1e-3)
+
+
+def test_a_reduced_mesh_keeps_its_size_and_closes(tmp_path: Path) -> None:
+    write_arm(tmp_path)
+    whole = read_mesh(tmp_path / "part.obj")
+    for faces in (92, 40):
+        mesh = decimated_mesh(tmp_path / "part.obj", faces)
+        assert 0 < len(mesh.faces) <= faces
+        assert np.allclose(np.ptp(mesh.points, axis=0), np.ptp(whole.points, axis=0), rtol=0.2)
+    assert len(decimated_mesh(tmp_path / "part.obj", 92).faces) == len(whole.faces) == 92
+
+
+def test_a_missing_mesh_leaves_the_ellipsoid(tmp_path: Path) -> None:
+    file = tmp_path / "two.urdf"
+    file.write_text(PLAIN_URDF)
+    scene = prepare_tree(file).record.scene
+    assert scene is not None
+    assert not scene.meshes
+    link = scene.bodies[1]
+    assert not link.shapes
+    assert len(link.ellipsoid) == 10
+
+
+@pytest.mark.parametrize("name", ["mujoco", "pybullet"])
+def test_engines_report_the_inertia_of_the_file(tmp_path: Path, name: str) -> None:
+    pytest.importorskip(name)
+    file = tmp_path / "two.urdf"
+    file.write_text(PLAIN_URDF.replace("gone.stl", "part.obj"))
+    write_arm(tmp_path)
+    robot = read_robot(file)
+    settings = {**SETTINGS, "smooth": True} if name == "mujoco" else SETTINGS
+    mine = engines()[name].load(ModelSpec(file, settings=settings)).inertias["arm"]
+    stated = next(part for part in robot.parts if part.name == "arm").inertia
+    assert mine.mass == pytest.approx(stated.mass)
+    assert np.allclose(mine.center, stated.center)
+    assert np.allclose(mine.inertia, stated.inertia, atol=1e-9)
