@@ -169,8 +169,8 @@ class _Meshes:
         """Read and reduce the meshes of shapes; visual ones have more triangles."""
         keys = dict.fromkeys(map(_mesh_key, filter(_is_mesh, shapes)))
         budget = int(np.clip(FACES / max(len(keys), 1), LEAST_FACES, MOST_FACES))
-        found = {key: mesh for key in keys if (mesh := _mesh_record(key, budget)) is not None}
-        return _Meshes(tuple(found.values()), {key: i for i, key in enumerate(found)})
+        meshes = {key: mesh for key in keys if (mesh := _mesh_record(key, budget)) is not None}
+        return _Meshes(tuple(meshes.values()), {key: i for i, key in enumerate(meshes)})
 
     def index(self, shape: PlacedShape) -> int | None:
         """Return the index of a shape's mesh; None without one."""

@@ -186,16 +186,16 @@ def _to_planes(mesh: Mesh, corners: NDArray[np.int64], places: Array) -> Array:
     count = len(places)
     a, b, c = (mesh.points[mesh.faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)  # long for large faces
-    matrix, side = np.zeros((3, 3, count)), np.zeros((3, count))
+    matrix, moments = np.zeros((3, 3, count)), np.zeros((3, count))
     for corner in corners.T:
         away = np.einsum("fi,fi->f", normals, a - places[corner])
         for i in range(3):
-            side[i] += np.bincount(corner, normals[:, i] * away, count)
+            moments[i] += np.bincount(corner, normals[:, i] * away, count)
             for j in range(3):
                 matrix[i, j] += np.bincount(corner, normals[:, i] * normals[:, j], count)
     weight = np.where(trace := np.trace(matrix), trace, 1.0)
     stiff = np.moveaxis(matrix / weight, 2, 0) + _TO_THE_MIDDLE * np.eye(3)
-    moved = np.linalg.solve(stiff, (side / weight).T[:, :, None])[:, :, 0]
+    moved = np.linalg.solve(stiff, (moments / weight).T[:, :, None])[:, :, 0]
     return np.asarray(moved, dtype=np.float64)
 
 
