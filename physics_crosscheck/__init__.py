@@ -45,10 +45,10 @@ if TYPE_CHECKING:
     from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
     from physics_crosscheck.reference.mechanism.interactions import (
         Buffer,
-        CoulombFriction,
-        JointLimit,
-        RigidContact,
-        SaturatedDrive,
+        Contact,
+        Drive,
+        DryFriction,
+        Limit,
     )
     from physics_crosscheck.reference.mechanism.kinematics import Frame, ground, rotation
     from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
@@ -74,7 +74,7 @@ _FROM = {
         "CablePath", "FrameForce", "JointForce",
     ),
     "physics_crosscheck.reference.mechanism.interactions": (
-        "Buffer", "CoulombFriction", "JointLimit", "RigidContact", "SaturatedDrive",
+        "Buffer", "DryFriction", "Limit", "Contact", "Drive",
     ),
     "physics_crosscheck.reference.mechanism.multibody": ("MultibodySystem",),
     "physics_crosscheck.reference.mechanism.pose": ("Pose",),
@@ -90,10 +90,12 @@ __all__ = [
     "CompareError",
     "Comparison",
     "Constant",
+    "Contact",
     "Coordinate",
-    "CoulombFriction",
     "Coupling",
     "DeclarationError",
+    "Drive",
+    "DryFriction",
     "Equilibrium",
     "Fluid",
     "ForceElement",
@@ -102,7 +104,7 @@ __all__ = [
     "Input",
     "Joint",
     "JointForce",
-    "JointLimit",
+    "Limit",
     "MotionError",
     "MultibodySystem",
     "Output",
@@ -110,10 +112,8 @@ __all__ = [
     "PublishedEquation",
     "Quantity",
     "RigidBody",
-    "RigidContact",
     "RobotJoint",
     "RobotModel",
-    "SaturatedDrive",
     "Scenario",
     "Site",
     "System",

@@ -22,7 +22,7 @@ TOP = {
     "Fluid", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
     "ForceElement", "Quantity", "RigidBody", "RobotJoint", "RobotModel", "Scenario", "Site",
     "System", "Trajectory", "check", "load",
-    "Buffer", "CoulombFriction", "JointLimit", "RigidContact", "SaturatedDrive",
+    "Buffer", "DryFriction", "Limit", "Contact", "Drive",
     "CheckResults", "compare", "ground", "rotation", "simulate", "solve", "t",
 }  # fmt: skip
 SKETCH = {"Angle", "Body", "Link"}

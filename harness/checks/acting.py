@@ -18,7 +18,12 @@ from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, rest
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.step import LawModel
-from physics_crosscheck.reference.mechanism.laws import ContactParameters, Drive, SoftLimit, Surface
+from physics_crosscheck.reference.mechanism.laws import (
+    Actuator,
+    ContactParameters,
+    SoftLimit,
+    Surface,
+)
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 NAMED = 3
@@ -148,7 +153,7 @@ class Acting:
             yield _quantity(subject, "time constant", 1 / (motion.rate * motion.damping), "s")
             yield _quantity(subject, "damping ratio", motion.damping)
 
-    def _drive(self, drive: Drive) -> Iterator[ActingQuantity]:
+    def _drive(self, drive: Actuator) -> Iterator[ActingQuantity]:
         """Yield the motion of a drive on one joint, with all other joints held."""
         joints = self.model.tree.paths[drive.path].joints
         if len(joints) != 1 or not drive.on:
@@ -177,7 +182,7 @@ class Acting:
             rule = f"the step of {servo.step:g} s grows above 1"
             yield _quantity(subject, "gain over unstable gain", share, rule=rule)
 
-    def _servo(self, drive: Drive, link: int, gear: float, load: float) -> Servo:
+    def _servo(self, drive: Actuator, link: int, gear: float, load: float) -> Servo:
         laws, joint = self.model.laws, self.model.tree.tree.links[link]
         there = self.model.tree.tree.velocities[link].start
         active = -drive.biases[2] * gear**2

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.numerics.judgement import (
     UnresolvedReason,
     unresolved_reason,
 )
-from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit
 from physics_crosscheck.harness.numerics.residual import Residual
 from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import StepStudy
@@ -125,7 +125,7 @@ def judged(
 
 
 def judge(
-    limit: Limit,
+    limit: ExtrapolatedLimit,
     segments: Segments,
     names: tuple[str, ...],
     claimed: int,
@@ -244,7 +244,7 @@ def with_residual(
     )
 
 
-def _coarse(limit: Limit, uncertainty: float, requested: float) -> str:
+def _coarse(limit: ExtrapolatedLimit, uncertainty: float, requested: float) -> str:
     """Explain that the engine's numbers have too few digits for the requested resolution."""
     return (
         f"known to {uncertainty:.1e}, above the requested {requested:.0e}: the engine's "
@@ -262,7 +262,7 @@ def _below(what: str, place: str, judged_limit: LimitVerdict, resolution: float)
 
 def _unresolved(
     judged_limit: LimitVerdict,
-    limit: Limit,
+    limit: ExtrapolatedLimit,
     place: str,
     component: str,
     claimed: int,
@@ -289,7 +289,7 @@ def _unresolved(
     )
 
 
-def _kind(judged_limit: LimitVerdict, limit: Limit) -> CaseKind:
+def _kind(judged_limit: LimitVerdict, limit: ExtrapolatedLimit) -> CaseKind:
     """Return the kind of a reason; empty where the case agrees."""
     if judged_limit.outcome is Outcome.DIFFERS:
         return "motion"
@@ -302,13 +302,13 @@ def _kind(judged_limit: LimitVerdict, limit: Limit) -> CaseKind:
     return judged_limit.unresolved_reason.kind
 
 
-def _is_rounding(limit: Limit, judged_limit: LimitVerdict) -> bool:
+def _is_rounding(limit: ExtrapolatedLimit, judged_limit: LimitVerdict) -> bool:
     """Return whether rounding causes all of the uncertainty."""
     place = judged_limit.segment, judged_limit.component
     return bool(limit.uncertainty[place] <= ROUNDED * limit.rounding[place])
 
 
-def _why_coarse(limit: Limit, judged_limit: LimitVerdict, held: bool) -> str:
+def _why_coarse(limit: ExtrapolatedLimit, judged_limit: LimitVerdict, held: bool) -> str:
     """Return why an uncertainty is above the resolution.
 
     Args:

@@ -23,7 +23,7 @@ from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.reference.mechanism.laws import (
-    Contact,
+    ContactPoint,
     ImpulseRules,
     Laws,
     NearRigidRules,
@@ -368,7 +368,7 @@ class EngineStep:
 
     acceleration: Array
     unbalanced: Array
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ContactPoint, ...]
     after: WholeState
     converged: bool = True
 

@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, differs
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -70,7 +70,7 @@ class LimitVerdict:
     largest_uncertainty: float
 
 
-def unresolved_reason(limit: Limit) -> UnresolvedReason | None:
+def unresolved_reason(limit: ExtrapolatedLimit) -> UnresolvedReason | None:
     """Return why no limit has a known digit; None if there are known digits."""
     if float(limit.increments[0]) == 0.0:
         return UnresolvedReason.STANDS_STILL
@@ -79,7 +79,7 @@ def unresolved_reason(limit: Limit) -> UnresolvedReason | None:
     return None if limit.order_confirmed else UnresolvedReason.WRONG_ORDER
 
 
-def resolvable(limit: Limit, scale: Array, requested: float) -> float:
+def resolvable(limit: ExtrapolatedLimit, scale: Array, requested: float) -> float:
     """Return the requested resolution, or the finest that the engine's numbers allow.
 
     Doubles allow any resolution. With fewer digits, a limit is known to its rounding, and to the

@@ -136,7 +136,7 @@ def estimates_of(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limit:
+class ExtrapolatedLimit:
     """Extrapolated values of K segments with C components, with their uncertainty.
 
     Attributes:
@@ -165,7 +165,11 @@ class Limit:
 
 
 def suffices(
-    limit: Limit, previous: Limit | None, count: int, scale: Array, resolution: float
+    limit: ExtrapolatedLimit,
+    previous: ExtrapolatedLimit | None,
+    count: int,
+    scale: Array,
+    resolution: float,
 ) -> bool:
     """Return whether a further rung is not worth its cost, after `count` rungs."""
     worst = largest(limit.uncertainty / scale)
@@ -188,7 +192,7 @@ def limits(
     rounded_alike: Array | float = 0.0,
     epsilon: float = EPSILON,
     least: bool = False,
-) -> Limit:
+) -> ExtrapolatedLimit:
     """Extrapolate raw values of the rungs and judge the result.
 
     U_m = 2.5 D_m sqrt(max(r_m, r_(m-1))) + 3 sum |w_i| s_i + a, where T_m is the limit of the first
@@ -263,7 +267,7 @@ def limits(
         exponents[0],
         float(np.max(rounding_scale / scale)) * (epsilon / EPSILON),
     )
-    return Limit(
+    return ExtrapolatedLimit(
         value=estimates[m],
         uncertainty=uncertainty,
         rungs=rungs[: len(each[m])],

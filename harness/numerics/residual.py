@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit, limits, movement
+from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit, limits, movement
 from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Segments
@@ -30,7 +30,7 @@ class Residual:
             the map, floored by its kind; the largest of its kind for a fixed coordinate, (2nz,).
     """
 
-    limit: Limit
+    limit: ExtrapolatedLimit
     scale: Array
 
 

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.numerics.ladder import (
     FIRST_JUDGED,
     ODD_RUNGS,
     RUNGS,
-    Limit,
+    ExtrapolatedLimit,
     largest,
     limits,
     movement,
@@ -101,7 +101,7 @@ class Extrapolated:
         residual: of the coordinate map; None if the map is one to one.
     """
 
-    limit: Limit
+    limit: ExtrapolatedLimit
     raw: Array
     rungs: tuple[int, ...]
     steps: int
@@ -196,7 +196,7 @@ def climb(
     o = observable
     raw: list[Array] = []
     rounding: list[Array] = []
-    limit: Limit | None = None
+    limit: ExtrapolatedLimit | None = None
     alive = np.ones(o.starts.count, dtype=bool)
     scale = o.scale
     for values in _rungs(o, rungs):

@@ -22,8 +22,8 @@ from physics_crosscheck.reference.laws.soft import (
 )
 from physics_crosscheck.reference.mechanism.laws import (
     Anchor,
-    Contact,
     ContactParameters,
+    ContactPoint,
     Laws,
     Mixing,
     SoftEquality,
@@ -161,7 +161,7 @@ class Constraints:
             other.__dict__["weights"] = self.weights
         return other
 
-    def rows(self, posture: Posture, contacts: Sequence[Contact]) -> Rows:
+    def rows(self, posture: Posture, contacts: Sequence[ContactPoint]) -> Rows:
         """Return the rows at a state."""
         rows = Rows(step=self.laws.step, safe=self.laws.safe, velocities=posture.m)
         for equality in self.laws.equalities:
@@ -270,7 +270,7 @@ class Constraints:
             float(self.weights.velocities[there.start]), position=2 * angle,
         )  # fmt: skip
 
-    def _parameters(self, contact: Contact) -> ContactParameters:
+    def _parameters(self, contact: ContactPoint) -> ContactParameters:
         first, other = contact.surfaces
         for *surfaces, parameters in self.laws.pairs:
             if set(surfaces) == {first, other}:
@@ -278,7 +278,7 @@ class Constraints:
         pair = self.laws.surfaces[first], self.laws.surfaces[other]
         return mix_surfaces(*pair, mixing=self.laws.mixing)
 
-    def _add_contact(self, rows: Rows, posture: Posture, contact: Contact) -> None:
+    def _add_contact(self, rows: Rows, posture: Posture, contact: ContactPoint) -> None:
         """Add the rows of a contact within its margin, unless both bodies stand still."""
         parameters = self._parameters(contact)
         violation = contact.distance - parameters.margin

@@ -13,7 +13,7 @@ import numpy as np
 
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.soft import SMALLEST
-from physics_crosscheck.reference.mechanism.laws import Curve, Drive, Laws, Numbers, Range
+from physics_crosscheck.reference.mechanism.laws import Actuator, Curve, Laws, Numbers, Range
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 
@@ -188,7 +188,7 @@ def _within_joints(laws: Laws, posture: Posture, forces: Array) -> tuple[Array, 
 class _Drive:
     """A drive at one state; `acceleration` is that of its path per unit force."""
 
-    drive: Drive
+    drive: Actuator
     posture: Posture
     acceleration: float
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.reference.laws.constraints import mixed_friction
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.mechanism.laws import (
-    Contact,
+    ContactPoint,
     HardJoint,
     HardSurface,
     ImpulseContact,
@@ -322,7 +322,7 @@ class ImpulseModel:
         self,
         posture: Posture,
         controls: Array,
-        contacts: Sequence[Contact],
+        contacts: Sequence[ContactPoint],
     ) -> ImpulseStep:
         """Return the rows at a state, which solve themselves.
 

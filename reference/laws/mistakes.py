@@ -15,12 +15,12 @@ import numpy as np
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
+    Actuator,
     ContactParameters,
-    Drive,
-    DryFriction,
     HardJoint,
     Laws,
     Mixing,
+    SoftFriction,
     SoftLimit,
     Softness,
     Surface,
@@ -129,7 +129,7 @@ def _lost(model: LawModel) -> Iterator[tuple[str, _Change]]:
     """Yield limits, dry friction and equalities that are ignored: all, then each."""
     laws = model.laws
 
-    def name(row: SoftLimit | DryFriction) -> str:
+    def name(row: SoftLimit | SoftFriction) -> str:
         links = model.tree.tree.links
         return f"joint {links[row.joint].name}" if row.joint >= 0 else f"tendon {row.path + 1}"
 
@@ -148,7 +148,7 @@ def _without_limit(limit: SoftLimit, laws: Laws) -> Laws:
     return replace(laws, limits=tuple(one for one in laws.limits if one != limit))
 
 
-def _without_friction(friction: DryFriction, laws: Laws) -> Laws:
+def _without_friction(friction: SoftFriction, laws: Laws) -> Laws:
     return replace(laws, frictions=tuple(one for one in laws.frictions if one != friction))
 
 
@@ -196,7 +196,7 @@ def _drive_mistakes(laws: Laws) -> Iterator[tuple[str, _Change]]:
     yield "ranges of controls are ignored", partial(_drives, partial(replace, control_range=None))
 
 
-def _drives(change: Callable[[Drive], Drive], laws: Laws) -> Laws:
+def _drives(change: Callable[[Actuator], Actuator], laws: Laws) -> Laws:
     return replace(laws, drives=tuple(map(change, laws.drives)))
 
 
@@ -205,7 +205,7 @@ def _unclipped(laws: Laws) -> Laws:
     return replace(free, sums=(), joint_ranges={})
 
 
-def _scaled(factor: float, drive: Drive) -> Drive:
+def _scaled(factor: float, drive: Actuator) -> Actuator:
     """Return a servo with other gains; a drive without feedback has none."""
     if drive.bias != "affine" or not any(drive.biases[1:3]):
         return drive

@@ -23,11 +23,11 @@ from physics_crosscheck.reference.laws.soft import SMALLEST, clipped_impedance, 
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.interactions import (
     Buffer,
-    CoulombFriction,
+    Contact,
+    Drive,
+    DryFriction,
     Interaction,
-    JointLimit,
-    RigidContact,
-    SaturatedDrive,
+    Limit,
 )
 from physics_crosscheck.reference.mechanism.laws import SoftLaw
 from physics_crosscheck.reference.mechanism.numeric import NumericFunction
@@ -367,9 +367,7 @@ def parts_of(
         home: positions at which inverse inertias scale soft rows.
     """
     system, result = equations.system, list[Part]()
-    contacts = [
-        c for i in interactions for c in (i.contacts if isinstance(i, JointLimit) else (i,))
-    ]
+    contacts = [c for i in interactions for c in (i.contacts if isinstance(i, Limit) else (i,))]
 
     def weight(rate: Rate, law: SoftLaw | None) -> sp.Expr:
         if law is None or law.weight is not None:
@@ -382,7 +380,7 @@ def parts_of(
         return laws.get(name, laws.get(name.rpartition(" ")[0]))
 
     for declared in contacts:
-        if isinstance(declared, RigidContact):
+        if isinstance(declared, Contact):
             gap, slip = sp.sympify(declared.gap), sp.sympify(declared.slip)
             rate = Rate.of_gap(gap, system)
             rough = slip != 0 and sp.sympify(declared.mu) != 0
@@ -398,7 +396,7 @@ def parts_of(
                     weight=weight(rate, law(declared.name)),
                 )
             )
-        elif isinstance(declared, CoulombFriction):
+        elif isinstance(declared, DryFriction):
             slip_rate = Rate.of_velocity(sp.sympify(declared.slip), system)
             result.append(
                 Rubbing(
@@ -414,7 +412,7 @@ def parts_of(
             rate = Rate.of_gap(gap, system)
             force = -declared.stiffness * gap - declared.damping * rate.value
             result.append(Pushing(name=declared.name, gap=gap, rate=rate, force=force))
-        elif isinstance(declared, SaturatedDrive):
+        elif isinstance(declared, Drive):
             column = sp.Matrix([sp.sympify(declared.on.get(c, 0)) for c in system.coordinates])
             result.append(
                 Driving(

@@ -19,7 +19,7 @@ from physics_crosscheck.reference.laws.drives import Driven
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.soft import Kind, Rows
 from physics_crosscheck.reference.laws.step import LawModel, LawStep
-from physics_crosscheck.reference.mechanism.laws import Contact, NearRigidRules, Softness
+from physics_crosscheck.reference.mechanism.laws import ContactPoint, NearRigidRules, Softness
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 
@@ -43,7 +43,7 @@ class NearRigidModel(LawModel):
     rules: NearRigidRules
 
     def evaluate(
-        self, posture: Posture, controls: Array, states: Array, contacts: Sequence[Contact]
+        self, posture: Posture, controls: Array, states: Array, contacts: Sequence[ContactPoint]
     ) -> LawStep:
         """Evaluate the laws at a state; arguments as in `LawModel.evaluate`."""
         rows, nv = self.rows(posture, contacts), len(posture.m)
@@ -58,7 +58,7 @@ class NearRigidModel(LawModel):
             contacts=0,
         )  # fmt: skip
 
-    def rows(self, posture: Posture, contacts: Sequence[Contact]) -> Rows:
+    def rows(self, posture: Posture, contacts: Sequence[ContactPoint]) -> Rows:
         """Return the rows of limits that a joint may meet within a step."""
         rules, mass = self.rules, self._mass(posture)
         rows = Rows(step=rules.step, safe=False, velocities=posture.m)

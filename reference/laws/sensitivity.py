@@ -14,7 +14,7 @@ import numpy as np
 
 from physics_crosscheck.reference.laws.drives import drive
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution, LawStep
-from physics_crosscheck.reference.mechanism.laws import Contact, Laws
+from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 T = TypeVar("T")
@@ -90,7 +90,7 @@ def _differing(first: Sequence[T], second: Sequence[T]) -> tuple[tuple[T, ...], 
     return tuple(one for one, _ in rows), tuple(two for _, two in rows)
 
 
-def _contacts(first: Laws, second: Laws, contacts: Sequence[Contact]) -> list[Contact]:
+def _contacts(first: Laws, second: Laws, contacts: Sequence[ContactPoint]) -> list[ContactPoint]:
     """Return the contacts whose numbers differ."""
     if not _same_options(first, second):
         return list(contacts)

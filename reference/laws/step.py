@@ -14,7 +14,7 @@ from physics_crosscheck.reference.laws.constraints import Constraints
 from physics_crosscheck.reference.laws.drives import Driven, drive
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.laws.soft import Kind, Problem
-from physics_crosscheck.reference.mechanism.laws import Contact
+from physics_crosscheck.reference.mechanism.laws import ContactPoint
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
@@ -95,7 +95,7 @@ class LawSolution:
 
     law: LawStep
     acceleration: Array
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ContactPoint, ...]
     controls: Array
     states: Array
 
@@ -134,7 +134,7 @@ class LawModel(Constraints):
         posture: Posture,
         controls: Array,
         states: Array,
-        contacts: Sequence[Contact],
+        contacts: Sequence[ContactPoint],
     ) -> LawStep:
         """Evaluate the laws at a state.
 
@@ -160,7 +160,7 @@ class LawModel(Constraints):
         posture: Posture,
         controls: Array,
         states: Array,
-        contacts: Sequence[Contact],
+        contacts: Sequence[ContactPoint],
         start: Array,
     ) -> LawSolution:
         """Solve the laws at a state; arguments as in `evaluate`, and a first guess, (nv,)."""

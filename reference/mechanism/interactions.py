@@ -30,7 +30,7 @@ Expression: TypeAlias = sp.Expr | float
 
 
 @dataclass(frozen=True)
-class RigidContact:
+class Contact:
     """A contact of two bodies that cannot overlap, with Coulomb friction and Newton's restitution.
 
     Attributes:
@@ -50,7 +50,7 @@ class RigidContact:
 
 
 @dataclass(frozen=True)
-class JointLimit:
+class Limit:
     """A range of a coordinate, with restitution `e` at both ends; None for an open end."""
 
     name: str
@@ -61,7 +61,7 @@ class JointLimit:
     e: Expression
 
     @property
-    def contacts(self) -> tuple[RigidContact, ...]:
+    def contacts(self) -> tuple[Contact, ...]:
         """The limits as contacts without friction."""
         gaps: dict[str, sp.Expr] = {}
         if self.lower is not None:
@@ -69,13 +69,13 @@ class JointLimit:
         if self.upper is not None:
             gaps["upper"] = self.upper - self.on.q
         return tuple(
-            RigidContact(f"{self.name} {side}", gap=gap, slip=0, mu=0, e=self.e)
+            Contact(f"{self.name} {side}", gap=gap, slip=0, mu=0, e=self.e)
             for side, gap in gaps.items()
         )
 
 
 @dataclass(frozen=True)
-class CoulombFriction:
+class DryFriction:
     """Dry friction against a sliding velocity `slip`, up to `force` (N or N m)."""
 
     name: str
@@ -102,7 +102,7 @@ class Buffer:
 
 
 @dataclass(frozen=True)
-class SaturatedDrive:
+class Drive:
     """A drive whose force is limited.
 
     Attributes:
@@ -118,7 +118,7 @@ class SaturatedDrive:
     limit: Expression
 
 
-Interaction: TypeAlias = RigidContact | JointLimit | CoulombFriction | Buffer | SaturatedDrive
+Interaction: TypeAlias = Contact | Limit | DryFriction | Buffer | Drive
 
 
 def check_interactions(system: Declaration, interactions: tuple[Interaction, ...]) -> None:
@@ -148,21 +148,21 @@ def _quantities(
 ) -> dict[str, tuple[Expression, Dimension | None]]:
     """Return the expressions of an interaction, each with its dimension; None for any."""
     number = TIME / TIME
-    if isinstance(item, RigidContact):
+    if isinstance(item, Contact):
         return {
             "gap": (item.gap, None),
             "slip": (item.slip, None),
             "mu": (item.mu, number),
             "e": (item.e, number),
         }
-    if isinstance(item, JointLimit):
+    if isinstance(item, Limit):
         unit = symbols[item.on.q]
         ends = {"lower": item.lower, "upper": item.upper}
         return {
             "e": (item.e, number),
             **{side: (end, unit) for side, end in ends.items() if end is not None},
         }
-    if isinstance(item, CoulombFriction):
+    if isinstance(item, DryFriction):
         return {"slip": (item.slip, None), "force": (item.force, None)}
     if isinstance(item, Buffer):
         return {

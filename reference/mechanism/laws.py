@@ -94,7 +94,7 @@ class SoftLimit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DryFriction:
+class SoftFriction:
     """Dry friction of each velocity of a joint, or of a path, up to `force` (N or N m)."""
 
     joint: int = -1
@@ -169,7 +169,7 @@ class ContactParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class Actuator:
     """An actuator on a path.
 
     Attributes:
@@ -237,11 +237,11 @@ class Laws:
     damps_implicitly: bool = True
     drive_damping: Mapping[int, float] = field(default_factory=dict)
     limits: tuple[SoftLimit, ...] = ()
-    frictions: tuple[DryFriction, ...] = ()
+    frictions: tuple[SoftFriction, ...] = ()
     equalities: tuple[SoftEquality, ...] = ()
     surfaces: tuple[Surface, ...] = ()
     pairs: tuple[tuple[int, int, ContactParameters], ...] = ()
-    drives: tuple[Drive, ...] = ()
+    drives: tuple[Actuator, ...] = ()
     sums: tuple[tuple[tuple[int, ...], Range], ...] = ()
     joint_ranges: Mapping[int, tuple[Range, bool]] = field(default_factory=dict)
     light: frozenset[int] = frozenset()
@@ -249,7 +249,7 @@ class Laws:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Contact:
+class ContactPoint:
     """A contact that a collision detector reports.
 
     Attributes:
@@ -376,7 +376,7 @@ class ImpulseLaws:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ImpulseContact(Contact):
+class ImpulseContact(ContactPoint):
     """A contact with the impulse that the engine reports; `position` is on the first surface.
 
     Attributes:

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.commands.compare.segments import Ends
 from physics_crosscheck.harness.commands.compare.states import SampledStates
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.jobs.executor import InThisProcess
-from physics_crosscheck.harness.numerics.ladder import Limit
+from physics_crosscheck.harness.numerics.ladder import ExtrapolatedLimit
 from physics_crosscheck.harness.records.comparison import ComparisonResult, FileDifference
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.segments import Segments
@@ -529,7 +529,7 @@ def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() 
     value = np.array([[0.0, 1.0], [1.0, 2.0]])
     runs = Segments.unsolved(np.array([[0.0, 1.0]] * 2), 1.0, np.zeros((2, 1)))
     states = SampledStates(runs=runs, fastest=1.0, unit=np.ones(1), typical=1.0, independent=(0,))
-    limit = Limit(
+    limit = ExtrapolatedLimit(
         value=value, uncertainty=np.full((2, 2), 1e-12), rungs=(2, 3), increments=np.ones(1),
         order=1.0, order_confirmed=True, converges=True, rounding=np.zeros((2, 2)), epsilon=2.2e-16,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.step import LawModel, LawStep
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
-from physics_crosscheck.reference.mechanism.laws import Contact, Laws, Softness, Surface
+from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws, Softness, Surface
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD
@@ -78,7 +78,7 @@ def on_plane(
     """Return the law's problem at a depth and a velocity (angular, linear), and its solution."""
     y = np.array([[0, 0, 0, 0, 0, RADIUS - depth]])[:, -len(velocity) :]
     posture = next(model.tree.postures(y, np.array([velocity], dtype=float)))
-    touching = Contact(
+    touching = ContactPoint(
         surfaces=(0, 1),
         distance=-depth,
         position=np.array([0.0, 0.0, -depth / 2]),

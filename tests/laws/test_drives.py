@@ -12,7 +12,7 @@ from physics_crosscheck.reference.laws.drives import Driven, drive, unsaturated
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.bodies import ForceElement, Joint, RigidBody
-from physics_crosscheck.reference.mechanism.laws import Drive, Laws
+from physics_crosscheck.reference.mechanism.laws import Actuator, Laws
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
@@ -32,7 +32,7 @@ def cart(
         tree=replace(tree, pulls=()), paths=tree.pulls, bodies=((WORLD, IDENTITY),),
         masses=np.zeros(1), centers=np.zeros((1, 3)),
     )  # fmt: skip
-    numbers = tuple(Drive(path=i, **{"control": 0, **one}) for i, one in enumerate(drives))
+    numbers = tuple(Actuator(path=i, **{"control": 0, **one}) for i, one in enumerate(drives))
     posture = next(whole.postures(np.array([[x]]), np.array([[v]])))
     return Laws(step=STEP, integrator="euler", drives=numbers, **laws), posture
 

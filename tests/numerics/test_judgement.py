@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, judge, unresolved_reason
-from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 
@@ -78,7 +78,7 @@ def test_an_obstacle_leaves_no_digit_whatever_the_defects() -> None:
 def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
     first: float, converges: bool, confirmed: bool, why: UnresolvedReason | None
 ) -> None:
-    limit = Limit(
+    limit = ExtrapolatedLimit(
         value=np.zeros((1, 2)),
         uncertainty=np.zeros((1, 2)),
         rungs=(2, 3),

@@ -22,9 +22,9 @@ from physics_crosscheck.reference.mechanism.declaration import (
     Scenario,
 )
 from physics_crosscheck.reference.mechanism.interactions import (
-    CoulombFriction,
+    Contact,
+    DryFriction,
     Interaction,
-    RigidContact,
 )
 from physics_crosscheck.reference.mechanism.laws import SoftLaw, Softness
 from physics_crosscheck.reference.mechanism.system import System
@@ -231,7 +231,7 @@ def test_a_rod_that_jams_is_refused() -> None:
     slip = x.v + HALF * sp.sin(angle.q) * angle.v
     start = Scenario("jam", "slides on its tip", q={x: 0, y: sp.sin(1.1), angle: 1.1},
                      v={x: -1.0, y: 0, angle: 0}, inputs={}, duration=0.5)  # fmt: skip
-    rod = planar((RigidContact("tip", gap=tip, slip=slip, mu=2.5, e=0),), start)
+    rod = planar((Contact("tip", gap=tip, slip=slip, mu=2.5, e=0),), start)
     with pytest.raises(EventError, match="Painleve"):
         solve_events(derive(rod), rod.scenarios[0])
     # Sliding the other way lifts no weight from the tip, so it is not refused.
@@ -242,7 +242,7 @@ def test_a_rod_that_jams_is_refused() -> None:
 
 def test_simultaneous_impacts_are_refused() -> None:
     ends = [
-        RigidContact(f"end {sign}", gap=y.q + sign * HALF * sp.sin(angle.q), slip=0, mu=0, e=0.5)
+        Contact(f"end {sign}", gap=y.q + sign * HALF * sp.sin(angle.q), slip=0, mu=0, e=0.5)
         for sign in (1, -1)
     ]
     start = Scenario("drop", "falls flat", q={x: 0, y: 0.5, angle: 0},
@@ -257,7 +257,7 @@ def test_an_interaction_with_an_unknown_symbol_is_refused() -> None:
     start = Scenario("s", "s", q=dict.fromkeys((x, y, angle), 0), v=dict.fromkeys((x, y, angle), 0),
                      inputs={}, duration=0.5)  # fmt: skip
     with pytest.raises(DeclarationError, match=r"friction: force uses stray"):
-        planar((CoulombFriction("friction", slip=x.v, force=stray),), start)
+        planar((DryFriction("friction", slip=x.v, force=stray),), start)
 
 
 def test_impacts_that_accumulate_are_refused_with_the_time_until_which_to_compare() -> None:

@@ -10,7 +10,12 @@ from physics_crosscheck.harness.commands.compare.candidate import Candidate
 from physics_crosscheck.harness.commands.compare.match import Match, halves
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
-from physics_crosscheck.harness.numerics.ladder import RUNGS, Limit, movement, observed_order
+from physics_crosscheck.harness.numerics.ladder import (
+    RUNGS,
+    ExtrapolatedLimit,
+    movement,
+    observed_order,
+)
 from physics_crosscheck.harness.numerics.segments import (
     BlownUpError,
     Extrapolated,
@@ -76,7 +81,7 @@ class Ends:
     value: Array
     uncertainty: Array
     finest: Array
-    limit: Limit
+    limit: ExtrapolatedLimit
     claimed: int
 
     @property

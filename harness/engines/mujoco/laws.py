@@ -27,14 +27,14 @@ from physics_crosscheck.harness.engines.mujoco.rule import has_nonlinear_damping
 from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
 from physics_crosscheck.harness.engines.mujoco.state import BALL
 from physics_crosscheck.reference.mechanism.laws import (
+    Actuator,
     Anchor,
     ContactParameters,
     Curve,
-    Drive,
-    DryFriction,
     Dynamics,
     Laws,
     SoftEquality,
+    SoftFriction,
     SoftLimit,
     Softness,
     Surface,
@@ -130,17 +130,17 @@ def _limits(m: Any) -> Iterator[SoftLimit]:
         )  # fmt: skip
 
 
-def _frictions(m: Any) -> Iterator[DryFriction]:
+def _frictions(m: Any) -> Iterator[SoftFriction]:
     """Yield the dry friction of joints and tendons."""
     for j in range(m.njnt):
         d = int(m.jnt_dofadr[j])
         if m.dof_frictionloss[d]:
             softness = _softness(m.dof_solref[d], m.dof_solimp[d])
-            yield DryFriction(joint=j, force=float(m.dof_frictionloss[d]), softness=softness)
+            yield SoftFriction(joint=j, force=float(m.dof_frictionloss[d]), softness=softness)
     for t in range(m.ntendon):
         if m.tendon_frictionloss[t] > 0:
             softness = _softness(m.tendon_solref_fri[t], m.tendon_solimp_fri[t])
-            yield DryFriction(path=t, force=float(m.tendon_frictionloss[t]), softness=softness)
+            yield SoftFriction(path=t, force=float(m.tendon_frictionloss[t]), softness=softness)
 
 
 def _equalities(m: Any) -> Iterator[SoftEquality]:
@@ -237,7 +237,7 @@ def _path(way: Combination | CompiledLength | None) -> CompiledForce:
     return CompiledForce(name="path", joints=way or ())
 
 
-def _drive(m: Any, i: int, path: int) -> Drive:
+def _drive(m: Any, i: int, path: int) -> Actuator:
     """Return an actuator."""
     import mujoco
 
@@ -247,7 +247,7 @@ def _drive(m: Any, i: int, path: int) -> Drive:
     gain = mujoco.mjtGain(m.actuator_gaintype[i]).name.removeprefix("mjGAIN_")
     bias = mujoco.mjtBias(m.actuator_biastype[i]).name.removeprefix("mjBIAS_")
     clamped = m.actuator_ctrllimited[index] and acts(m, "CLAMPCTRL")
-    return Drive(
+    return Actuator(
         path=path,
         control=index,
         state=first + count - 1 if first >= 0 else -1,

@@ -21,7 +21,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import EngineStep, WholeState
-from physics_crosscheck.reference.mechanism.laws import Contact, Laws
+from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws
 
 _EXACT: Mapping[str, float] = MappingProxyType({
     "solver": 2, "tolerance": 0.0, "iterations": 100, "ls_iterations": 50, "jacobian": 0,
@@ -98,12 +98,12 @@ def _stepper(make: Any) -> Any:
     return jax.jit(step)
 
 
-def _contacts(touches: Any) -> Iterator[Contact]:
+def _contacts(touches: Any) -> Iterator[ContactPoint]:
     """Yield the contacts within their margins."""
     for geoms, distance, margin, position, frame in zip(*touches, strict=True):
         if distance < margin:
             first, other = map(int, geoms)
-            yield Contact(
+            yield ContactPoint(
                 surfaces=(first, other),
                 distance=float(distance),
                 position=np.array(position),

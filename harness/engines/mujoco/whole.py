@@ -11,7 +11,7 @@ import numpy as np
 from physics_crosscheck.harness.engines.mujoco.state import States
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
-from physics_crosscheck.reference.mechanism.laws import Contact
+from physics_crosscheck.reference.mechanism.laws import ContactPoint
 
 _EXACT: Mapping[str, float] = MappingProxyType({
     "solver": 2, "tolerance": 0.0, "iterations": 200, "ls_iterations": 200,
@@ -116,10 +116,10 @@ class MujocoWhole(WholeModel):
             after=WholeState(z, velocity, state.controls, activations),
         )
 
-    def _contacts(self) -> Iterator[Contact]:
+    def _contacts(self) -> Iterator[ContactPoint]:
         for contact in self._data.contact:
             first, other = map(int, contact.geom)
-            yield Contact(
+            yield ContactPoint(
                 surfaces=(first, other),
                 distance=float(contact.dist),
                 position=np.array(contact.pos),

@@ -22,9 +22,9 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import drive_value
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
-    Drive,
-    DryFriction,
+    Actuator,
     SoftEquality,
+    SoftFriction,
     SoftLimit,
     Softness,
 )
@@ -184,7 +184,7 @@ def _compiled_rows(
         yield ("drive", i), _drive(drive, compiled.paths[drive.path].joints)
 
 
-def _place(table: str, row: SoftLimit | DryFriction) -> Key:
+def _place(table: str, row: SoftLimit | SoftFriction) -> Key:
     kind, index = ("joint", row.joint) if row.joint >= 0 else ("tendon", row.path)
     return f"{table} of {kind}", index
 
@@ -208,7 +208,7 @@ def _equality(equality: SoftEquality) -> Mapping[str, Values]:
 _WORDS: Mapping[str, str] = {"exact filter": "filterexact"}
 
 
-def _drive(drive: Drive, joints: Sequence[tuple[int, float]]) -> Mapping[str, Values]:
+def _drive(drive: Actuator, joints: Sequence[tuple[int, float]]) -> Mapping[str, Values]:
     kinds = [_WORDS.get(drive.dynamics, drive.dynamics), drive.gain, drive.bias]
     return {
         **drive_values(kinds, drive.constants, drive.gains, drive.biases),

@@ -1,6 +1,6 @@
 """Three balls on a rail that collide one after the other."""
 
-from physics_crosscheck import Constant, Coordinate, Output, RigidContact, Scenario, System
+from physics_crosscheck import Constant, Contact, Coordinate, Output, Scenario, System
 
 x1 = Coordinate("x1", "m", "position of the first ball")
 x2 = Coordinate("x2", "m", "position of the second ball")
@@ -31,7 +31,7 @@ system = System(
     ),
     published=(),
     interactions=(
-        RigidContact("first pair", gap=x2.q - x1.q - d, slip=0, mu=0, e=e),
-        RigidContact("second pair", gap=x3.q - x2.q - d, slip=0, mu=0, e=e),
+        Contact("first pair", gap=x2.q - x1.q - d, slip=0, mu=0, e=e),
+        Contact("second pair", gap=x3.q - x2.q - d, slip=0, mu=0, e=e),
     ),
 )  # fmt: skip

@@ -1,6 +1,6 @@
 """A mass on a spring that a moving belt drags: it sticks and slips."""
 
-from physics_crosscheck import Constant, Coordinate, CoulombFriction, Output, Scenario, System
+from physics_crosscheck import Constant, Coordinate, DryFriction, Output, Scenario, System
 
 x = Coordinate("x", "m", "displacement from the spring's equilibrium")
 
@@ -27,5 +27,5 @@ system = System(
                  duration=2.0),
     ),
     published=(),
-    interactions=(CoulombFriction("belt", slip=x.v - V_belt, force=F),),
+    interactions=(DryFriction("belt", slip=x.v - V_belt, force=F),),
 )  # fmt: skip

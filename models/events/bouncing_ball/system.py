@@ -1,6 +1,6 @@
 """A ball that drops on a floor, with restitution."""
 
-from physics_crosscheck import Constant, Coordinate, Output, RigidContact, Scenario, System
+from physics_crosscheck import Constant, Contact, Coordinate, Output, Scenario, System
 
 z = Coordinate("z", "m", "height of the lowest point of the ball")
 
@@ -27,5 +27,5 @@ system = System(
         Scenario("thrown", "thrown down", q={z: 0.3}, v={z: -1.5}, inputs={}, duration=1.2),
     ),
     published=(),
-    interactions=(RigidContact("floor", gap=z.q, slip=0, mu=0, e=e),),
+    interactions=(Contact("floor", gap=z.q, slip=0, mu=0, e=e),),
 )  # fmt: skip

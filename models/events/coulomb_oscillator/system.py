@@ -1,6 +1,6 @@
 """A mass on a spring with dry friction."""
 
-from physics_crosscheck import Constant, Coordinate, CoulombFriction, Output, Scenario, System
+from physics_crosscheck import Constant, Coordinate, DryFriction, Output, Scenario, System
 
 x = Coordinate("x", "m", "displacement from the spring's equilibrium")
 
@@ -26,5 +26,5 @@ system = System(
                  duration=1.4),
     ),
     published=(),
-    interactions=(CoulombFriction("friction", slip=x.v, force=F),),
+    interactions=(DryFriction("friction", slip=x.v, force=F),),
 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from sympy import cos
 
-from physics_crosscheck import Constant, Coordinate, JointLimit, Output, Scenario, System
+from physics_crosscheck import Constant, Coordinate, Limit, Output, Scenario, System
 
 theta = Coordinate("theta", "rad", "angle from the vertical, positive toward +x")
 
@@ -30,5 +30,5 @@ system = System(
                  duration=4.0),
     ),
     published=(),
-    interactions=(JointLimit("limit", on=theta, lower=None, upper=limit, e=e),),
+    interactions=(Limit("limit", on=theta, lower=None, upper=limit, e=e),),
 )  # fmt: skip

@@ -1,6 +1,6 @@
 """A mass that a position servo with limited force moves to a target."""
 
-from physics_crosscheck import Constant, Coordinate, Output, SaturatedDrive, Scenario, System
+from physics_crosscheck import Constant, Coordinate, Drive, Output, Scenario, System
 
 x = Coordinate("x", "m", "position")
 
@@ -28,6 +28,6 @@ system = System(
     ),
     published=(),
     interactions=(
-        SaturatedDrive("servo", on={x: 1}, force=kp * (target - x.q) - kd * x.v, limit=F),
+        Drive("servo", on={x: 1}, force=kp * (target - x.q) - kd * x.v, limit=F),
     ),
 )  # fmt: skip

@@ -1,6 +1,6 @@
 """A ball that skids until it rolls."""
 
-from physics_crosscheck import Constant, Coordinate, Output, RigidContact, Scenario, System
+from physics_crosscheck import Constant, Contact, Coordinate, Output, Scenario, System
 
 x = Coordinate("x", "m", "position of the centre")
 z = Coordinate("z", "m", "height of the lowest point")
@@ -31,5 +31,5 @@ system = System(
                  v={x: 1.0, z: 0, theta: -30.0}, inputs={}, duration=0.8),
     ),
     published=(),
-    interactions=(RigidContact("floor", gap=z.q, slip=x.v - R * theta.v, mu=mu, e=0),),
+    interactions=(Contact("floor", gap=z.q, slip=x.v - R * theta.v, mu=mu, e=0),),
 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from sympy import cos, sin
 
-from physics_crosscheck import Constant, Coordinate, Output, RigidContact, Scenario, System
+from physics_crosscheck import Constant, Contact, Coordinate, Output, Scenario, System
 
 x = Coordinate("x", "m", "position along the slope, positive downhill")
 z = Coordinate("z", "m", "distance of the ball from the slope")
@@ -34,5 +34,5 @@ system = System(
                  v={x: -2.0, z: 0, theta: 0}, inputs={}, duration=1.0),
     ),
     published=(),
-    interactions=(RigidContact("slope", gap=z.q, slip=x.v - R * theta.v, mu=mu, e=0),),
+    interactions=(Contact("slope", gap=z.q, slip=x.v - R * theta.v, mu=mu, e=0),),
 )  # fmt: skip

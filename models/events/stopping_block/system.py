@@ -1,6 +1,6 @@
 """A block that slides on a floor until friction stops it."""
 
-from physics_crosscheck import Constant, Coordinate, Output, RigidContact, Scenario, System
+from physics_crosscheck import Constant, Contact, Coordinate, Output, Scenario, System
 
 x = Coordinate("x", "m", "position")
 z = Coordinate("z", "m", "height above the floor")
@@ -27,5 +27,5 @@ system = System(
                  duration=1.0),
     ),
     published=(),
-    interactions=(RigidContact("floor", gap=z.q, slip=x.v, mu=mu, e=0),),
+    interactions=(Contact("floor", gap=z.q, slip=x.v, mu=mu, e=0),),
 )  # fmt: skip
