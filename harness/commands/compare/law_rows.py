@@ -29,14 +29,14 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
+    Actuator,
     ContactParameters,
-    Drive,
-    DryFriction,
     HardJoint,
     HardSurface,
     Laws,
     Range,
     SoftEquality,
+    SoftFriction,
     SoftLimit,
     Softness,
     Surface,
@@ -73,7 +73,7 @@ def _soft(suffix: str = "") -> dict[str, tuple[str, ...]]:
 ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
     ContactOptions: {"cone": ("elliptic",), "impratio": ("friction_ratio",), "refsafe": ("safe",)},
     SoftLimit: {"range": ("lower", "upper"), "margin": ("margin",), **_soft("limit")},
-    DryFriction: {"frictionloss": ("force",), **_soft("friction")},
+    SoftFriction: {"frictionloss": ("force",), **_soft("friction")},
     SoftEquality: {"polycoef": ("polynomial",), "torquescale": ("turn_scale",), **_soft()},
     Surface: {
         "condim": ("dimension",), "friction": ("friction",), "priority": ("priority",),
@@ -83,7 +83,7 @@ ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
         "condim": ("dimension",), "friction": ("friction",), "margin": ("margin",), **_soft(),
         "solreffriction": ("sliding",),
     },
-    Drive: {
+    Actuator: {
         "ctrlrange": ("control_range",), "actrange": ("state_range",),
         "forcerange": ("force_range",),
     },
@@ -100,7 +100,7 @@ Gains, biases and dynamics of drives act without limits too: motions compare the
 """
 
 LEADING: Mapping[type, str] = {
-    SoftLimit: "range", DryFriction: "frictionloss", JointForceLimit: "actuatorfrcrange",
+    SoftLimit: "range", SoftFriction: "frictionloss", JointForceLimit: "actuatorfrcrange",
     SoftEquality: "polycoef", ContactParameters: "friction",
 }  # fmt: skip
 """Attribute that names a row which only one file has."""
@@ -229,7 +229,7 @@ class SoftRows:
             elliptic=laws.elliptic, friction_ratio=laws.friction_ratio, safe=laws.safe
         )
         yield self._row(("options",), "options", 0, options, ("option", 0))
-        tables: tuple[tuple[str, str, Sequence[SoftLimit | DryFriction]], ...] = (
+        tables: tuple[tuple[str, str, Sequence[SoftLimit | SoftFriction]], ...] = (
             ("limits", "limit", laws.limits),
             ("frictions", "friction", laws.frictions),
         )
@@ -375,7 +375,7 @@ def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
             continue
         for key, row in _forces_on(a, mine, name):
             both = -joint.effort, joint.effort
-            limited: JointForceLimit | Drive
+            limited: JointForceLimit | Actuator
             if isinstance(row, JointForceLimit):
                 limited = replace(row, force=both)
             else:
@@ -392,7 +392,7 @@ def _default_limit(a: SoftRows, name: str) -> SoftLimit:
 
 def _forces_on(
     soft: SoftRows, rows: Mapping[Key, LawRow], name: str
-) -> Iterator[tuple[Key, JointForceLimit | Drive]]:
+) -> Iterator[tuple[Key, JointForceLimit | Actuator]]:
     """Yield the row that limits the force on a joint: its own range, or that of its only drive."""
     if (row := rows.get(("joint_ranges", name))) is not None:
         yield row.key, row.row
