@@ -44,7 +44,7 @@ from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
-from physics_crosscheck.reference.mechanism.laws import Contact
+from physics_crosscheck.reference.mechanism.laws import ContactPoint
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
 from physics_crosscheck.reference.mechanism.spatial_inertia import (
@@ -341,7 +341,7 @@ def acting_state(
     )
 
 
-def _contact(contact: Contact) -> SceneContact:
+def _contact(contact: ContactPoint) -> SceneContact:
     return SceneContact(
         point=rounded(contact.position.tolist(), DIGITS),
         normal=rounded(contact.frame[0].tolist(), SIZE_DIGITS),
