@@ -31,6 +31,7 @@ ALL := .venv-engines/bin
 test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
 		tests/files/test_motions.py tests/numerics/test_stepping.py tests/numerics/test_forward_dynamics.py
+	$(ALL)/python -m pytest -n 2 -m pinocchio --crosscheck models --crosscheck-thorough --ignore models/events models
 	$(ALL)/crosscheck gate --all --out build/gate
 
 # Another Python, with the engines that have wheels for it: make test-python PYTHON=python3.12

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
 
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
@@ -195,6 +197,33 @@ def test_a_servo_leaves_its_limit_on_a_parabola() -> None:
         (c["kd"] * a) ** 2 + 2 * c["kp"] * a * (c["kp"] * c["target"] - c["F"])
     )) / (c["kp"] * a)  # fmt: skip
     assert_close(motion("saturated_servo", "move").events[0], leaves)
+
+
+def test_a_ball_lands_on_a_damped_spring() -> None:
+    system, c = built_in("soft_landing")
+    sidecar = read_sidecar(EVENTS / "soft_landing" / "mujoco.xml.toml")
+    land = solve_events(derive(system), system.scenarios[0], sidecar.laws)
+    (softness,) = (law.softness for law in sidecar.laws.values())
+    (time, ratio), d, g = softness.reference, softness.impedance[0], c["g"]
+    # While pressed z'' = -(1 - d) g - 2 z'/T - z/(T Z)^2.
+    # The force per mass is z'' + g.
+    rest = -(1 - d) * g * (time * ratio) ** 2
+    w = np.sqrt(1 / (time * ratio) ** 2 - 1 / time**2)
+    fast = -np.sqrt(2 * g * 0.2)
+
+    def pressed(s: Any) -> Any:  # of mpmath, which has no types
+        swing = -rest * mp.cos(w * s) + (fast - rest / time) / w * mp.sin(w * s)
+        return rest + mp.exp(-s / time) * swing
+
+    def force(s: Any) -> Any:
+        return d * g - 2 / time * mp.diff(pressed, s) - pressed(s) / (time * ratio) ** 2
+
+    with mp.workdps(30):
+        contact = mp.findroot(force, (0.5 / w, 2.5 / w), solver="anderson", tol=1e-20)
+        depth, leaves = float(pressed(contact)), float(mp.diff(pressed, contact))
+    flight = (leaves + np.sqrt(leaves**2 + 2 * g * depth)) / g
+    touch = -fast / g
+    assert_close(land.events[:3], np.cumsum([touch, float(contact), flight]))
 
 
 def test_segments_centre_each_event_or_keep_a_coarsest_step_away() -> None:
