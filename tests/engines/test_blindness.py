@@ -34,6 +34,7 @@ ALLOWED = (
     "physics_crosscheck.reference.mechanism.laws",
     "physics_crosscheck.reference.mechanism.planar",
     "physics_crosscheck.reference.mechanism.rotations",
+    "physics_crosscheck.reference.mechanism.spatial_inertia",
 )
 ADAPTERS = sorted(HOME.rglob("*.py"))
 SYSTEMS = ("mass_spring_damper", "drum_pendulum")
