@@ -296,7 +296,7 @@ def test_the_event_that_is_most_off_is_named_and_short_ones_are_counted() -> Non
     cases = [case(full_run=full_run(events=events)), case(scenario="smooth")]
     name = "disc/mujoco.xml/free [mujoco]"
     assert event_lines(cases) == [
-        f"2 events of full runs at most 4 ms off (worst: stop, {name}); 1 not seen, shorter than dt"
+        f"2 events of full runs at most 4 ms off (worst: stop, {name}); 1 not seen at dt"
     ]
     (detailed,) = event_lines(cases, details=True)
     assert detailed.startswith(f"{name}: floor, impact at 0.3 s: 1 ms off; stop, impact")

@@ -431,7 +431,7 @@ def event_lines(cases: Iterable[Case], *, details: bool = False) -> list[str]:
         return []
     largest, event, worst = max(timed, key=lambda entry: entry[0])
     hidden = len(seen) - len(timed)
-    unseen = f"; {hidden} not seen, shorter than dt" if hidden else ""
+    unseen = f"; {hidden} not seen at dt" if hidden else ""
     return [
         f"{counted(len(timed), 'event')} of full runs at most {duration(largest)} off "
         f"(worst: {event.part}, {worst.id}){unseen}"
