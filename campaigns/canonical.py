@@ -201,12 +201,10 @@ def dart_track(scene: CanonicalScene, h: float) -> Track:
 
     def add(name: str, shape: Any, height: float, e: float, *, fixed: bool) -> Any:
         skeleton = dart.dynamics.Skeleton(name)
-        make = (
-            skeleton.createWeldJointAndBodyNodePair
-            if fixed
-            else (skeleton.createFreeJointAndBodyNodePair)
-        )
-        joint, body = make()
+        if fixed:
+            joint, body = skeleton.createWeldJointAndBodyNodePair()
+        else:
+            joint, body = skeleton.createFreeJointAndBodyNodePair()
         node = body.createShapeNode(shape)
         node.createCollisionAspect()
         aspect = node.createDynamicsAspect()
@@ -223,9 +221,8 @@ def dart_track(scene: CanonicalScene, h: float) -> Track:
         return skeleton
 
     add("floor", dart.dynamics.BoxShape([40, 40, 1]), -0.5, 1.0, fixed=True)
-    shape = (
-        dart.dynamics.SphereShape(HALF) if scene.ball else (dart.dynamics.BoxShape([2 * HALF] * 3))
-    )
+    sphere, box = dart.dynamics.SphereShape(HALF), dart.dynamics.BoxShape([2 * HALF] * 3)
+    shape = sphere if scene.ball else box
     body = add("body", shape, HALF + scene.gap, scene.e, fixed=False)
     body.setVelocities([0, 0, 0, scene.speed, 0, 0])
     rows = []

@@ -47,7 +47,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
-from physics_crosscheck.harness.modelfiles.urdf.laws import ImpulseNumbers, NearRigidNumbers
+from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_numbers, near_rigid_numbers
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
@@ -430,12 +430,12 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem
 def _ruled_problem(task: TreeTask, numbers: UrdfNumbers, model: WholeModel) -> AnyLawProblem | None:
     """Compare a URDF with the law whose settings the engine has."""
     if isinstance(model.rules, NearRigidRules):
-        limited = NearRigidNumbers(numbers=numbers, rules=model.rules)
+        limited = near_rigid_numbers(numbers, model.rules)
         laws = limited.laws({})
         return None if laws is None else _problem(task, limited, LawComparison(laws, model))
     if model.rules is None:
         return None
-    hard = ImpulseNumbers(numbers=numbers, rules=model.rules)
+    hard = impulse_numbers(numbers, model.rules)
     impulses = hard.laws({})
     return None if impulses is None else _problem(task, hard, ImpulseComparison(impulses, model))
 

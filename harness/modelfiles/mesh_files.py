@@ -18,6 +18,11 @@ from physics_crosscheck.reference.mechanism.rotations import Array
 MAX_MESH_BYTES = 40_000_000
 """Largest file of a mesh that is read."""
 
+_COLLADA_HEAD = 1_000_000
+"""Number of bytes of a COLLADA file in which its unit and upper axis are looked for."""
+
+_COLLADA_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)[\"']")
+
 _FINEST = 400
 """Most cells along the longest edge of a decimated mesh."""
 
@@ -26,11 +31,6 @@ _TO_THE_MIDDLE = 0.01
 
 _PACKAGE_PATHS = ("ROS_PACKAGE_PATH",)
 """Environment variables with folders that contain packages."""
-
-_COLLADA_HEAD = 1_000_000
-"""Number of bytes of a COLLADA file in which its asset is looked for."""
-
-_COLLADA_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)[\"']")
 
 _PREFIX_PATHS = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
 """Environment variables with folders whose `share` contains packages."""

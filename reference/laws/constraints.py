@@ -224,10 +224,7 @@ class Constraints:
             turn, by, drift = _rotation_error(first, other)
             scale = equality.turn_scale
             apart = np.concatenate([apart, scale * turn])
-            row, bias = (
-                np.vstack([row, scale * by]),
-                np.concatenate([bias, scale * drift]),
-            )
+            row, bias = np.vstack([row, scale * by]), np.concatenate([bias, scale * drift])
             weight += [weights[1]] * 3
         size = float(np.abs(first.origin).sum() + np.abs(other.origin).sum())
         whole = float(np.linalg.norm(apart))

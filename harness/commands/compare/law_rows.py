@@ -243,10 +243,8 @@ class SoftRows:
         for joint, (force, lifts) in laws.joint_ranges.items():
             name = self._joint(joint)
             if name is not None:
-                forces, stated = (
-                    JointForceLimit(force=force, lifts=lifts),
-                    ("force of joint", joint),
-                )
+                forces = JointForceLimit(force=force, lifts=lifts)
+                stated = ("force of joint", joint)
                 yield self._row(("joint_ranges", name), f"joint {name}", joint, forces, stated)
         for i, equality in enumerate(laws.equalities):
             key = ("equalities", str(len(laws.equalities)), str(i))
@@ -417,10 +415,8 @@ def soft_as_hard(
         name = target.key[1]
         limit = rows.get(("limits", "joint", name))
         lower, upper = (limit.row.lower, limit.row.upper) if limit else (1.0, 0.0)
-        changed, lines = (
-            replace(joint, lower=lower, upper=upper),
-            dict(limit.lines if limit else {}),
-        )
+        changed = replace(joint, lower=lower, upper=upper)
+        lines = dict(limit.lines) if limit else {}
         for key, row in _forces_on(b, rows, name):
             force = row.force if isinstance(row, JointForceLimit) else row.force_range
             if force is not None and -force[0] == force[1] and joint.effort:

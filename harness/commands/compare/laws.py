@@ -135,19 +135,9 @@ def _rows(
     a: _LawSide, b: _LawSide, pairs: Sequence[JointPair]
 ) -> tuple[Mapping[Key, LawRow], Mapping[Key, LawRow]]:
     """Return the rows of both models in the tables of A's laws."""
-    soft_a, soft_b = _soft_sides(a, b, pairs)
-    names_a, names_b = ({pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs})
-    file_a, file_b = (model_laws.facts.candidate.sidecar.model for model_laws in (a, b))
-    if soft_a is not None:
-        mine = list(soft_a.rows())
-    else:
-        assert isinstance(a.model, ImpulseModel)
-        mine = list(hard_rows(file_a, a.model, names_a))
-    if soft_b is not None:
-        theirs = list(soft_b.rows())
-    else:
-        assert isinstance(b.model, ImpulseModel)
-        theirs = list(hard_rows(file_b, b.model, names_b))
+    names_a, names_b = {pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs}
+    soft_a, soft_b = _soft_sides(a, b, pairs, (names_a, names_b))
+    mine, theirs = _own_rows(a, soft_a, names_a), _own_rows(b, soft_b, names_b)
     by_name = {pair.a: pair for pair in pairs}
     theirs = [_in_a(row, by_name) for row in theirs]
     if soft_a is not None and soft_b is None:
@@ -160,8 +150,19 @@ def _rows(
     return {row.key: row for row in mine}, {row.key: row for row in theirs}
 
 
+def _own_rows(loaded: _LawSide, soft: SoftRows | None, names: Mapping[str, str]) -> list[LawRow]:
+    """Return the rows of one model in the tables of its own laws."""
+    if soft is not None:
+        return list(soft.rows())
+    assert isinstance(loaded.model, ImpulseModel)
+    return list(hard_rows(loaded.facts.candidate.sidecar.model, loaded.model, names))
+
+
 def _soft_sides(
-    a: _LawSide, b: _LawSide, pairs: Sequence[JointPair]
+    a: _LawSide,
+    b: _LawSide,
+    pairs: Sequence[JointPair],
+    joint_names: tuple[Mapping[str, str], Mapping[str, str]],
 ) -> tuple[SoftRows | None, SoftRows | None]:
     """Return the sides whose laws are convex."""
     compiled = [model_laws.facts.compiled for model_laws in (a, b)]
@@ -181,9 +182,8 @@ def _soft_sides(
         drives = every[0], every[1]
     sides: list[SoftRows | None] = []
     for model_laws, compiled_tree, paired, names in zip(
-        (a, b), both, drives,
-        ({pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs}), strict=True,
-    ):  # fmt: skip
+        (a, b), both, drives, joint_names, strict=True
+    ):
         if compiled_tree is None or not isinstance(model_laws.model, LawModel):
             sides.append(None)
             continue

@@ -1,12 +1,13 @@
-"""Limits, motors and contacts of a URDF that act by impulses."""
+"""Limits, motors and contacts of a URDF whose laws have settings of an engine."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
-from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     HardSurface,
@@ -128,15 +128,21 @@ _NUMBERS = re.compile(r"robot/(joint/limit@(lower|upper|effort)|link/contact/\w+
 """Numbers that the laws depend on, besides those of the bodies."""
 
 
+L = TypeVar("L", ImpulseModel, NearRigidModel)
+"""The laws of a URDF, with settings of an engine."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RuledNumbers:
+class RuledNumbers(Generic[L]):
     """The numbers of a URDF whose laws have settings of an engine.
 
     Attributes:
         numbers: of the file.
+        build: returns the laws of the file on its tree, or None.
     """
 
     numbers: UrdfNumbers
+    build: Callable[[UrdfFile, Tree], L | None]
 
     @property
     def numerals(self) -> tuple[Number, ...]:
@@ -154,44 +160,25 @@ class RuledNumbers:
         """Nothing: the format has no number that selects a law."""
         return {}
 
+    def laws(self, values: Mapping[int, float]) -> L | None:
+        """Return the laws with other values of some numbers, by index, or None."""
+        with self.numbers.changed(values, coupled=False) as changed:
+            return None if changed is None else self.build(*changed)
+
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
         """Return the file with other values of some numbers."""
         return self.numbers.texts(values)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ImpulseNumbers(RuledNumbers):
-    """The numbers of a URDF whose limits, motors and contacts act by impulses.
-
-    Attributes:
-        rules: of the engine.
-    """
-
-    rules: ImpulseRules
-
-    def laws(self, values: Mapping[int, float]) -> ImpulseModel | None:
-        """Return the laws with other values of some numbers, by index, or None."""
-        with self.numbers.changed(values, coupled=False) as changed:
-            if changed is None:
-                return None
-            file, tree = changed
-            return _model(file, tree, self.rules, floats=self.numbers.floats)
+def impulse_numbers(numbers: UrdfNumbers, rules: ImpulseRules) -> RuledNumbers[ImpulseModel]:
+    """Return the numbers of a URDF whose limits, motors and contacts act by impulses."""
+    build = partial(_model, rules=rules, floats=numbers.floats)
+    return RuledNumbers(numbers=numbers, build=build)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NearRigidNumbers(RuledNumbers):
-    """The numbers of a URDF whose limits are near-rigid.
-
-    Attributes:
-        rules: of the engine.
-    """
-
-    rules: NearRigidRules
-
-    def laws(self, values: Mapping[int, float]) -> LawModel | None:
-        """Return the laws with other values of some numbers, by index, or None."""
-        with self.numbers.changed(values, coupled=False) as changed:
-            return None if changed is None else _near_rigid(*changed, self.rules)
+def near_rigid_numbers(numbers: UrdfNumbers, rules: NearRigidRules) -> RuledNumbers[NearRigidModel]:
+    """Return the numbers of a URDF whose limits are near-rigid."""
+    return RuledNumbers(numbers=numbers, build=partial(_near_rigid, rules=rules))
 
 
 def _without_springs(tree: Tree) -> Tree:

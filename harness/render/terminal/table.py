@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
-from physics_crosscheck.harness.records.case import Case, Stepping, WholeStep
+from physics_crosscheck.harness.records.case import Case, EventTime, Stepping, WholeStep
 from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -414,19 +414,13 @@ def dynamics_lines(cases: Iterable[Case]) -> list[str]:
 def event_lines(cases: Iterable[Case], *, details: bool = False) -> list[str]:
     """Return one line about the event times of full runs, or one for each event."""
     seen = [(event, case) for case in cases if case.full_run for event in case.full_run.events]
-    timed = [(abs(e.in_run - e.time), e, case) for e, case in seen if e.in_run is not None]
     if details:
-        delays = {id(event): f"{duration(offset)} off" for offset, event, _ in timed}
         by_case = itertools.groupby(seen, lambda entry: entry[1].id)
         return [
-            f"{name}: "
-            + "; ".join(
-                f"{event.part}, {event.change} at {event.time:.6g} s: "
-                + delays.get(id(event), "not seen")
-                for event, _ in group
-            )
+            f"{name}: {'; '.join(_event_text(event) for event, _ in group)}"
             for name, group in by_case
         ]
+    timed = [(abs(e.in_run - e.time), e, case) for e, case in seen if e.in_run is not None]
     if not timed:
         return []
     largest, event, worst = max(timed, key=lambda entry: entry[0])
@@ -436,6 +430,12 @@ def event_lines(cases: Iterable[Case], *, details: bool = False) -> list[str]:
         f"{counted(len(timed), 'event')} of full runs at most {duration(largest)} off "
         f"(worst: {event.part}, {worst.id}){unseen}"
     ]
+
+
+def _event_text(event: EventTime) -> str:
+    """Return an event, and how far its time is off in the run at dt."""
+    seen = "not seen" if event.in_run is None else f"{duration(abs(event.in_run - event.time))} off"
+    return f"{event.part}, {event.change} at {event.time:.6g} s: {seen}"
 
 
 def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
