@@ -9,16 +9,17 @@ leaves the decision to segments, so that single steps alone never report a diffe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.prepare import Prepared
-from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.verdict import CaseJudgement
 from physics_crosscheck.harness.engines.protocol import LoadedModel, StepRule
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.forward_dynamics import AccelerationComparison
+from physics_crosscheck.harness.numerics.forward_dynamics import (
+    AccelerationComparison,
+    forward_dynamics,
+    mixed,
+)
 from physics_crosscheck.harness.numerics.full_run import (
     CompleteRun,
     held_inputs,
@@ -26,9 +27,16 @@ from physics_crosscheck.harness.numerics.full_run import (
     traced_run,
 )
 from physics_crosscheck.harness.numerics.judgement import judge
-from physics_crosscheck.harness.numerics.stepping import StepComparison, StepDefects, compare_run
+from physics_crosscheck.harness.numerics.stepping import (
+    StepComparison,
+    StepDefects,
+    compare_run,
+    step_engine,
+)
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.next_state import Stepped
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
 
 MARGIN = 100.0
@@ -74,9 +82,52 @@ class StepsVerdict:
     motion: RunSteps | None
 
 
+@dataclass(frozen=True, kw_only=True)
+class SteppedModel:
+    """A loaded model beside the equations that its steps are compared with.
+
+    Attributes:
+        model: the model.
+        coordinates: map from the equations' coordinates to the engine's.
+        stepped: the equations.
+        components: names of the state's components, (2n,).
+        inputs: number of inputs of the equations.
+        resolution: smallest relative difference that counts.
+        power: (energy, supplied, dissipated) of full runs; None: without an energy balance.
+    """
+
+    model: LoadedModel
+    coordinates: CoordinateMap
+    stepped: Stepped
+    components: tuple[str, ...]
+    inputs: int
+    resolution: float
+    power: VectorFunction | None = None
+
+    def single_steps(
+        self, states: Array, inputs: Array, *, fastest: float, long: bool = False
+    ) -> StepComparison | None:
+        """Compare one step from each state, as `step_engine` does."""
+        return step_engine(
+            self.model,
+            self.coordinates,
+            self.stepped,
+            states,
+            inputs,
+            self.resolution,
+            fastest=fastest,
+            long=long,
+        )
+
+    def accelerations(self, states: Array, inputs: Array) -> AccelerationComparison | None:
+        """Compare accelerations there, and at further states in the same positions."""
+        return forward_dynamics(
+            self.model, self.coordinates, self.stepped, *mixed(states, inputs), self.resolution
+        )
+
+
 def decide_by_steps(
-    task: ModelTask[Prepared],
-    loaded: tuple[LoadedModel, CoordinateMap],
+    compared: SteppedModel,
     stepping: StepComparison | None,
     dynamics: AccelerationComparison | None,
     motion: Motion | None,
@@ -84,26 +135,23 @@ def decide_by_steps(
     """Return the verdict that single steps allow; None if segments must decide.
 
     Args:
-        task: the task.
-        loaded: the loaded model, and its map.
+        compared: the model and its equations.
         stepping: the comparison of single steps; None without a rule.
         dynamics: the comparison of accelerations; None if the engine exposes none.
         motion: the motion of full runs; None without one.
     """
-    model, coordinates = loaded
-    decided = partial(_build, task, redundant=coordinates.redundant)
-    if stepping is None or not suffices(stepping, dynamics, task.resolution):
+    if stepping is None or not suffices(stepping, dynamics, compared.resolution):
         return None
     if motion is None:
-        return decided(stepping, None)
-    if steps_of(motion.duration, model.step) > MOST_STEPS:
+        return _build(compared, stepping, None)
+    if steps_of(motion.duration, compared.model.step) > MOST_STEPS:
         return None
-    steps = _run_steps(task, loaded, stepping, motion)
-    least, defects = task.resolution / MARGIN, steps.defects
+    steps = _run_steps(compared, stepping, motion)
+    least, defects = compared.resolution / MARGIN, steps.defects
     largest = np.max(defects.defect), np.max(defects.uncertainty), defects.off_map
     if not np.max(largest) <= least:
         return None
-    return decided(stepping, steps)
+    return _build(compared, stepping, steps)
 
 
 def suffices(
@@ -138,44 +186,29 @@ def _evaluates_later(rule: StepRule) -> bool:
     return rule.damping is not None or rule.stiffness is not None or rule.by_velocity
 
 
-def _run_steps(
-    task: ModelTask[Prepared],
-    loaded: tuple[LoadedModel, CoordinateMap],
-    stepping: StepComparison,
-    motion: Motion,
-) -> RunSteps:
+def _run_steps(compared: SteppedModel, stepping: StepComparison, motion: Motion) -> RunSteps:
     """Compare each step of a full run."""
-    model, coordinates = loaded
-    stepped = task.target.stepped
-    assert stepped is not None  # there is a comparison of single steps
-    run, states, residuals = traced_run(model, coordinates, motion, task.target.power(), model.step)
+    model, coordinates = compared.model, compared.coordinates
+    run, states, residuals = traced_run(model, coordinates, motion, compared.power, model.step)
     inputs = held_inputs(motion.inputs, model.step, len(states) - 1)
     if not inputs.size:  # the motion of a robot from rest, without forces
-        inputs = np.zeros((len(inputs), task.target.states(task.scenario)[1].shape[1]))
-    compared = states, residuals, inputs, stepping.rounding
+        inputs = np.zeros((len(inputs), compared.inputs))
+    rows = states, residuals, inputs, stepping.rounding
     return RunSteps(
         run=run,
         t=model.step * np.arange(len(inputs), dtype=np.float64),
-        defects=compare_run(model, coordinates, stepped, *compared),
+        defects=compare_run(model, coordinates, compared.stepped, *rows),
     )
 
 
 def _build(
-    task: ModelTask[Prepared],
-    stepping: StepComparison,
-    motion: RunSteps | None,
-    *,
-    redundant: bool,
+    compared: SteppedModel, stepping: StepComparison, motion: RunSteps | None
 ) -> StepsVerdict:
-    """Build the verdict: the largest differences of all steps.
-
-    Args:
-        redundant: whether the engine has more coordinates than the equations.
-    """
+    """Build the verdict: the largest differences of all steps."""
     judged, time, steps = stepping.judgement, float("nan"), stepping.states
     if motion is not None:
         defects = motion.defects
-        judged = judge(defects.defect, defects.uncertainty, task.resolution, None)
+        judged = judge(defects.defect, defects.uncertainty, compared.resolution, None)
         time, steps = float(motion.t[judged.segment]), steps + len(motion.t)
     off_map = max(stepping.later.off_map, 0.0 if motion is None else motion.defects.off_map)
     each = stepping.judgement, judged
@@ -185,13 +218,13 @@ def _build(
         uncertainty=judged.uncertainty,
         largest_discrepancy=max(one.largest_discrepancy for one in each),
         largest_uncertainty=max(one.largest_uncertainty for one in each),
-        component=task.target.components[judged.component],
+        component=compared.components[judged.component],
         time=time,
         order=float("nan"),
-        map_residual=off_map if redundant else float("nan"),
+        map_residual=off_map if compared.coordinates.redundant else float("nan"),
         map_uncertainty=float("nan"),
         reason="",
-        resolution=task.resolution,
+        resolution=compared.resolution,
         decided_by="single steps",
     )
     return StepsVerdict(verdict=verdict, steps=steps, motion=motion)

@@ -11,7 +11,11 @@ from typing import Protocol
 import numpy as np
 from msgspec import structs
 
-from physics_crosscheck.harness.checks.by_steps import StepsVerdict, decide_by_steps
+from physics_crosscheck.harness.checks.by_steps import (
+    SteppedModel,
+    StepsVerdict,
+    decide_by_steps,
+)
 from physics_crosscheck.harness.checks.case_record import (
     SERIES,
     DefectSeries,
@@ -40,8 +44,6 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.event_runs import study_events
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison,
-    forward_dynamics,
-    mixed,
 )
 from physics_crosscheck.harness.numerics.full_run import CompleteRun, why_no_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
@@ -49,7 +51,6 @@ from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
 from physics_crosscheck.harness.numerics.stepping import (
     StepComparison,
     StepDefects,
-    step_engine,
 )
 from physics_crosscheck.harness.records.base import Record, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseKind, SkippedCheck, Stepping
@@ -309,8 +310,19 @@ def _judgement(
         motion: the motion of full runs; None without one.
     """
     model, _ = loaded
-    stepping, dynamics = _stepping(task, *loaded), _dynamics(task, *loaded)
-    if not task.thorough and (steps := decide_by_steps(task, loaded, stepping, dynamics, motion)):
+    compared, stepping, dynamics = stepped_model(task, *loaded), None, None
+    if compared is not None:
+        states = task.target.states(task.scenario)
+        stepping = compared.single_steps(
+            *states,
+            fastest=task.target.segments(task.scenario).fastest,
+            long=task.thorough and isinstance(task.target, PreparedSystem),
+        )
+        dynamics = compared.accelerations(*states)
+    steps = None
+    if compared is not None and not task.thorough:
+        steps = decide_by_steps(compared, stepping, dynamics, motion)
+    if steps is not None:
         order = model.exponents(task.target.segments(task.scenario).varying)[0]
         return _Judgement(
             verdict=steps.verdict,
@@ -322,6 +334,24 @@ def _judgement(
             by_steps=steps,
         )
     return _by_segments(task, loaded, stepping, dynamics)
+
+
+def stepped_model(
+    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
+) -> SteppedModel | None:
+    """Return the model beside its equations; None if these depend on time."""
+    target, stepped = task.target, task.target.stepped
+    if stepped is None:
+        return None
+    return SteppedModel(
+        model=model,
+        coordinates=coordinates,
+        stepped=stepped,
+        components=target.components,
+        inputs=target.states(task.scenario)[1].shape[1],
+        resolution=task.resolution,
+        power=target.power(),
+    )
 
 
 def _by_segments(
@@ -462,37 +492,6 @@ def _motion(task: ModelTask[Prepared], model: LoadedModel) -> tuple[Motion | Non
     if isinstance(motion, str):
         return None, motion
     return motion, "" if motion is None else why_no_run(motion.duration, model.step)
-
-
-def _stepping(
-    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
-) -> StepComparison | None:
-    """Compare single steps of the engine, with the integrator that the file selects."""
-    target, stepped = task.target, task.target.stepped
-    if stepped is None:
-        return None
-    return step_engine(
-        model,
-        coordinates,
-        stepped,
-        *target.states(task.scenario),
-        task.resolution,
-        fastest=target.segments(task.scenario).fastest,
-        long=task.thorough and isinstance(target, PreparedSystem),
-    )
-
-
-def _dynamics(
-    task: ModelTask[Prepared], model: LoadedModel, coordinates: CoordinateMap
-) -> AccelerationComparison | None:
-    """Compare the engine's accelerations at those states, and at further states in the same
-    positions.
-    """
-    stepped = task.target.stepped
-    if stepped is None:
-        return None
-    states, inputs = mixed(*task.target.states(task.scenario))
-    return forward_dynamics(model, coordinates, stepped, states, inputs, task.resolution)
 
 
 def _with_warnings(reason: str, task: ModelTask[Prepared], model: LoadedModel) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from physics_crosscheck.harness.records.base import Number, Record
-from physics_crosscheck.harness.records.case import CaseId, CaseKind
+from physics_crosscheck.harness.records.case import CaseId, CaseKind, DecidedBy
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.diff import CaseNumbers
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -35,7 +37,8 @@ class SweepRow(Record, frozen=True, kw_only=True):
             allows.
         digits: Agreeing digits in every component, -log10 max(E, U).
         global_error: Largest position error at `step`, relative to the amplitude.
-        order: Observed order of the segments' error.
+        order: Observed order of the segments' error; None if single steps decide.
+        decided_by: Check that decides; empty if the case could not run.
         steps: Number of engine steps.
         engine_seconds: Processor time of the engine's stepping.
         reference_seconds: Processor time of the reference motion; 0 if an earlier case computed it.
@@ -63,6 +66,7 @@ class SweepRow(Record, frozen=True, kw_only=True):
     digits: Number = None
     global_error: Number = None
     order: Number = None
+    decided_by: DecidedBy | Literal[""] = ""
     steps: int = 0
     engine_seconds: float = 0.0
     reference_seconds: float = 0.0

@@ -98,6 +98,11 @@ class Equations(EquationsOfMotion):
         """M of (q, v, u, (t,)), in row-major order."""
         return self.compile(list(self.mass))
 
+    @cached_property
+    def numeric_force(self) -> NumericFunction:
+        """f of (q, v, u, (t,))."""
+        return self.compile(self.force)
+
     def acceleration_error(
         self,
         states: Array,

@@ -19,6 +19,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     product,
     rotate,
     rotate_back,
+    turn_parts,
     weighted,
 )
 from physics_crosscheck.reference.mechanism.tree import TreeLink
@@ -54,11 +55,14 @@ Acting = tuple[Scalars, Scalars]
 class LinkNumbers:
     """A link's constants in the number type of the recursion; scalars are arrays (1,).
 
+    `turned` gives the rotation of a hinge, `turned_by` its angle, in the parent's frame.
+
     Libraries of symbols treat a product of symbol and array in their own way.
     """
 
     placement: Placement
     axis: Scalars
+    turned: Scalars
     turning: Scalars
     sliding: Scalars
     mass: Scalars
@@ -189,9 +193,11 @@ def carried_down(placed: Placement, force: Scalars, moment: Scalars) -> tuple[Sc
 def numbers_of(link: TreeLink, field: Field) -> LinkNumbers:
     """Return a link's constants in a number type."""
     turning, sliding = link.motion
+    rotation, axis = field.array(link.rotation), field.array(link.axis)
     return LinkNumbers(
-        placement=Placement(field.array(link.rotation), field.array(link.position)),
-        axis=field.array(link.axis),
+        placement=Placement(rotation, field.array(link.position)),
+        axis=axis,
+        turned=np.stack([product(rotation, part) for part in turn_parts(axis, field)]),
         turning=field.array(turning),
         sliding=field.array(sliding),
         mass=field.array([link.mass]),

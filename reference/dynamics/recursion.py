@@ -27,13 +27,13 @@ from physics_crosscheck.reference.mechanism.rotations import (
     DOUBLES,
     Field,
     Scalars,
-    about_axis,
     cross,
     from_quaternion,
     product,
     quaternion_rate,
     rotate,
     rotate_back,
+    turned_by,
     weighted,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
@@ -91,9 +91,14 @@ class Recursion:
                     parts.append(quaternion_rate(given[3:], velocity[:3]))
         return np.concatenate(parts)
 
-    def mass(self, q: Scalars) -> Scalars:
-        """Return the mass matrix, (nv, nv, ...), armatures included."""
-        placements, tree = self.placements(q), self.tree
+    def mass(self, q: Scalars, placements: list[Placement] | None = None) -> Scalars:
+        """Return the mass matrix, (nv, nv, ...), armatures included.
+
+        Args:
+            q: positions.
+            placements: each link's frame in its parent's; None: computed here.
+        """
+        placements, tree = placements or self.placements(q), self.tree
         bodies, batch = self._composites(placements), q.shape[1:]
         out = self._field.array(np.zeros((tree.nv, tree.nv, *batch)))
         columns_at = [WrenchColumns.none(self._field, batch) for _ in tree.links]
@@ -110,12 +115,22 @@ class Recursion:
                 columns_at[parent] = columns_at[parent].joined(columns.in_parent(placements[i]))
         return out
 
-    def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
+    def bias(
+        self,
+        q: Scalars,
+        v: Scalars,
+        a: Scalars | None = None,
+        placements: list[Placement] | None = None,
+    ) -> Scalars:
         """Return joint forces for accelerations `a`, by default 0: the bias force, (nv, ...).
 
         It includes bodies and gravity only, without springs, dampers or armatures.
+
+        Args:
+            q, v, a: state and accelerations.
+            placements: each link's frame in its parent's; None: computed here.
         """
-        placements = self.placements(q)
+        placements = placements or self.placements(q)
         motions = self.motions(placements, v, a)
         forces = [motion.wrench(link) for motion, link in zip(motions, self._links, strict=True)]
         return self.propagate(placements, forces)
@@ -213,9 +228,7 @@ class Recursion:
         origin = tall(base.origin, batch)
         match kind:
             case "hinge":
-                return Placement(
-                    product(rotation, about_axis(numbers.axis, q[0], self._field)), origin
-                )
+                return Placement(turned_by(numbers.turned, q[0], self._field), origin)
             case "slide":
                 moved = rotate(rotation, tall(numbers.axis, batch)) * q[0]
                 return Placement(rotation + 0 * q[0], origin + moved)

@@ -53,11 +53,14 @@ class Dynamics:
 
     def mass(self, q: Scalars) -> Scalars:
         """Return the mass matrix, all armatures included, (nv, nv, ...)."""
-        mass = self.recursion.mass(q)
+        return self._with_armatures(self.recursion.mass(q))
+
+    def _with_armatures(self, mass: Scalars) -> Scalars:
+        """Return the mass matrix of the links, with the armatures of force elements."""
         if not self._pulls:
             return mass
         armatures = self._pulls.mass()
-        result: Scalars = mass + armatures.reshape(*armatures.shape, *(1,) * (q.ndim - 1))
+        result: Scalars = mass + armatures.reshape(*armatures.shape, *(1,) * (mass.ndim - 2))
         return result
 
     def force(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
@@ -127,7 +130,10 @@ class Dynamics:
 
     def acceleration(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
         """Return a = M^-1 f, (nv, ...)."""
-        return solved(self.mass(q), self.force(q, v, u))
+        placements = self.recursion.placements(q)
+        mass = self._with_armatures(self.recursion.mass(q, placements))
+        bias = self.recursion.bias(q, v, placements=placements)
+        return solved(mass, self._net_force(bias, q, v, u))
 
     def kinetic(self, q: Scalars, v: Scalars) -> Scalars:
         """Return T = v^T M v / 2, joules, (...)."""

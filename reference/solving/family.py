@@ -26,7 +26,7 @@ class Family:
 
     Attributes:
         equations: with symbols for the constants.
-        acceleration, power, mass, derivatives: functions whose last argument group is the
+        acceleration, power, mass, force, derivatives: functions whose last argument group is the
             constants.
     """
 
@@ -34,6 +34,7 @@ class Family:
     acceleration: NumericFunction
     power: NumericFunction
     mass: NumericFunction
+    force: NumericFunction
     derivatives: NumericFunction | None
 
     @staticmethod
@@ -50,6 +51,7 @@ class Family:
             acceleration=compiled(list(source.acceleration)),
             power=compiled([source.energy, source.supplied, source.dissipated]),
             mass=compiled(list(source.mass)),
+            force=compiled(list(source.force)),
             derivatives=None if source.long else compiled(source.derivatives),
         )
 
@@ -115,6 +117,21 @@ class DrawnEquations(EquationsOfMotion):
     def numeric_mass(self) -> NumericFunction:
         """M of (q, v, u, (t,)), in row-major order."""
         return self.family.mass.bind(self.values)
+
+    @cached_property
+    def numeric_force(self) -> NumericFunction:
+        """f of (q, v, u, (t,))."""
+        return self.family.force.bind(self.values)
+
+    @property
+    def mass(self) -> sp.ImmutableMatrix:
+        """M, with symbols for the constants."""
+        return self.family.equations.mass
+
+    @property
+    def force(self) -> sp.ImmutableMatrix:
+        """f, with symbols for the constants."""
+        return self.family.equations.force
 
     def acceleration_error(
         self,

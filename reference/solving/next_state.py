@@ -22,6 +22,7 @@ from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.solving.family import DrawnEquations
 
 Scheme = Literal["semi-implicit Euler", "Runge-Kutta 4"]
 
@@ -57,9 +58,8 @@ class Stepped(ABC):
 class SteppedEquations(Stepped):
     """Time-invariant equations whose velocities are coordinate rates; u are inputs."""
 
-    def __init__(self, equations: Equations) -> None:
-        self._mass = equations.numeric_mass
-        self._force = equations.compile(equations.force)
+    def __init__(self, equations: Equations | DrawnEquations) -> None:
+        self._mass, self._force = equations.numeric_mass, equations.numeric_force
         self._inputs = len(equations.system.inputs)
         self._still = not set(equations.system.q) & equations.mass.free_symbols
         self._constant: Array | None = None
@@ -96,7 +96,7 @@ class SteppedEquations(Stepped):
         return m
 
 
-def stepped_equations(equations: Equations) -> SteppedEquations | None:
+def stepped_equations(equations: Equations | DrawnEquations) -> SteppedEquations | None:
     """Return the equations for stepping; None if they depend on time, unlike an engine's step."""
     timed = any(t in e.free_symbols for e in (*equations.mass, *equations.force))
     return None if timed else SteppedEquations(equations)

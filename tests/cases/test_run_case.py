@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks import case as case_room
 from physics_crosscheck.harness.checks import planar_step as planar_room
 from physics_crosscheck.harness.checks import task as task_room
 from physics_crosscheck.harness.checks.by_steps import suffices
-from physics_crosscheck.harness.checks.case import StepError, run_case
+from physics_crosscheck.harness.checks.case import StepError, run_case, stepped_model
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
@@ -267,7 +267,10 @@ def test_a_rule_with_implicit_forces_decides_only_with_accelerations(
 ) -> None:
     """A wrong mass and wrong forces could cancel in such a step at one length."""
     task = model_task(oscillator, "known", written(tmp_path, KNOWN), scenario="free")
-    stepping = case_room._stepping(task, *task.load())
+    compared = stepped_model(task, *task.load())
+    assert compared is not None
+    fastest = oscillator.segments("free").fastest
+    stepping = compared.single_steps(*oscillator.states("free"), fastest=fastest)
     assert stepping is not None
     implicit = replace(stepping, rule=replace(stepping.rule, damping=np.eye(1)))
     assert suffices(stepping, None, 1e-9)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +13,7 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
-from physics_crosscheck.harness.extras.sweep.main import run_single, sweep
+from physics_crosscheck.harness.extras.sweep.main import Wanted, planned, run_single, sweep
 from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
 from physics_crosscheck.harness.extras.sweep.store import locked_rows, parts, read_rows
 from physics_crosscheck.harness.jobs.workers import Workers
@@ -20,6 +22,7 @@ from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_system
+from tests.faults.known_folder import ROOT, one_scenario
 from tests.physics import redrawn
 from tests.sweep.made import options, plan_of, swept_folder
 
@@ -86,6 +89,18 @@ def test_every_draw_has_every_model_and_step_and_agrees(rows: list[SweepRow]) ->
         assert coarse.global_error / fine.global_error == pytest.approx(4, rel=0.3)
 
 
+def test_single_steps_decide_where_the_engine_has_a_rule_and_segments_if_thorough(
+    rows: list[SweepRow], folder: Path, tmp_path: Path, workers: Workers
+) -> None:
+    by_engine = {row.engine: row.decided_by for row in rows}
+    assert by_engine == {"mujoco": "single steps", "pymunk": "segments"}
+    asked = replace(options(*VARY, count=1), engines=("mujoco",), thorough=True)
+    (thorough,) = rows_of(folder, asked, tmp_path, workers)
+    assert thorough.outcome is Outcome.AGREES
+    assert thorough.decided_by == "segments"
+    assert thorough.steps > 3 * next(row.steps for row in rows if row.engine == "mujoco")
+
+
 def test_a_row_is_had_again_by_its_number_alone(
     rows: list[SweepRow], folder: Path, workers: Workers
 ) -> None:
@@ -119,16 +134,17 @@ def test_a_drawn_verdict_is_that_of_a_run_on_a_folder_with_those_constants(
     prepared = prepare_system(place, described=False)
     stepped = {row.engine: {**sidecar.engine_settings.get(row.engine, {}), "step": row.step}}
     given = Sidecar(**{**vars(sidecar), "engine_settings": stepped})
-    case = run_case(model_task(prepared, row.engine, given, scenario="free", thorough=True))
+    case = run_case(model_task(prepared, row.engine, given, scenario="free"))
     assert case.outcome is row.outcome
     assert case.verdict is not None
+    assert case.verdict.decided_by == row.decided_by
     assert case.full_run is not None
     assert case.full_run.global_error == pytest.approx(row.global_error, rel=1e-6)
     assert row.discrepancy is not None
     assert row.uncertainty is not None
     assert case.verdict.discrepancy is not None
     assert abs(row.discrepancy - case.verdict.discrepancy) <= row.uncertainty < 1e-9
-    assert case.verdict.order == pytest.approx(row.order, rel=1e-3)
+    assert case.verdict.order == (row.order and pytest.approx(row.order, rel=1e-3))
 
 
 def test_a_model_that_is_wrong_differs_at_every_draw(workers: Workers, tmp_path: Path) -> None:
@@ -217,3 +233,20 @@ def test_rows_go_on_where_they_were_and_no_other_plan_is_taken_for_theirs(
     other = plan_of(folder, options("k=20:60", count=4, seed=6), workers)
     with pytest.raises(SweepError, match=r"another plan \(seed: 5, now 6\); choose another --out"):
         sweep(other, out, workers, nothing)
+
+
+def test_systems_with_different_constants_share_a_sweep(
+    folder: Path, workers: Workers, tmp_path: Path
+) -> None:
+    torsion = one_scenario("torsional_disc", tmp_path / "torsion", "free")
+    for name in ("mujoco.xml", "mujoco.xml.toml"):
+        shutil.copy(ROOT / "models" / "torsional_disc" / name, torsion / name)
+    asked = replace(options("m=1:2", "J=0.01:0.03", count=1), engines=("mujoco",))
+    whole = planned(asked, Wanted(places=[folder, torsion]), workers)
+    sweep(whole, tmp_path / "rows", workers, nothing)
+    rows = {row.system: row for row in read_rows(tmp_path / "rows")}
+    assert {name: set(row.constants) for name, row in rows.items()} == {
+        "mass_spring_damper": {"m"},
+        "torsional_disc": {"J"},
+    }
+    assert {row.outcome for row in rows.values()} == {Outcome.AGREES}

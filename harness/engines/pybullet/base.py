@@ -118,6 +118,7 @@ class Base:
         self.names = (*place_names(name), *rotation_names(name))
         info = p.getDynamicsInfo(body, -1)
         self.center, self._turned = np.array(info[3]), real_first(info[4])
+        self._inward = from_quaternion(self._turned).T
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, z: Array, w: Array) -> None:
@@ -138,10 +139,11 @@ class Base:
         """
         import pybullet as p
 
-        origin, turn_quaternion = self._placed()
-        turn, world = from_quaternion(turn_quaternion), p.WORLD_FRAME
-        p.applyExternalForce(self._body, -1, list(force[:3]), origin, world)
-        p.applyExternalTorque(self._body, -1, turn @ np.array(force[3:]), world)
+        center, inertial = p.getBasePositionAndOrientation(self._body)
+        turn, world = np.array(p.getMatrixFromQuaternion(inertial)).reshape(3, 3), p.WORLD_FRAME
+        turn = turn @ self._inward
+        p.applyExternalForce(self._body, -1, force[:3], center - turn @ self.center, world)
+        p.applyExternalTorque(self._body, -1, turn @ force[3:], world)
 
     def position(self) -> Array:
         """Return its coordinates, (6,), with the rotation near to the last one."""

@@ -1,7 +1,6 @@
-"""Run cases of a sweep in a worker: the segments' verdict, and the error at the time step.
+"""Run cases of a sweep in a worker: the verdict, and the error at the time step.
 
-A sweep omits these parts of a run: finer full runs, single steps, accelerations, series,
-linearizations, audit and coverage.
+A sweep omits these parts of a run: other full runs, series, linearizations, audit and coverage.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ def _row(source: Source, block: Block, case: Planned) -> SweepRow:
     record = CaseRecord(blank(block, case, Failure("", "")))
     with tempfile.TemporaryDirectory(prefix="drawn-") as place:
         try:
-            source.run(case, block.resolution, Path(place), record)
+            source.run(case, block, Path(place), record)
         except Exception as error:
             failure = failure_of(error, _error_text(error))
             record.update(outcome=Outcome.FAILED, reason=failure.reason, kind=failure.kind)

@@ -126,6 +126,7 @@ COMMAND = Command(
         ),
         ENVIRONMENTS,
         arguments.resolution_of,
+        arguments.thorough,
         arguments.limits,
         partial(arguments.jobs, default="2"),
         arguments.scheduler,

@@ -147,6 +147,7 @@ def plan_record(whole: CasePlan) -> SweepPlan:
         "engine": ", ".join(options.engines),
         "scenario": ", ".join(options.scenarios),
         "resolution": repr(options.resolution),
+        "thorough": str(options.thorough),
         "models": "; ".join(
             f"{part.survey.system}/{one.model} [{one.engine}] {one.integrator}"
             for part in whole.parts
@@ -335,6 +336,7 @@ def _sweep_options(options: argparse.Namespace) -> SweepOptions:
         engines=tuple(options.engine),
         scenarios=tuple(options.scenario),
         resolution=options.resolution,
+        thorough=options.thorough,
         jobs=options.jobs or JOBS,
         limits=arguments.limits_of(options),
         scheduler=options.scheduler,
@@ -356,6 +358,7 @@ def _command(options: argparse.Namespace) -> list[str]:
         words += ["--step", ",".join(f"{step!r}" for step in options.step)]
     if options.resolution != 1e-9:
         words += ["--resolution", f"{options.resolution!r}"]
+    words += ["--thorough"] if options.thorough else []
     if options.under:
         words += ["--versions", *options.under]
     return words

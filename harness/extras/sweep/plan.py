@@ -34,6 +34,7 @@ class SweepOptions:
         steps: time steps, seconds; empty: each model's own.
         integrators, engines, scenarios: names; empty: each model's own, all, all.
         resolution: smallest relative discrepancy to detect.
+        thorough: whether segments decide even where single steps suffice.
         jobs: number of worker processes.
         limits: limits of a case.
         scheduler: address of a cluster's scheduler; empty: this machine.
@@ -49,6 +50,7 @@ class SweepOptions:
     engines: tuple[str, ...] = ()
     scenarios: tuple[str, ...] = ()
     resolution: float = 1e-9
+    thorough: bool = False
     jobs: int = 2
     limits: Limits = Limits()  # noqa: RUF009  # frozen
     scheduler: str = ""
@@ -155,6 +157,7 @@ class CasePlan:
             system=part.survey.system,
             varied=frozenset(one.name for one in part.draws.factors),
             resolution=self.options.resolution,
+            thorough=self.options.thorough,
             cases=cases,
         )
 

@@ -12,7 +12,13 @@ from typing import Any
 import msgspec
 
 from physics_crosscheck.harness.checks.verdict import CaseJudgement
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, LoadedModel
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    Force,
+    LoadedModel,
+    StepRule,
+)
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -55,6 +61,7 @@ class Block:
         system: its name.
         varied: names of all varied constants.
         resolution: smallest relative discrepancy to detect.
+        thorough: whether segments decide even where single steps suffice.
         cases: cases by index.
     """
 
@@ -63,6 +70,7 @@ class Block:
     system: str
     varied: frozenset[str]
     resolution: float
+    thorough: bool
     cases: tuple[Planned, ...]
 
     def single_blocks(self) -> Iterator[Block]:
@@ -100,8 +108,9 @@ class CaseRecord:
         self.row = msgspec.structs.replace(self.row, **fields)
 
     def set_verdict(self, verdict: CaseJudgement) -> None:
-        """Set the fields that follow from the segments."""
+        """Set the fields that follow from the verdict."""
         self.update(
+            decided_by=verdict.decided_by,
             outcome=verdict.outcome,
             reason=verdict.reason,
             kind=verdict.kind,
@@ -174,6 +183,24 @@ class Timed(LoadedModel):
         self.seconds += time.process_time() - began
         self.steps += n * len(q)
         return states
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """Return the model's accelerations."""
+        return self._model.accelerations(z, w, force)
+
+    def equality_errors(self, z: Array) -> Array | None:
+        """Return the model's distance from its equalities."""
+        return self._model.equality_errors(z)
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """The model's rule."""
+        return self._model.step_rule
+
+    @property
+    def integrators(self) -> Mapping[str, Mapping[str, object]]:
+        """The model's other integrators."""
+        return self._model.integrators
 
     @property
     def warnings(self) -> tuple[str, ...]:

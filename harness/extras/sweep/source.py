@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.planned import CaseRecord, Planned
+from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -91,12 +91,12 @@ class Source(ABC):
         """
 
     @abstractmethod
-    def run(self, case: Planned, resolution: float, place: Path, record: CaseRecord) -> None:
+    def run(self, case: Planned, block: Block, place: Path, record: CaseRecord) -> None:
         """Run a case.
 
         Args:
             case: the case.
-            resolution: smallest relative discrepancy to detect.
+            block: its block, with resolution and thoroughness.
             place: an empty folder, for a copy of the model with other numbers.
             record: receives results as they become known.
 

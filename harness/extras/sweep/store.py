@@ -11,7 +11,7 @@ import contextlib
 import math
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,7 @@ _TEXT = (
     "scenario",
     "integrator",
     "outcome",
+    "decided_by",
     "reason",
     "kind",
     "code",
@@ -203,7 +204,7 @@ def read_rows(out: Path) -> Iterator[SweepRow]:
                 row = _row(flat)
             except (ValueError, TypeError) as error:  # includes msgspec's errors
                 raise RowsError(path, " ".join(str(error).split()), number) from None
-            if why := _damage(row, plan, seen):
+            if why := _damage(row, flat.keys(), plan, seen):
                 raise RowsError(path, why, number)
             seen[row.index] = 1
             yield row
@@ -221,13 +222,17 @@ def plan_of(out: Path) -> SweepPlan:
     return plan
 
 
-def _damage(row: SweepRow, plan: SweepPlan, seen: bytearray) -> str:
-    """Return the evidence that no sweep wrote a row; empty for a valid row."""
+def _damage(row: SweepRow, columns: Set[str], plan: SweepPlan, seen: bytearray) -> str:
+    """Return the evidence that no sweep wrote a row; empty for a valid row.
+
+    Constants of other systems have a column without a value.
+    """
     if not 0 <= row.index < plan.cases:
         return f"`index` is {row.index}, where the plan has the cases 0 to {plan.cases - 1}"
     if seen[row.index]:
         return f"case {row.index} has a row already"
-    if set(row.constants) != set(plan.constants):
+    known = {COLUMN + name for name in plan.constants}
+    if {name for name in columns if name.startswith(COLUMN)} != known:
         return f"it has not the constants of the plan ({', '.join(plan.constants) or 'none'})"
     for name in ("discrepancy", "uncertainty", "digits", "global_error", "order", *_SECONDS):
         value = getattr(row, name)

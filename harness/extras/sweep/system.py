@@ -12,7 +12,13 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from physics_crosscheck.harness.checks.by_steps import (
+    SteppedModel,
+    StepsVerdict,
+    decide_by_steps,
+)
 from physics_crosscheck.harness.checks.case import StepError
+from physics_crosscheck.harness.checks.prepare import STEPPED
 from physics_crosscheck.harness.checks.verdict import (
     CaseJudgement,
     component_scale,
@@ -22,7 +28,7 @@ from physics_crosscheck.harness.checks.verdict import (
 )
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.planned import CaseRecord, Planned, Timed
+from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned, Timed
 from physics_crosscheck.harness.extras.sweep.source import (
     Integrators,
     RecentValues,
@@ -42,7 +48,7 @@ from physics_crosscheck.harness.numerics.coordinates import (
     CoordinateMap,
     coordinate_family,
 )
-from physics_crosscheck.harness.numerics.full_run import sampled_run, why_no_run
+from physics_crosscheck.harness.numerics.full_run import SampledRun, sampled_run, why_no_run
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import FLOOR, Outcome
@@ -52,7 +58,8 @@ from physics_crosscheck.reference.mechanism.declaration import Scenario
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.family import DrawnEquations, Family
-from physics_crosscheck.reference.solving.segments import Motion
+from physics_crosscheck.reference.solving.next_state import stepped_equations
+from physics_crosscheck.reference.solving.segments import Motion, even_indices
 from physics_crosscheck.reference.solving.solve import solve
 
 
@@ -184,8 +191,8 @@ class Swept(Source):
         amplitudes: Array = np.max([m.amplitude for m in self.declared_motions.values()], axis=0)
         return amplitudes
 
-    def run(self, case: Planned, resolution: float, place: Path, record: CaseRecord) -> None:
-        """Run the segments of the drawn motion, and one full run at the time step."""
+    def run(self, case: Planned, block: Block, place: Path, record: CaseRecord) -> None:
+        """Judge the drawn motion, and run it once at the time step."""
         equations = self.equations(case.constants)
         with record.timing("reference_seconds"):
             motion = self.motion(case.draw, equations, case.scenario)
@@ -199,10 +206,50 @@ class Swept(Source):
             raise StepError(f"{case.model}: {why}")
         with record.stepping(model):
             coordinates = prepared.coordinates.with_constants(equations.values)
-            record.set_verdict(self._verdict(case, motion, model, coordinates, resolution))
-            self._full_run(case, motion, model, coordinates, record)
+            loaded_model = model, coordinates
+            steps = None
+            if not block.thorough:
+                steps = self._by_steps(equations, motion, *loaded_model, block.resolution)
+            run: SampledRun
+            if steps is not None and steps.motion is not None:
+                verdict, run = steps.verdict, steps.motion.run
+            else:
+                verdict = self._by_segments(case, motion, *loaded_model, block.resolution)
+                run = sampled_run(*loaded_model, motion, model.step)
+            record.set_verdict(verdict)
+            self._set_error(case, motion, run, model, record)
 
-    def _verdict(
+    def _by_steps(
+        self,
+        equations: DrawnEquations,
+        motion: Motion,
+        model: LoadedModel,
+        coordinates: CoordinateMap,
+        resolution: float,
+    ) -> StepsVerdict | None:
+        """Return the verdict by single steps; None where segments must decide."""
+        stepped = stepped_equations(equations)
+        if stepped is None:
+            return None
+        some = motion.pick(even_indices(len(motion.t), STEPPED))
+        compared = SteppedModel(
+            model=model,
+            coordinates=coordinates,
+            stepped=stepped,
+            components=self._components,
+            inputs=some.start_inputs.shape[1],
+            resolution=resolution,
+        )
+        states = some.start, some.start_inputs
+        stepping = compared.single_steps(*states, fastest=motion.fastest)
+        return decide_by_steps(compared, stepping, compared.accelerations(*states), motion)
+
+    @property
+    def _components(self) -> tuple[str, ...]:
+        names = [c.name for c in self.system.coordinates]
+        return (*names, *(f"{name}_dot" for name in names))
+
+    def _by_segments(
         self,
         case: Planned,
         motion: Motion,
@@ -212,25 +259,24 @@ class Swept(Source):
     ) -> CaseJudgement:
         others = [m for name, m in self.declared_motions.items() if name != case.scenario]
         segments = replace(motion, scale=component_scale(motion, others))
-        names = [c.name for c in self.system.coordinates]
         return judged(
             extrapolate(model, coordinates, segments, resolution=resolution),
             segments,
-            components=(*names, *(f"{name}_dot" for name in names)),
+            components=self._components,
             coordinates=tuple(model.coordinates),
             claimed=model.exponents(motion.varying)[0],
             resolution=resolution,
         )
 
-    def _full_run(
+    def _set_error(
         self,
         case: Planned,
         motion: Motion,
+        run: SampledRun,
         model: LoadedModel,
-        coordinates: CoordinateMap,
         record: CaseRecord,
     ) -> None:
-        run = sampled_run(model, coordinates, motion, model.step)
+        """Set the error at the time step, and why the run failed if it did."""
         amplitude = nonzero_scale(np.maximum(motion.amplitude, FLOOR * self.amplitude))
         error = largest(run, amplitude[: len(self.system.coordinates)])
         record.update(global_error=number(error))

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import RESOLUTION, TreeTask, model_task
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
-from physics_crosscheck.harness.extras.sweep.planned import CaseRecord, Planned, Timed
+from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned, Timed
 from physics_crosscheck.harness.extras.sweep.source import (
     Integrators,
     RecentValues,
@@ -240,8 +240,11 @@ class SweptTree(Source):
             self._integrators[model, engine] = loaded_model.integrator, loaded_model.integrators
         return self._integrators[model, engine]
 
-    def run(self, case: Planned, resolution: float, place: Path, record: CaseRecord) -> None:
-        """Run every segment of the drawn file; accelerations decide what motions can't resolve."""
+    def run(self, case: Planned, block: Block, place: Path, record: CaseRecord) -> None:
+        """Run every segment of the drawn file; accelerations decide what motions can't resolve.
+
+        A few coarse steps of a tree cost less than its equations at the states of single steps.
+        """
         file = self._file(case.model, case.engine)
         constants = {name: v for name, v in case.constants.items() if name in file.index}
         record.update(constants=constants)
@@ -249,7 +252,7 @@ class SweptTree(Source):
         with record.timing("reference_seconds"):
             target = file.drawn(values)
         task = self._task(case.model, case.engine).with_settings(**case.settings)
-        task = replace(task, target=target, resolution=resolution)
+        task = replace(task, target=target, resolution=block.resolution)
         if values and file.numbers is not None:
             task = task.with_file(copy_with_texts(task.file, file.numbers.texts(values), place))
         with record.timing("loading_seconds"):
