@@ -231,8 +231,8 @@ def _damage(row: SweepRow, columns: Set[str], plan: SweepPlan, seen: bytearray) 
         return f"`index` is {row.index}, where the plan has the cases 0 to {plan.cases - 1}"
     if seen[row.index]:
         return f"case {row.index} has a row already"
-    known = {COLUMN + name for name in plan.constants}
-    if {name for name in columns if name.startswith(COLUMN)} != known:
+    planned = {COLUMN + name for name in plan.constants}
+    if {name for name in columns if name.startswith(COLUMN)} != planned:
         return f"it has not the constants of the plan ({', '.join(plan.constants) or 'none'})"
     for name in ("discrepancy", "uncertainty", "digits", "global_error", "order", *_SECONDS):
         value = getattr(row, name)
