@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +12,7 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.checks.acting import NAMED
 from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
-from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.protocol import ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
@@ -21,12 +22,14 @@ from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.laws.acting import recovery_time
 from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.planar import LIMITS, SPRINGS, PlanarModel
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     HardSurface,
     ImpulseLaws,
     ImpulseRules,
 )
+from physics_crosscheck.reference.mechanism.planar import PlanarJoint, PlanarLaws
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 
@@ -117,6 +120,87 @@ class ActingImpulses:
 
     def _name(self, joint: HardJoint) -> str:
         return self.comparison.laws.tree.tree.links[joint.joint].name
+
+
+def planar_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
+    """Return what the numbers of bodies in a plane act as; nothing in engines without their law.
+
+    Raises:
+        EngineError: if the file cannot be loaded.
+    """
+    whole = engines()[engine].load_planar(spec)
+    if whole is None or not whole.acts:
+        return ()
+    return tuple(merged(dict.fromkeys(ActingPlane(whole).quantities())))
+
+
+@dataclass(frozen=True, eq=False)
+class ActingPlane:
+    """Bodies in a plane as they are built; one row for each pair of bodies and each joint."""
+
+    whole: PlanarWhole
+
+    def quantities(self) -> Iterator[ActingQuantity]:
+        """Yield all quantities: contacts, joints, and the damping of all bodies."""
+        for pair in self.whole.pairs:
+            yield from self._contact(pair)
+        for joint in self._laws.joints:
+            if joint.kind in SPRINGS:
+                yield from self._spring(joint)
+            elif joint.kind != "motor":
+                yield from self._joint(joint)
+        if self._laws.damping < 1:
+            yield self._recovery("damping of all bodies", self._laws.damping, "of each velocity")
+
+    @property
+    def _laws(self) -> PlanarLaws:
+        return self.whole.laws
+
+    def _subject(self, bodies: tuple[int, int], word: str) -> str:
+        """Return the names of two bodies, the one that stands still first."""
+        first, other = (self._laws.bodies[i] for i in bodies)
+        names = (first.name, other.name) if other.weighed else (other.name, first.name)
+        return f" {word} ".join(names)
+
+    def _contact(self, pair: tuple[int, int]) -> Iterator[ActingQuantity]:
+        laws, (first, other) = self._laws, (self._laws.shapes[i] for i in pair)
+        subject = self._subject((first.body, other.body), "with")
+        parts, bounces = (first.friction, other.friction), (first.elasticity, other.elasticity)
+        rule = "product of {:g} and {:g}".format(*parts)
+        friction = _quantity(subject, "friction", parts[0] * parts[1], rule=rule)
+        yield replace(friction, parts=parts)
+        rule = "product of {:g} and {:g}, of the speed before gravity acts".format(*bounces)
+        yield _quantity(subject, "restitution", bounces[0] * bounces[1], rule=rule)
+        yield _quantity(subject, "rest depth", laws.slop, "m", "at most: the slop of the solver")
+        yield self._recovery(subject, laws.error_bias, "of a deeper overlap")
+        yield _quantity(subject, "creep", 0.0, "m/s", "friction is an impulse")
+
+    def _joint(self, joint: PlanarJoint) -> Iterator[ActingQuantity]:
+        subject = f"{joint.kind} of {self._subject(joint.bodies, 'and')}"
+        if joint.kind in LIMITS:
+            share = 1 - joint.error_bias**self._laws.step
+            yield _quantity(subject, "rebound", share, rule="at most, by the phase of the step")
+        yield self._recovery(subject, joint.error_bias, "of an error")
+
+    def _spring(self, joint: PlanarJoint) -> Iterator[ActingQuantity]:
+        """Yield the motion of two bodies on a spring, without other forces."""
+        model = PlanarModel(laws=self._laws)
+        inverse = model.spring_mobility(joint, model.at_rest(self.whole.home, self.whole.speeds))
+        rate = (joint.numbers["stiffness"] * inverse) ** 0.5
+        if not rate:
+            return
+        subject = f"{joint.kind} of {self._subject(joint.bodies, 'and')}"
+        rule = "as built, without other joints"
+        yield _quantity(subject, "natural frequency", rate / (2 * math.pi), "Hz", rule)
+        ratio = joint.numbers["damping"] * inverse / (2 * rate)
+        yield _quantity(subject, "damping ratio", ratio)
+
+    def _recovery(self, subject: str, remains: float, what: str) -> ActingQuantity:
+        """Return the time constant of which a share remains after a second."""
+        step = self._laws.step
+        time = recovery_time(1 - remains**step, step)
+        rule = f"{what}: {remains:.3g} remains after a second"
+        return _quantity(subject, "time constant", time, "s", rule)
 
 
 def _quantity(

@@ -9,7 +9,11 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.checks.acting import acting_quantities
-from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities, merged
+from physics_crosscheck.harness.checks.acting_impulses import (
+    impulse_quantities,
+    merged,
+    planar_quantities,
+)
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import (
     finding,
@@ -53,6 +57,7 @@ def audit_file(task: TreeTask) -> Audit:
     return Audit(
         findings=(*robot_findings(robot), *plausibility_findings(robot)),
         left_out=tuple(format_omission(one) for one in robot.left_out),
+        acting=planar_quantities(task.spec, task.engine),
     )
 
 
@@ -108,7 +113,11 @@ def audit_declared(task: SystemTask) -> Audit:
     defaults = (_default(remark, wrong, task) for remark in remarks)
     poses, elsewhere = _poses(task, model, coordinates)
     signs = negative_findings(task.declared.model)
-    return Audit(findings=(*literals, *compiled, *elsewhere, *signs, *defaults), poses=poses)
+    return Audit(
+        findings=(*literals, *compiled, *elsewhere, *signs, *defaults),
+        poses=poses,
+        acting=planar_quantities(task.spec, task.engine),
+    )
 
 
 def _compiled(

@@ -10,7 +10,7 @@ the entry point `crosscheck.engines`. `harness.engines.known_answer` is an examp
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -454,6 +454,11 @@ class PlanarWhole(ABC):
     @abstractmethod
     def acts(self) -> bool:
         """True if shapes can touch, or joints have limits or motors."""
+
+    @property
+    @abstractmethod
+    def pairs(self) -> Iterator[tuple[int, int]]:
+        """Pairs of shapes that can touch, by index."""
 
     @abstractmethod
     def moved(self, places: Array, velocities: Array, steps: int) -> tuple[Array, Array]:

@@ -419,6 +419,11 @@ class PlanarModel:
             share=float(lost), impulse=np.array([np.clip(force, -largest, largest) * h]),
         )  # fmt: skip
 
+    def spring_mobility(self, joint: PlanarJoint, state: PlanarState) -> float:
+        """Return the acceleration of a spring's length or angle per unit of its force."""
+        row = self._joint(joint, state.places, None)
+        return 0.0 if row is None else float(row.along[0] @ row.response[0])
+
     def _angle_row(self, joint: PlanarJoint, places: Array) -> Row | None:
         first, other = joint.bodies
         numbers, turned = joint.numbers, float(places[other, 2] - places[first, 2])

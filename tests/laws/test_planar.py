@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks.acting_impulses import planar_quantities
 from physics_crosscheck.harness.checks.planar_step import check_planar_step
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck
-from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.protocol import ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.planar import PlanarModel
@@ -136,3 +137,87 @@ def test_a_body_turns_about_its_center_of_mass(tmp_path: Path) -> None:
     places, rates = model.rollout(z, w, 1e-6, 1, None, 1)
     assert (places[0, 0] - z[0]) / 1e-6 == pytest.approx(w[0], abs=1e-5)
     assert rates[0, 0] == pytest.approx(w[0], abs=1e-5)
+
+
+BOX = (
+    HEAD
+    + """    space.collision_slop = 0.002
+    floor = pymunk.Segment(ground, (-9, 0), (9, 0), 0.02)
+    box = pymunk.Poly.create_box(body("box", 1.2, 0.01, (0, 0.12)), (0.4, 0.2))
+    floor.friction, floor.elasticity = 0.5, 0.9
+    box.friction, box.elasticity = 0.4, 0.7
+    space.add(floor, box)
+"""
+    + TAIL
+)
+
+SLIDE = (
+    HEAD.replace("-9.81", "0")
+    + """    space.damping = 0.6
+    a = body("a", 1.2, 0.01, (0, 0.4))
+    b = body("b", 0.8, 0.02, (1, 0.8))
+    space.add(
+        pymunk.RotaryLimitJoint(ground, a, -0.3, 0.4),
+        pymunk.DampedSpring(ground, b, (1, 0), (0, 0), 0.5, 20, 0.4),
+    )
+"""
+    + TAIL
+)
+
+
+def acting(tmp_path: Path, text: str) -> tuple[dict[tuple[str, str], float], PlanarWhole]:
+    """Return the quantities that a Space's numbers act as, and the Space."""
+    pytest.importorskip("pymunk")
+    file = tmp_path / "space.py"
+    file.write_text(text)
+    spec = ModelSpec(file, settings=STEP)
+    rows = planar_quantities(spec, "pymunk")
+    whole = engines()["pymunk"].load_planar(spec)
+    assert whole is not None
+    return {(row.subject, row.quantity): float(row.value or 0.0) for row in rows}, whole
+
+
+def moved(
+    whole: PlanarWhole, speed: tuple[float, ...], steps: int, lift: float = 0.0
+) -> np.ndarray:
+    """Return places and velocities of the last body, (2, 3), after steps from a speed."""
+    places, speeds = whole.home.copy(), np.zeros_like(whole.speeds)
+    places[-1, 1] += lift
+    speeds[-1] = speed
+    return np.array([part[-1] for part in whole.moved(places, speeds, steps)])
+
+
+def test_contacts_act_as_stated(tmp_path: Path) -> None:
+    """Catch a friction or bounce that is no product, another depth, or another recovery."""
+    table, whole = acting(tmp_path, BOX)
+    subject, h = "ground with box", whole.laws.step
+    slid = moved(whole, (3, 0, 0), 50)[1]
+    assert 3 - slid[0] == pytest.approx(table[subject, "friction"] * 9.81 * 50 * h, rel=1e-6)
+    before, after = (moved(whole, (0, -2, 0), n, lift=0.01)[1][1] for n in (1, 2))
+    assert -after / before == pytest.approx(table[subject, "restitution"], rel=1e-3)
+    depth, tau = table[subject, "rest depth"], table[subject, "time constant"]
+    assert moved(whole, (0, 0, 0), 20, lift=-0.9 * depth)[0][1] == pytest.approx(0.12 - 0.9 * depth)
+    left = 0.12 - depth - moved(whole, (0, 0, 0), 21, lift=-3 * depth)[0][1]
+    assert left == pytest.approx(2 * depth * np.exp(-20 * h / tau), rel=1e-3)
+
+
+def test_joints_and_damping_act_as_stated(tmp_path: Path) -> None:
+    """Catch a rebound, frequency or damping by another mass, step or share."""
+    table, whole = acting(tmp_path, SLIDE)
+    h, most = whole.laws.step, table["rotary limit of ground and a", "rebound"]
+    rebounds = []
+    for phase in np.linspace(0.02, 0.98, 25):
+        places, speeds = whole.home.copy(), np.zeros_like(whole.speeds)
+        places[1, 2], speeds[1, 2] = 0.4 - phase * h, 1.0
+        rebounds.append(-whole.moved(places, speeds, 30)[1][1, 2] / 0.6 ** (30 * h))
+    assert most / 2 < max(rebounds) <= most * 1.05
+    spring, lost = "spring of ground and b", 1 / table["damping of all bodies", "time constant"]
+    rate = 2 * np.pi * table[spring, "natural frequency"]
+    decay = rate * table[spring, "damping ratio"] + lost / 2
+    fast = np.sqrt(rate**2 - decay**2)
+    for steps in (60, 200):
+        t = steps * h
+        swing = np.exp(-decay * t) * (np.cos(fast * t) + decay / fast * np.sin(fast * t))
+        assert moved(whole, (0, 0, 0), steps, lift=0.1)[0][1] == pytest.approx(
+            0.5 + 0.4 * swing, abs=4e-3
+        )

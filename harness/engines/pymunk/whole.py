@@ -109,10 +109,15 @@ class PymunkWhole(PlanarWhole):
     def acts(self) -> bool:
         """True if shapes can touch, or joints have limits or motors."""
         kinds = [type(joint).__name__ for joint in self._space.constraints]
-        shapes = [shape for shape in self._space.shapes if not shape.sensor]
-        return any(kind in _ACTING for kind in kinds) or any(
-            _can_touch(*pair) for pair in combinations(shapes, 2)
-        )
+        return any(kind in _ACTING for kind in kinds) or any(True for _ in self.pairs)
+
+    @property
+    def pairs(self) -> Iterator[tuple[int, int]]:
+        """Pairs of shapes that can touch, by index."""
+        shapes = [(i, one) for i, one in enumerate(self._space.shapes) if not one.sensor]
+        for (i, first), (j, other) in combinations(shapes, 2):
+            if _can_touch(first, other):
+                yield i, j
 
     def moved(self, places: Array, velocities: Array, steps: int) -> tuple[Array, Array]:
         """Return places and velocities after some steps."""
