@@ -18,7 +18,7 @@ import numpy as np
 
 from campaigns.laws import RESOLUTION, spec_of
 from physics_crosscheck.harness.checks.law_comparison import Evaluated, LawComparison, LawDefect
-from physics_crosscheck.harness.checks.law_states import drawn_states
+from physics_crosscheck.harness.checks.law_states import evaluated_states
 from physics_crosscheck.harness.checks.planar_step import check_planar_step
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
@@ -67,7 +67,7 @@ def mujoco_result(file: Path, engine: str = "mujoco") -> SceneResult:
     model = engines()[engine].load_whole(ModelSpec(file))
     assert model is not None
     comparison = LawComparison(laws, model)
-    evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
+    evaluated = evaluated_states(comparison)
     compared = comparison.compare(evaluated)
     judged = comparison.judge(compared, RESOLUTION)
     acted = Counter[str]()

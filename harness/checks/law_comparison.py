@@ -22,10 +22,10 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import floored
-from physics_crosscheck.reference.laws.drives import unsaturated
+from physics_crosscheck.reference.laws.drives import eased, holding, unsaturated
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
 from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.soft import gains
+from physics_crosscheck.reference.laws.soft import Part, gains
 from physics_crosscheck.reference.laws.step import (
     DIGITS,
     STEPPED,
@@ -194,7 +194,7 @@ class WholeStepComparison(ABC, Generic[M, S]):
     def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated[S]]:
         """Evaluate the engine and the laws at states."""
         result = []
-        for state, posture in zip(states, self.postures(states), strict=True):
+        for state, posture in zip(states, self.postures(states), strict=True) if states else ():
             engine = self.model.evaluate(state)
             solution = self.solve(posture, state, engine)
             result.append(Evaluated(state=state, solution=solution, engine=engine))
@@ -297,6 +297,46 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         start = engine.acceleration[self.order]
         contacts = engine.contacts
         return self.laws.solve(posture, state.controls, state.activations, contacts, start)
+
+    def missing_parts(self, evaluated: Sequence[Evaluated[LawSolution]]) -> set[Part]:
+        """Return the parts of the laws that act at none of these states, of those that may."""
+        acted = (part for sample in evaluated for part in self.laws.acting(sample.solution))
+        return set(self.laws.parts()) - set(acted)
+
+    def acting(self, states: Sequence[WholeState]) -> Iterator[set[Part]]:
+        """Yield the parts of the laws that act at each state, without contacts."""
+        for state, posture in zip(states, self.postures(states), strict=True):
+            start = np.zeros(len(posture.m))
+            yield set(self.laws.acting(
+                self.laws.solve(posture, state.controls, state.activations, (), start)
+            ))  # fmt: skip
+
+    def eased(self, state: WholeState) -> WholeState:
+        """Return a state with other positions and velocities, which ease drives at limits."""
+        posture, laws = next(self.postures([state])), self.laws
+        moved, sped = eased(laws.laws, posture, laws.weights.path_accelerations, state.controls,
+                            state.activations)  # fmt: skip
+        z, m = state.z.copy(), state.m.copy()
+        z[self.order] += moved
+        m[self.order] += sped
+        return state._replace(z=z, m=m)
+
+    def at_limit(self, state: WholeState, part: Part, share: float, speed: float) -> WholeState:
+        """Return a state beyond a limit of a joint, by a share of its range, moving outward."""
+        limit = self.laws.laws.limits[part.place]
+        if limit.joint < 0 or self.laws.tree.tree.links[limit.joint].kind == "ball":
+            return state
+        place = self.order[self.laws.tree.tree.velocities[limit.joint].start]
+        z, m = state.z.copy(), state.m.copy()
+        end = limit.lower if part.way < 0 else limit.upper
+        z[place] = end + part.way * share * (limit.upper - limit.lower)
+        m[place] = part.way * speed
+        return state._replace(z=z, m=m)
+
+    def held(self, state: WholeState) -> WholeState:
+        """Return a state whose drives balance the other forces along their paths."""
+        posture, laws = next(self.postures([state])), self.laws
+        return state.driven_by(*holding(laws.laws, posture, laws.weights.path_accelerations))
 
     def outward_speed(self, state: WholeState, outwards: Array) -> Array:
         """Return the speeds at which the reference of each limit resists the free acceleration."""

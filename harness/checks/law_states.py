@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Set
 
 import numpy as np
 
 from physics_crosscheck.harness.checks.law_comparison import (
+    MAX_OUTWARD,
+    Evaluated,
+    LawComparison,
     M,
     S,
     WholeStepComparison,
@@ -16,6 +19,8 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeModel,
     WholeState,
 )
+from physics_crosscheck.reference.laws.soft import Part
+from physics_crosscheck.reference.laws.step import LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 
 STATES, SEED = 24, 20261125
@@ -35,6 +40,12 @@ DEEPEST, INSIDE = 0.02, 0.2
 
 SIGNS = 0, 0, 0, 1, -1
 """Sides of the ranges of all controls, in turn; 0: each on another one."""
+
+CANDIDATES, ADDED = 16, 8
+"""States of each kind that are tried for parts of the laws that never act; most that are added."""
+
+FASTEST, SMALL = 100.0, 0.01
+"""Largest factor of a velocity, and largest displacement from a state of the file, rad or m."""
 
 LONG, SHORT = 600, 40
 """Largest number of steps before a state: a fall to the floor, or a change of the contacts."""
@@ -71,6 +82,54 @@ def drawn_states(
             if _usable(model, drawn):
                 yield drawn
                 break
+
+
+def evaluated_states(comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]]:
+    """Evaluate drawn states, and a few more at which parts of the laws act that never did."""
+    evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
+    if evaluated and isinstance(comparison, LawComparison):
+        evaluated += comparison.evaluate(tuple(_acting_states(comparison, evaluated)))
+    return evaluated
+
+
+def _acting_states(
+    comparison: LawComparison, evaluated: Sequence[Evaluated[LawSolution]]
+) -> Iterator[WholeState]:
+    """Yield states at which parts of the laws act that don't elsewhere, most of them first."""
+    missing = comparison.missing_parts(evaluated)
+    states = tuple(_candidates(comparison, missing))
+    sets = list(comparison.acting(states)) if states else []
+    for _ in range(min(ADDED, len(states))):
+        best = max(range(len(sets)), key=lambda k: len(sets[k] & missing))
+        if not sets[best] & missing:
+            return
+        if _usable(comparison.model, states[best]):
+            missing = missing - sets[best]
+            yield states[best]
+        sets[best] = set()
+
+
+def _candidates(comparison: LawComparison, parts: Set[Part]) -> Iterator[WholeState]:
+    """Yield states at which some parts are likely to act, at slow and fast velocities."""
+    model, rng = comparison.model, np.random.default_rng(SEED + 1)
+    starts, kinds = list(model.starts), {part.kind for part in parts}
+    limits = sorted(part for part in parts if part.kind == "limit")
+    for k in range(CANDIDATES):
+        state = _driven(model, rng, starts[k % len(starts)], k)
+        fast = state._replace(m=state.m * FASTEST ** rng.uniform(-0.5, 1))
+        if limits:
+            yield _beyond(comparison, rng, fast._replace(z=_anywhere(model, rng, state.z)), k)
+        if kinds & {"force", "joint force"}:
+            yield fast._replace(z=_anywhere(model, rng, state.z))
+        if "control" in kinds:
+            yield comparison.eased(state)
+        if kinds & {"dry friction", "equality"}:
+            near = SMALL ** rng.uniform(1, 2) * rng.normal(size=len(state.z))
+            yield comparison.held(state._replace(z=state.z + near, m=SMALL**2 * state.m))
+    for part in limits:
+        for start in (starts[0], starts[0]._replace(z=_anywhere(model, rng, starts[0].z))):
+            share, speed = DEEPEST * rng.uniform(0.1, 1), MAX_OUTWARD ** rng.uniform(-1, 1)
+            yield comparison.held(comparison.at_limit(start, part, share, speed))
 
 
 def _usable(model: WholeModel, state: WholeState) -> bool:
@@ -135,11 +194,7 @@ def _unsaturated(
     posture = next(comparison.postures([state]))
     shares = rng.uniform(-0.8, 0.8, comparison.drives)
     controls, activations = comparison.unsaturated(posture, shares)
-    chosen = np.isfinite(controls) & np.isfinite(state.controls)
-    return state._replace(
-        controls=np.where(chosen, controls, state.controls),
-        activations=np.where(np.isfinite(activations), activations, state.activations),
-    )
+    return state.driven_by(controls, activations)
 
 
 def _pressed(model: WholeModel, rules: ImpulseRules, state: WholeState) -> WholeState:

@@ -24,7 +24,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     S,
     WholeStepComparison,
 )
-from physics_crosscheck.harness.checks.law_states import drawn_states
+from physics_crosscheck.harness.checks.law_states import evaluated_states
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
 from physics_crosscheck.harness.checks.scene import acting_state
 from physics_crosscheck.harness.checks.task import ModelTask
@@ -255,12 +255,9 @@ def _check(
     Raises:
         EngineError: if no state is comparable.
     """
-    states = tuple(drawn_states(comparison))
-    if not states:
-        raise EngineError("no drawn state is finite with few contacts")
-    evaluated = comparison.evaluate(states)
+    evaluated = evaluated_states(comparison)
     if not evaluated:
-        raise EngineError("impulses that do not converge")
+        raise EngineError("no drawn state has a finite step that converges, with few contacts")
     compared, model = comparison.compare(evaluated), comparison.model
     judged = comparison.judge(compared, resolution)
     kept = compared.resolved(resolution)

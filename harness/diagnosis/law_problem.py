@@ -24,7 +24,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     applied,
 )
 from physics_crosscheck.harness.checks.law_engine import LawEngine
-from physics_crosscheck.harness.checks.law_states import drawn_states
+from physics_crosscheck.harness.checks.law_states import evaluated_states
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import (
@@ -444,7 +444,7 @@ def _problem(
     task: TreeTask, numbers: LawNumbers[M], comparison: WholeStepComparison[M, S]
 ) -> LawProblem[M, S] | None:
     """Compare a file with its law; None if nothing is comparable."""
-    evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
+    evaluated = evaluated_states(comparison)
     if not evaluated:
         return None
     compared = comparison.compare(evaluated)

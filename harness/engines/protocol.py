@@ -353,6 +353,14 @@ class WholeState(NamedTuple):
     controls: Array
     activations: Array
 
+    def driven_by(self, controls: Array, activations: Array) -> WholeState:
+        """Return a state with other inputs and states of drives, where these are finite."""
+        chosen = np.isfinite(controls) & np.isfinite(self.controls)  # NaN: off
+        return self._replace(
+            controls=np.where(chosen, controls, self.controls),
+            activations=np.where(np.isfinite(activations), activations, self.activations),
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EngineStep:

@@ -18,6 +18,7 @@ from physics_crosscheck.reference.laws.soft import (
     SMALLEST,
     Cone,
     Kind,
+    Part,
     Rows,
 )
 from physics_crosscheck.reference.mechanism.laws import (
@@ -164,16 +165,17 @@ class Constraints:
     def rows(self, posture: Posture, contacts: Sequence[ContactPoint]) -> Rows:
         """Return the rows at a state."""
         rows = Rows(step=self.laws.step, safe=self.laws.safe, velocities=posture.m)
-        for equality in self.laws.equalities:
+        for i, equality in enumerate(self.laws.equalities):
             if equality.anchors is None:
-                self._add_equality(rows, posture, equality)
+                self._add_equality(rows, posture, equality, i)
             else:
-                self._add_anchors(rows, posture, equality, equality.anchors)
-        for friction in self.laws.frictions:
+                self._add_anchors(rows, posture, equality, equality.anchors, i)
+        for i, friction in enumerate(self.laws.frictions):
             for row, weight in self._directions(posture, friction.joint, friction.path):
-                rows.add(Kind.FRICTION, row, friction.softness, 0.0, weight, bound=friction.force)
-        for limit in self.laws.limits:
-            self._add_limit(rows, posture, limit)
+                rows.add(Kind.FRICTION, row, friction.softness, 0.0, weight, bound=friction.force,
+                         part=Part("dry friction", i))  # fmt: skip
+        for i, limit in enumerate(self.laws.limits):
+            self._add_limit(rows, posture, limit, i)
         for contact in contacts:
             self._add_contact(rows, posture, contact)
         return rows
@@ -186,7 +188,9 @@ class Constraints:
         eye = np.eye(len(posture.m))
         return [(eye[i], float(self.weights.velocities[i])) for i in range(there.start, there.stop)]
 
-    def _add_equality(self, rows: Rows, posture: Posture, equality: SoftEquality) -> None:
+    def _add_equality(
+        self, rows: Rows, posture: Posture, equality: SoftEquality, index: int
+    ) -> None:
         """Add the row of two joints or two paths."""
         pairs = [(joint, -1) for joint in equality.joints] + [(-1, k) for k in equality.paths]
         positions = [self._position(posture, *pair) for pair in pairs]
@@ -200,7 +204,8 @@ class Constraints:
             row = row - float(curve.deriv()(moved[1])) * others[0][0]
             weight += others[0][1]
         size = sum(map(abs, (*positions, *equality.starts, constant)))
-        rows.add(Kind.EQUALITY, row, equality.softness, violation, weight, position=size)
+        rows.add(Kind.EQUALITY, row, equality.softness, violation, weight, position=size,
+                 part=_equality_part(equality, index, violation))  # fmt: skip
 
     def _position(self, posture: Posture, joint: int, path: int) -> float:
         if joint < 0:
@@ -213,6 +218,7 @@ class Constraints:
         posture: Posture,
         equality: SoftEquality,
         anchors: tuple[Anchor, Anchor],
+        index: int,
     ) -> None:
         """Add the rows of two anchors: three of translation, three more if they can't rotate."""
         first, other = (_Anchored.from_posture(posture, anchor) for anchor in anchors)
@@ -232,26 +238,26 @@ class Constraints:
             rows.add(
                 Kind.EQUALITY, row[k], equality.softness, float(apart[k]), weight[k],
                 position=size, depth=whole, bias=self.laws.drift * float(bias[k]),
+                part=_equality_part(equality, index, whole),
             )  # fmt: skip
 
-    def _add_limit(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
+    def _add_limit(self, rows: Rows, posture: Posture, limit: SoftLimit, index: int) -> None:
         """Add the rows of a limit that is nearer than its margin."""
         links = self.tree.tree.links
         if limit.joint >= 0 and links[limit.joint].kind == "ball":
-            return self._add_ball_limit(rows, posture, limit)
+            return self._add_ball_limit(rows, posture, limit, index)
         position = self._position(posture, limit.joint, limit.path)
         row, weight = self._directions(posture, limit.joint, limit.path)[0]
         for sign, bound in ((-1, limit.lower), (1, limit.upper)):
             distance = sign * (bound - position)
             if distance < limit.margin:
-                rows.limits += 1
                 rows.add(
                     Kind.ONE_SIDED, -sign * row, limit.softness, distance - limit.margin, weight,
-                    position=abs(position) + abs(bound),
+                    position=abs(position) + abs(bound), part=Part("limit", index, sign),
                 )  # fmt: skip
         return None
 
-    def _add_ball_limit(self, rows: Rows, posture: Posture, limit: SoftLimit) -> None:
+    def _add_ball_limit(self, rows: Rows, posture: Posture, limit: SoftLimit, index: int) -> None:
         vector = posture.angle(limit.joint)
         angle = float(np.linalg.norm(vector))
         distance = max(limit.lower, limit.upper) - angle
@@ -261,10 +267,10 @@ class Constraints:
         row = np.zeros(len(posture.m))
         # At no angle the axis is arbitrary; the documented law takes the first.
         row[there] = -vector / angle if angle > SMALLEST else (-1.0, 0.0, 0.0)
-        rows.limits += 1
         rows.add(
             Kind.ONE_SIDED, row, limit.softness, distance - limit.margin,
             float(self.weights.velocities[there.start]), position=2 * angle,
+            part=Part("limit", index, 1),
         )  # fmt: skip
 
     def _parameters(self, contact: ContactPoint) -> ContactParameters:
@@ -306,6 +312,10 @@ class Constraints:
             added.add_cone(friction, ratio)
         else:
             added.add_pyramid(friction, ratio)
+
+
+def _equality_part(equality: SoftEquality, index: int, violation: float) -> Part:
+    return Part("equality", index, int(abs(violation) < equality.softness.impedance[2]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,13 +6,13 @@ Millard et al. 2013, J. Biomech. Eng. 135(2), for the time constants.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.soft import SMALLEST
+from physics_crosscheck.reference.laws.soft import SMALLEST, Part
 from physics_crosscheck.reference.mechanism.laws import Actuator, Curve, Laws, Numbers, Range
 from physics_crosscheck.reference.mechanism.numeric import Array
 
@@ -88,6 +88,30 @@ def _keeps_damping(laws: Laws) -> bool:
     return laws.integrator == "implicit dampers"
 
 
+def clamps(laws: Laws, posture: Posture, driven: Driven, controls: Array) -> Iterator[Part]:
+    """Yield the ends of ranges that limit controls, drives and joints, where they act."""
+    for i, actuator in enumerate(laws.drives):
+        if not actuator.on:
+            continue
+        if way := _end(float(driven.forces[i]), actuator.force_range):
+            yield Part("force", i, way)
+        way = _end(float(controls[actuator.control]), actuator.control_range)
+        if way and (actuator.state >= 0 or i not in driven.clipped):
+            yield Part("control", i, way)
+    for joint, (limits, lifted) in laws.joint_ranges.items():
+        there = posture.parent.tree.velocities[joint]
+        whole = driven.joint_forces[there] + (posture.lift[there] if lifted else 0.0)
+        yield from {Part("joint force", joint, way) for x in whole if (way := _end(x, limits))}
+
+
+def _end(value: float, limits: Range | None) -> int:
+    """Return the end of a range that a value is at or beyond, -1 or 1; 0 between them."""
+    if limits is None:
+        return 0
+    slack = SMALLEST * max(map(abs, limits))
+    return int(value >= limits[1] - slack) - int(value <= limits[0] + slack)
+
+
 def _limited_drives(
     laws: Laws, posture: Posture, clipped: set[int], limited: set[int]
 ) -> Iterator[int]:
@@ -107,6 +131,63 @@ def unsaturated(
         laws, posture, accelerations: as in `drive`.
         shares: of each drive's range of forces or controls, from -1 to 1, (drives,).
     """
+
+    def force(i: int) -> float:
+        least, largest = _force_range(laws, posture, i)
+        return float((least + largest) / 2 + shares[i] * (largest - least) / 2)
+
+    return _inputs(laws, posture, accelerations, shares, force)
+
+
+def holding(laws: Laws, posture: Posture, accelerations: Array) -> tuple[Array, Array]:
+    """Return controls and states at which drives balance the other forces along their paths."""
+
+    def force(i: int) -> float:
+        row = posture.rows[laws.drives[i].path]
+        size = float(row @ row)
+        return -float(row @ posture.smooth) / size if size else float("nan")
+
+    return _inputs(laws, posture, accelerations, np.zeros(len(laws.drives)), force)
+
+
+def eased(
+    laws: Laws, posture: Posture, accelerations: Array, controls: Array, states: Array
+) -> tuple[Array, Array]:
+    """Return changes of coordinates and velocities, (nv,), that move drives off their force limits.
+
+    Each drive on one joint gets another position, each other one another velocity.
+    """
+    moved, sped = np.zeros_like(posture.m), np.zeros_like(posture.m)
+    for i, actuator in enumerate(laws.drives):
+        law, row = (
+            _Drive(actuator, posture, accelerations[actuator.path]),
+            posture.rows[actuator.path],
+        )
+        value = _clipped(controls[actuator.control], actuator.control_range)
+        value = value if actuator.state < 0 else float(states[actuator.state])
+        lacks = sum(_force_range(laws, posture, i)) / 2 - law.force(value)
+        if not np.isfinite(lacks) or actuator.bias != "affine":
+            continue
+        single = len(posture.parent.paths[actuator.path].joints) == 1
+        for change, slope in ((moved, actuator.biases[1] if single else 0.0),
+                              (sped, actuator.biases[2])):  # fmt: skip
+            if slope and row.any():
+                change += row * lacks / (slope * float(row @ row))
+                break
+    return moved, sped
+
+
+def _inputs(
+    laws: Laws,
+    posture: Posture,
+    accelerations: Array,
+    shares: Array,
+    wanted: Callable[[int], float],
+) -> tuple[Array, Array]:
+    """Return controls and states at which drives exert wanted forces; NaN for others.
+
+    Where these are not finite, drives get shares of their ranges of controls or states.
+    """
     controls = np.full(max((actuator.control for actuator in laws.drives), default=-1) + 1, np.nan)
     states = np.full(max((actuator.state for actuator in laws.drives), default=-1) + 1, np.nan)
     for i, actuator in enumerate(laws.drives):
@@ -117,9 +198,8 @@ def unsaturated(
         limits = (0.0, 1.0) if actuator.gain == "muscle" and limits is None else limits
         low, high = limits or (-1.0, 1.0)
         value = (low + high) / 2 + shares[i] * (high - low) / 2
-        least, largest = _force_range(laws, posture, i)
-        if np.isfinite([least, largest]).all() and unit != still:
-            force = (least + largest) / 2 + shares[i] * (largest - least) / 2
+        force = wanted(i)
+        if np.isfinite(force) and unit != still:
             value = _clipped((force - still) / (unit - still), limits)
         if actuator.state < 0:
             controls[actuator.control] = value

@@ -17,7 +17,7 @@ import numpy as np
 
 from physics_crosscheck.reference.laws.drives import Driven
 from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.soft import Kind, Rows
+from physics_crosscheck.reference.laws.soft import Kind, Part, Rows
 from physics_crosscheck.reference.laws.step import LawModel, LawStep
 from physics_crosscheck.reference.mechanism.laws import ContactPoint, NearRigidRules, Softness
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -54,7 +54,7 @@ class NearRigidModel(LawModel):
                 forces=np.zeros(0), joint_forces=np.zeros(nv), states=states,
                 clipped=frozenset(), damping=np.zeros((nv, nv)),
             ),
-            limits=rows.limits,
+            parts=tuple(rows.parts),
             contacts=0,
         )  # fmt: skip
 
@@ -65,16 +65,17 @@ class NearRigidModel(LawModel):
         after = posture.m + rules.step * self._free(posture)
         distances = rules.window * rules.step * np.maximum(np.abs(posture.m), np.abs(after))
         softest = rules.step * rules.stiffness * (rules.step + rules.dissipation)
-        for limit in self.laws.limits:
+        for i, limit in enumerate(self.laws.limits):
             place = self.tree.tree.velocities[limit.joint].start
             position, along = float(posture.y[place]), np.eye(len(posture.m))[place]
             for sign, bound in ((-1, limit.lower), (1, limit.upper)):
                 distance = sign * (bound - position)
                 if distance <= distances[place]:
-                    rows.limits += distance <= 0
                     weight = max(1 / float(mass[place, place]), 1 / (softest * rules.share))
                     rows.add(Kind.ONE_SIDED, -sign * along, limit.softness, distance, weight,
-                             position=abs(position) + abs(bound))  # fmt: skip
+                             position=abs(position) + abs(bound),
+                             part=Part("limit" if distance <= 0 else "next limit", i, sign),
+                             )  # fmt: skip
         return rows
 
     def _mass(self, posture: Posture) -> Array:

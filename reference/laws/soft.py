@@ -83,6 +83,24 @@ def gains(reference: Range, full: float, step: float, *, safe: bool) -> tuple[fl
     return k, 2 / max(SMALLEST, full * constant)
 
 
+class Part(NamedTuple):
+    """A part of the laws that acts at some states.
+
+    Attributes:
+        kind: "limit", "dry friction", "equality", "contact", "control", "force", "joint force".
+        place: index of the limit, friction, equality, drive or joint.
+        way: end of a range, -1 or 1; 1 for friction that slides, and for an equality within the
+            width of its impedance.
+    """
+
+    kind: str
+    place: int = -1
+    way: int = 0
+
+
+CONTACT = Part("contact")
+
+
 class Cone(NamedTuple):
     """An elliptic friction cone: its rows begin at `start`; `slope` is its regularized friction."""
 
@@ -104,7 +122,7 @@ class Rows:
         step: s.
         safe: whether time constants are at least two steps.
         velocities: stored, (nv,).
-        limits: number of rows of limits.
+        parts: of the laws that the rows belong to.
         arms: magnitudes of the positions whose differences are arms in each row, (nv,).
     """
 
@@ -118,7 +136,7 @@ class Rows:
     bounds: list[float] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
     cones: list[Cone] = field(default_factory=list)
-    limits: int = 0
+    parts: list[Part] = field(default_factory=list)
     arms: list[Array] = field(default_factory=list)
 
     def add(
@@ -134,6 +152,7 @@ class Rows:
         bias: float = 0.0,
         bound: float = 0.0,
         arms: Array | float = 0.0,
+        part: Part = CONTACT,
     ) -> None:
         """Add a row.
 
@@ -148,7 +167,9 @@ class Rows:
             bias: J-dot v.
             bound: of a friction force.
             arms: magnitudes of the positions whose differences are arms in the row, (nv,).
+            part: of the laws that the row belongs to.
         """
+        self.parts.append(part)
         d, full = impedance(softness, violation if depth is None else depth)
         k, b = gains(softness.reference, full, self.step, safe=self.safe)
         rate = float(row @ self.velocities)

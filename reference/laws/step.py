@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.reference.laws.constraints import Constraints
-from physics_crosscheck.reference.laws.drives import Driven, drive
+from physics_crosscheck.reference.laws.drives import Driven, clamps, drive
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
-from physics_crosscheck.reference.laws.soft import Kind, Problem
+from physics_crosscheck.reference.laws.soft import Kind, Part, Problem
 from physics_crosscheck.reference.mechanism.laws import ContactPoint
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
@@ -30,14 +30,14 @@ class LawStep:
         posture: the state.
         problem: the convex problem of the constraints.
         driven: the drives.
-        limits: number of rows of limits.
+        parts: of the laws, which the rows belong to.
         contacts: their number.
     """
 
     posture: Posture
     problem: Problem
     driven: Driven
-    limits: int
+    parts: tuple[Part, ...]
     contacts: int
 
     def uncertainty(self, a: Array, unbalanced: Array) -> Array:
@@ -58,7 +58,7 @@ class LawStep:
         for kind, name in _NAMES.items():
             yield name, int(np.sum(active & (self.problem.kinds == kind.value)))
         yield "contacts", self.contacts
-        yield "limits", self.limits
+        yield "limits", sum(part.kind == "limit" for part in self.parts)
         yield "drives at a limit", len(self.driven.clipped)
         yield "drives", int(np.count_nonzero(self.driven.forces))
 
@@ -151,7 +151,7 @@ class LawModel(Constraints):
             posture=posture,
             problem=rows.problem(posture.mass, free, posture.loads),
             driven=driven,
-            limits=rows.limits,
+            parts=tuple(rows.parts),
             contacts=len(contacts),
         )
 
@@ -172,6 +172,37 @@ class LawModel(Constraints):
             controls=controls,
             states=states,
         )
+
+    def parts(self) -> Iterator[Part]:
+        """Yield the parts of the laws that may act at some state."""
+        laws = self.laws
+        for i, limit in enumerate(laws.limits):
+            ball = limit.joint >= 0 and self.tree.tree.links[limit.joint].kind == "ball"
+            yield from (Part("limit", i, way) for way in ((1,) if ball else (-1, 1)))
+        for i in range(len(laws.frictions)):
+            yield from (Part("dry friction", i, way) for way in (0, 1))
+        for i, equality in enumerate(laws.equalities):
+            start, full, width, *_ = equality.softness.impedance
+            if width > 0 and start != full:
+                yield Part("equality", i, 1)
+        for i, actuator in enumerate(laws.drives):
+            ranges = {"control": actuator.control_range, "force": actuator.force_range}
+            for kind, limits in ranges.items() if actuator.on else ():
+                if limits is not None:
+                    yield from (Part(kind, i, way) for way in (-1, 1))
+        for joint in laws.joint_ranges:
+            yield from (Part("joint force", joint, way) for way in (-1, 1))
+
+    def acting(self, solution: LawSolution) -> Iterator[Part]:
+        """Yield the parts that act at a state."""
+        law = solution.law
+        forces = np.abs(law.problem.forces(solution.acceleration)[0])
+        for part, force, bound in zip(law.parts, forces, law.problem.bounds, strict=True):
+            if part.kind == "dry friction":
+                yield part._replace(way=int(force >= bound))
+            elif force:
+                yield part
+        yield from clamps(self.laws, law.posture, law.driven, solution.controls)
 
     def advance(self, law: LawStep, a: Array) -> Array | None:
         """Return the velocities after a step, (nv,), from accelerations; None without a rule."""

@@ -11,9 +11,12 @@ from campaigns.laws import planted
 from campaigns.scenes import mujoco_result, mujoco_scene
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
-from physics_crosscheck.harness.checks.prepare import prepare
+from physics_crosscheck.harness.checks.law_comparison import LawComparison
+from physics_crosscheck.harness.checks.law_states import drawn_states, evaluated_states
+from physics_crosscheck.harness.checks.prepare import prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
+from physics_crosscheck.harness.diagnosis.law_problem import law_problem
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -257,3 +260,34 @@ def test_full_runs_follow_whole_steps(tmp_path: Path) -> None:
     assert case.outcome is Outcome.AGREES
     assert case.full_run is not None
     assert case.whole_step is not None
+
+
+STIFF = """<mujoco><option gravity="0 0 -3"/><worldbody><body pos="0 0 1">
+<joint name="a" axis="0 1 0" range="-20 70" armature=".01" damping=".5"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".04" mass="1"/><body pos=".4 0 0">
+<joint name="b" axis="0 1 0" frictionloss=".3" solreffriction=".01 .7"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass=".5"/></body></body></worldbody>
+<actuator><position joint="a" kp="3000" ctrlrange="-.3 1.2" forcerange="-2 3"/>
+<position joint="b" kp="900" kv="9" ctrlrange="-1 .5" forcerange="-3 3"/></actuator></mujoco>"""
+
+
+def test_states_are_added_where_parts_of_the_laws_never_act(tmp_path: Path) -> None:
+    """Catch ends of ranges, and friction that holds, which no state shows."""
+    file = tmp_path / "stiff.xml"
+    file.write_text(STIFF)
+    problem = law_problem(model_task(prepare_tree(file, states=2), "mujoco"))
+    assert problem is not None
+    comparison = problem.comparison
+    assert isinstance(comparison, LawComparison)
+    drawn = comparison.evaluate(tuple(drawn_states(comparison)))
+    missing = {part.kind for part in comparison.missing_parts(drawn)}
+    assert "control" in missing  # else the scene is too easy
+    assert not comparison.missing_parts(evaluated_states(comparison))
+    faults = list(planted(file, 2, np.random.default_rng(1), ("ctrlrange", "solreffriction")))
+    assert len(faults) == 8
+    for key, size, address, fault in faults:
+        if address.endswith("solreffriction[1]"):  # friction has no violation
+            assert (fault.acts, fault.outcome) == (0.0, "AGREES")
+            continue
+        assert fault.acts > 1e-9, address
+        assert (fault.outcome, fault.named) == ("DIFFERS", True), (key, size, address)

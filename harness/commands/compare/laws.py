@@ -18,7 +18,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     ImpulseComparison,
     LawComparison,
 )
-from physics_crosscheck.harness.checks.law_states import drawn_states
+from physics_crosscheck.harness.checks.law_states import evaluated_states
 from physics_crosscheck.harness.commands.compare.actuators import pair_actuators
 from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.commands.compare.law_rows import (
@@ -323,12 +323,14 @@ class _Weights:
     def __init__(self, a: _LawSide, differences: Sequence[_LawDifference]) -> None:
         self._comparison: Any = a.comparison()
         self._model: Any = a.model
-        states = tuple(drawn_states(self._comparison))
-        limits = [one.b for one in differences if one.a is None and one.b is not None]
-        states += tuple(_at_limits(self._comparison, states, limits))
-        self._evaluated: Sequence[Evaluated[Any]] = self._comparison.evaluate(states)
+        self._evaluated: list[Evaluated[Any]] = evaluated_states(self._comparison)
         if not self._evaluated:
             return
+        limits = [one.b for one in differences if one.a is None and one.b is not None]
+        first = self._evaluated[0].state
+        self._evaluated += self._comparison.evaluate(
+            tuple(_at_limits(self._comparison, first, limits))
+        )
         self._scale = self._comparison.compare(self._evaluated).scale
         self._expected = np.array([self._comparison.expected(one) for one in self._evaluated])
 
@@ -344,9 +346,7 @@ class _Weights:
         return float(np.max(effects))
 
 
-def _at_limits(
-    comparison: Any, states: Sequence[WholeState], rows: Sequence[LawRow]
-) -> Iterator[WholeState]:
+def _at_limits(comparison: Any, state: WholeState, rows: Sequence[LawRow]) -> Iterator[WholeState]:
     """Yield states beyond both ends of limits of joints that only B has."""
     for row in rows:
         name = row.key[-1]
@@ -354,9 +354,9 @@ def _at_limits(
             continue
         place = comparison.model.coordinates.index(name)
         for end in (row.row.lower - DEPTH, row.row.upper + DEPTH):
-            z = states[0].z.copy()
+            z = state.z.copy()
             z[place] = end
-            yield states[0]._replace(z=z)
+            yield state._replace(z=z)
 
 
 def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:
