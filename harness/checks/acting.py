@@ -29,6 +29,13 @@ from physics_crosscheck.reference.mechanism.tree import TreeError
 NAMED = 3
 """Largest number of subjects that a line names."""
 
+LARGEST = "largest force"
+"""Quantity whose rule states what is clamped, and where."""
+
+FORCE_UNITS = {"hinge": "N m", "slide": "N"}
+
+DRIVE_CLAMPED = "the drive is clamped, before forces add up"
+
 DIAGONAL = float(np.sqrt(0.5))
 """Friction of a pyramid between its edges, relative to that along them."""
 
@@ -161,6 +168,10 @@ class Acting:
         (link, gear), tree = joints[0], self.model.tree.tree
         joint, there = tree.links[link], tree.velocities[link].start
         subject, load = f"drive of {joint.name}", float(self._posture.smooth[there])
+        kind = "hinge" if joint.kind == "hinge" else "slide"
+        largest, rule = self._largest_force(drive, link, gear)
+        if np.isfinite(largest):
+            yield _quantity(subject, LARGEST, largest, FORCE_UNITS[kind], rule)
         if drive.force_range is not None and load:
             limit = min(map(abs, drive.force_range)) * abs(gear)
             share = abs(load) / limit if limit else np.inf
@@ -168,11 +179,14 @@ class Acting:
         if drive.bias != "affine" or drive.biases[1] >= 0:
             return
         servo = self._servo(drive, link, gear, load)
-        motion, unit = servo.motion, "rad" if joint.kind == "hinge" else "m"
+        motion, unit = servo.motion, "rad" if kind == "hinge" else "m"
         yield _quantity(
             subject, "natural frequency", motion.rate / (2 * np.pi), "Hz", "others held"
         )
-        yield _quantity(subject, "damping ratio", motion.damping)
+        active, stiffness = -drive.biases[2] * gear**2, -drive.biases[1] * gear**2
+        own_ratio = active / (2 * np.sqrt(stiffness * servo.inertia))
+        ratio = _quantity(subject, "damping ratio", motion.damping)
+        yield replace(ratio, parts=(active, float(own_ratio)))
         if load:
             yield _quantity(subject, "sag", servo.sag, unit, "as drawn, to first order")
         if self.model.laws.integrator:
@@ -181,6 +195,19 @@ class Acting:
             )
             rule = f"the step of {servo.step:g} s grows above 1"
             yield _quantity(subject, "gain over unstable gain", share, rule=rule)
+
+    def _largest_force(self, drive: Actuator, link: int, gear: float) -> tuple[float, str]:
+        """Return the largest force of a drive on its joint, and what is clamped where."""
+        limits = [(np.inf, "")]
+        if drive.force_range is not None:
+            limits.append((max(map(abs, drive.force_range)) * abs(gear), DRIVE_CLAMPED))
+        if link in self.model.laws.joint_ranges:
+            ends, _ = self.model.laws.joint_ranges[link]
+            limits.append((max(map(abs, ends)), "the joint is clamped, after forces add up"))
+        if drive.control_range is not None and (drive.gain, drive.bias) == ("fixed", "none"):
+            largest = max(map(abs, drive.control_range)) * abs(drive.gains[0] * gear)
+            limits.append((largest, "the control is clamped, before the gain"))
+        return min(limits)
 
     def _servo(self, drive: Actuator, link: int, gear: float, load: float) -> Servo:
         laws, joint = self.model.laws, self.model.tree.tree.links[link]

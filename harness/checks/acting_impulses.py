@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.acting import NAMED
+from physics_crosscheck.harness.checks.acting import DRIVE_CLAMPED, FORCE_UNITS, LARGEST, NAMED
 from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
 from physics_crosscheck.harness.engines.protocol import ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
@@ -31,6 +31,9 @@ from physics_crosscheck.reference.mechanism.laws import (
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarJoint, PlanarLaws
 from physics_crosscheck.reference.mechanism.tree import TreeError
+
+DRAG = "default damping"
+"""Damping of links that an engine adds by itself, relative to their inertia."""
 
 
 def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
@@ -66,6 +69,8 @@ class ActingImpulses:
             floor, *surfaces = laws.surfaces
             for name, surface in zip(laws.rules.bodies[1:], surfaces, strict=True):
                 yield from self._contact(f"ground with {name}", floor, surface)
+        rule = "unless linearDamping and angularDamping are set to 0, as here"
+        yield _quantity("all links", DRAG, laws.rules.drag, "1/s", rule)
         for joint in laws.joints:
             if joint.lower <= joint.upper:
                 yield from self._limit(joint)
@@ -110,6 +115,8 @@ class ActingImpulses:
         rules, subject = self._laws.rules, f"drive of {self._name(joint)}"
         there = self.comparison.laws.tree.tree.velocities[joint.joint].start
         load = float(self._posture.smooth[there])
+        unit = FORCE_UNITS[self.comparison.laws.tree.tree.links[joint.joint].kind]
+        yield _quantity(subject, LARGEST, joint.effort, unit, DRIVE_CLAMPED)
         if load:
             share = abs(load) / joint.effort
             yield _quantity(subject, "share of force for weight", share, rule="as drawn")

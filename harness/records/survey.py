@@ -16,7 +16,7 @@ class ActingQuantity(Record, frozen=True, kw_only=True):
         value: Its value; None if it is not finite.
         unit: Its unit; empty for a ratio.
         rule: How it follows from the file; empty if that is clear.
-        parts: Numbers of the two shapes of a contact that it is mixed from.
+        parts: Friction of two shapes; or a drive's damping, and the ratio by it alone.
     """
 
     subject: str

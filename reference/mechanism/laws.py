@@ -335,6 +335,7 @@ class ImpulseRules:
         slop: added to the distance of a contact, m.
         bounce: approach speed below which nothing bounces, m/s.
         gain: share of its position error that a motor removes in a step.
+        drag: damping of links that the engine adds by default, 1/s; 0 in all comparisons.
         mixing: of the frictions of two surfaces.
         default: a surface that the file does not describe.
         floor: the surface of the ground.
@@ -351,6 +352,7 @@ class ImpulseRules:
     slop: float
     bounce: float
     gain: float
+    drag: float
     default: HardSurface
     floor: HardSurface
     controls: tuple[str, ...]

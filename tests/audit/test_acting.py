@@ -61,4 +61,5 @@ def test_the_command_prints_a_line_for_each_subject(
     assert main(["audit", str(tmp_path / "robot.xml"), "--engine", "mujoco"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "acts as floor with pad: friction 0.9 (the larger of 0.4 and 0.9)," in out
-    assert "acts as drive of lift: share of force for weight 0.4905 (as drawn)," in out
+    assert "acts as drive of lift: largest force 4 N m (the drive is clamped, before" in out
+    assert " share of force for weight 0.4905 (as drawn)," in out

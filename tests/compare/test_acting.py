@@ -17,6 +17,8 @@ ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
 @pytest.mark.parametrize(("old", "new", "words"), [
     ('kp="20" dampratio="1"', 'kp="0.3490658503988659" dampratio="1"',
      "natural frequency 2.431 Hz in A, 0.3211 Hz in B: the gain of B is per degree"),
+    ('dampratio="1"', 'kv="1"',
+     "the damping of B is the dampratio of the other file, not resolved"),
     (' dampratio="1"', "", "damping ratio 1 in A, 0 in B: the damping of B is lost"),
     ('size="1 1 1"', 'size="1 1 1" friction="0.7"',
      "friction 1 in A, 0.7 in B: the friction of B is the product of the two of the other file"),
@@ -29,6 +31,25 @@ def test_a_usual_mistake_is_named(
     (tmp_path / "b.xml").write_text(ARM.replace(old, new))
     main(["compare", str(tmp_path / "a.xml"), str(tmp_path / "b.xml"), "--engine", "mujoco"])
     assert words in " ".join(capsys.readouterr().out.split())
+
+
+def test_another_order_of_clamps_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Catch equal limits of force that act before forces add up in one file, after in the other."""
+    servo, motor = ARM.replace("dampratio", 'forcerange="-5 5" dampratio'), '<motor joint="hinge"'
+    (tmp_path / "a.xml").write_text(servo)
+    for other, words in (
+        (ARM.replace("axis", 'actuatorfrcrange="-5 5" axis'),
+         "in A, the drive is clamped, before forces add up; in B, the joint is clamped, after"),
+        (ARM.replace('<position joint="hinge" kp="20" dampratio="1"',
+                     f'{motor} gear="2" ctrlrange="-2.5 2.5"'),
+         "largest force 5 N m in A, 5 N m in B: in A, the drive is clamped, before forces add up;"
+         " in B, the control is clamped, before the gain"),
+    ):  # fmt: skip
+        (tmp_path / "b.xml").write_text(other)
+        main(["compare", str(tmp_path / "a.xml"), str(tmp_path / "b.xml"), "--engine", "mujoco"])
+        assert words in " ".join(capsys.readouterr().out.split())
 
 
 def test_equal_files_have_no_such_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -64,3 +85,5 @@ def test_impulses_and_soft_constraints_are_side_by_side(
     assert "each step of 0.002 s removes 0.2 of a violation" in text
     assert "drive of shoulder: sag none in A, 0.07848 rad in B" in text
     assert "share of force" not in text  # equal
+    assert "largest force" not in text  # equal, and clamped alike
+    assert "default damping 0.04 1/s in A, none in B: in A, unless linearDamping" in text

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from physics_crosscheck.harness.checks.acting import acting_quantities
-from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities, merged
+from physics_crosscheck.harness.checks.acting import LARGEST, acting_quantities
+from physics_crosscheck.harness.checks.acting_impulses import DRAG, impulse_quantities, merged
 from physics_crosscheck.harness.commands.compare.candidate import Facts
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
@@ -66,7 +66,7 @@ def _compared(
     either = here or there
     assert either is not None
     values = [None if row is None else row.value for row in (here, there)]
-    if not _equal(*values):
+    if not _equal(*values) or (here and there and _clamped_elsewhere(here, there)):
         yield ComparedActing(
             subject=either.subject,
             quantity=either.quantity,
@@ -75,6 +75,11 @@ def _compared(
             b=values[1],
             cause=_cause(key, a, b),
         )
+
+
+def _clamped_elsewhere(a: ActingQuantity, b: ActingQuantity) -> bool:
+    """Return whether two drives clamp their forces before and after others add up."""
+    return a.quantity == LARGEST and a.rule != b.rule
 
 
 def _equal(first: float | None, other: float | None) -> bool:
@@ -87,14 +92,23 @@ def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
     """Return the usual mistake that a difference of friction or of a drive fits."""
     (subject, quantity), rows = key, [table.get(key) for table in tables]
     here, there = (None if row is None else row.value for row in rows)
+    if quantity == DRAG:
+        return "; ".join(_labelled_rules(rows))
     if here is None or there is None:
         return ""
+    if rows[0] and rows[1] and _clamped_elsewhere(rows[0], rows[1]):
+        return "; ".join(_labelled_rules(rows))
     if quantity == FRICTION and (mixing := _mixing(rows[0], rows[1])):
         return mixing
     if quantity in BY_SOLVER and (rule := _by_solver(rows)):
         return rule
-    if not subject.startswith("drive of"):
-        return ""
+    return _drive_cause(quantity, rows, here, there) if subject.startswith("drive of") else ""
+
+
+def _drive_cause(
+    quantity: str, rows: Sequence[ActingQuantity | None], here: float, there: float
+) -> str:
+    """Return the usual mistake that a difference of a drive fits, or ""."""
     if quantity == FREQUENCY and here and there:
         ratio = math.degrees(1.0)
         for label, factor in (("A", (here / there) ** 2), ("B", (there / here) ** 2)):
@@ -102,18 +116,33 @@ def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
                 return f"the gain of {label} is per degree, and acts per radian"
     if quantity == DAMPING and not here * there:
         return f"the damping of {'A' if not here else 'B'} is lost"
+    return _unresolved(rows) if quantity == DAMPING else ""
+
+
+def _unresolved(rows: Sequence[ActingQuantity | None]) -> str:
+    """Return the file whose drive has the damping ratio of the other as its damping, or ""."""
+    for label, k in (("A", 0), ("B", 1)):
+        mine, other = rows[k], rows[1 - k]
+        if mine is None or other is None or not (mine.parts and other.parts):
+            continue
+        (damping, _), (another, ratio) = mine.parts, other.parts
+        alike = [math.isclose(damping, value, rel_tol=ALIKE) for value in (ratio, another)]
+        if alike == [True, False]:
+            return f"the damping of {label} is the dampratio of the other file, not resolved"
     return ""
 
 
 def _by_solver(rows: Sequence[ActingQuantity | None]) -> str:
     """Return the rule of an impulse solver in the only file whose engine has one, or ""."""
     words = ("product", "slop", "step", "impulse")
-    labelled = [
-        f"in {label}, {row.rule}"
-        for label, row in zip("AB", rows, strict=True)
-        if row is not None and any(word in row.rule for word in words)
-    ]
+    labelled = [rule for rule in _labelled_rules(rows) if any(word in rule for word in words)]
     return labelled[0] if len(labelled) == 1 else ""
+
+
+def _labelled_rules(rows: Sequence[ActingQuantity | None]) -> list[str]:
+    """Return the rules of the files that have the quantity, each with its letter."""
+    pairs = zip("AB", rows, strict=True)
+    return [f"in {label}, {row.rule}" for label, row in pairs if row is not None]
 
 
 def _mixing(a: ActingQuantity | None, b: ActingQuantity | None) -> str:

@@ -104,7 +104,7 @@ class PybulletWhole(WholeModel):
             self._floor = self._add_floor()
         self.rules = ImpulseRules(
             step=self.step, limit_recovery=0.2, contact_recovery=0.08, friction_recovery=0.2,
-            deepest=0.04, largest=100.0, slop=1e-5, bounce=0.2, gain=GAIN, default=_LINK,
+            deepest=0.04, largest=100.0, slop=1e-5, bounce=0.2, gain=GAIN, drag=0.04, default=_LINK,
             floor=_FLOOR,
             controls=self.coordinates[self._free :],
             bodies=("", *(names[index].removeprefix("link:") for index in self._links)),
