@@ -88,7 +88,8 @@ def evaluated_states(comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]
     """Evaluate drawn states, and a few more at which parts of the laws act that never did."""
     evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
     if evaluated and isinstance(comparison, LawComparison):
-        evaluated += comparison.evaluate(tuple(_acting_states(comparison, evaluated)))
+        more = tuple(_acting_states(comparison, evaluated))
+        evaluated += comparison.evaluate(more) if more else []
     return evaluated
 
 

@@ -287,11 +287,15 @@ class Problem:
 
     def _negligible(self, a: Array) -> float:
         """Return the size of a gradient that rounding leaves: of its forces, and of `a` itself."""
-        force, mass = self.forces(a)[0], np.abs(self.mass)
+        (force, slope), mass = self.forces(a), np.abs(self.mass)
         loose = mass @ np.abs(a - self.free) + np.abs(self.jacobian).T @ np.abs(force)
-        return float(
-            ROUGHLY * np.linalg.norm(loose) + LAST_DIGITS * np.linalg.norm(mass @ np.abs(a))
-        )
+        digits = mass @ np.abs(a) + np.abs(self.jacobian.T @ slope) @ self._sizes(a)
+        return float(ROUGHLY * np.linalg.norm(loose) + LAST_DIGITS * np.linalg.norm(digits))
+
+    def _sizes(self, a: Array) -> Array:
+        """Return the sums of the magnitudes in x = J a - aref, (K,)."""
+        result: Array = np.abs(self.jacobian) @ np.abs(a) + self.sizes
+        return result
 
     def _line_search(self, a: Array, direction: Array) -> float:
         """Return the share of a direction at which the cost is least, by Brent's method."""
@@ -315,14 +319,16 @@ class Problem:
         return float(brentq(slope, low, high, xtol=SHARE_TOLERANCE, disp=False))
 
     def rounding(self, a: Array) -> Array:
-        """Return the effect of a last digit of every term on the minimizer, relative to epsilon."""
+        """Return the effect of a last digit of every term on the minimizer, relative to epsilon.
+
+        The rounding of a row acts along one vector, which is short even if the row is nearly rigid.
+        """
         force, slope = self.forces(a)
-        size = np.abs(self.jacobian) @ np.abs(a) + self.sizes
         loose = np.abs(self.mass) @ (np.abs(a) + np.abs(self.free)) + self.loads
-        loose = loose + np.abs(self.jacobian).T @ (np.abs(force) + np.abs(slope) @ size)
-        loose = loose + self.arms.T @ np.abs(force)
-        hessian = self.mass + self.jacobian.T @ slope @ self.jacobian
-        result: Array = np.abs(np.linalg.inv(hessian)) @ loose
+        loose = loose + (np.abs(self.jacobian) + self.arms).T @ np.abs(force)
+        stiff = self.jacobian.T @ slope
+        inverse = np.linalg.inv(self.mass + stiff @ self.jacobian)
+        result: Array = np.abs(inverse) @ loose + np.abs(inverse @ stiff) @ self._sizes(a)
         return result
 
 

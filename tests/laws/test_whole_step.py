@@ -215,6 +215,19 @@ def test_no_error_exceeds_its_uncertainty(tmp_path: Path, seed: int) -> None:
     assert result.ratios["own"] > 0.01  # the file's own solver stops early
 
 
+def test_nearly_rigid_rows_have_small_uncertainty(tmp_path: Path) -> None:
+    """Catch rounding in pyramids with little friction that is taken as an error of the solver."""
+    scene = """<mujoco><option timestep="0.001" integrator="implicit"/><worldbody>
+    <geom type="plane" size="5 5 .1" condim="4" friction="2e-5 .016 .012" priority="1"
+     solref="0.0226 1.09" solimp="0.764 0.844 0.0028 0.423 3.4"/>
+    <body pos="0.055 -0.023 0.0757"><freejoint/>
+    <geom type="box" size=".079 .073 .077" mass="1.44"/></body></worldbody></mujoco>"""
+    check = checked(tmp_path, scene)
+    assert check.record.outcome is Outcome.AGREES
+    assert check.judgement is not None
+    assert check.judgement.largest_uncertainty < 1e-9
+
+
 @pytest.mark.slow
 def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> None:
     """Catch a campaign that draws nothing that acts, or plants nothing that is seen."""
