@@ -112,6 +112,16 @@ class UrdfFile:
     mimics: Mapping[str, Mimic]
     root: str
 
+    def stated_bounds(self, name: str) -> tuple[float, float]:
+        """Return the bounds of a joint; a continuous one has those that its `<limit>` states."""
+        joint = self.joints[name]
+        limit = self.document.child(joint.element, "limit")
+        keys = ("lower", "upper")
+        if joint.bounds != ENDLESS or limit is None or not set(keys) <= set(limit.attributes):
+            return joint.bounds
+        lower, upper = (self.document.number(limit, key, 0.0, "<limit>") for key in keys)
+        return lower, upper
+
     @property
     def can_float(self) -> bool:
         """False for a root link `world`: to some engines it is the world itself."""

@@ -71,6 +71,7 @@ class UrdfReader:
         no_friction: its title, if it ignores joint friction.
         long_axes: its title, if it does not normalize joint axes.
         no_stops: its title, if it ignores position limits.
+        stops_turns: its title, if it applies the limits of continuous joints.
     """
 
     name: str
@@ -79,6 +80,7 @@ class UrdfReader:
     no_friction: str = ""
     long_axes: str = ""
     no_stops: str = ""
+    stops_turns: str = ""
 
 
 def urdf_remarks(
@@ -144,14 +146,24 @@ def _bounds(
     (lower, upper), name = bounds, joint.get("name", "")
     if reader.no_stops:
         return
-    why = _why_ignored(reader, joint.get("type") == "continuous", lower, upper)
-    if why:
+    turns = joint.get("type") == "continuous"
+    if turns and reader.stops_turns and lower <= upper:
+        yield Remark(
+            kind="joint limit",
+            message=(
+                f"{name} is continuous, but {reader.stops_turns} applies its limits:"
+                f" [{lower:g}, {upper:g}]"
+            ),
+            fault=True,
+            address=f"robot/joint[{name}]/limit",
+        )
+    elif why := _why_ignored(reader, turns, lower, upper):
         yield Remark(
             kind="empty limit",
             message=f"the limits [{lower:g}, {upper:g}] of {name} have no effect: {why}",
             address=f"robot/joint[{name}]/limit",
         )
-    elif joint.get("type") != "continuous":
+    elif not turns:
         yield from limit_remarks(
             name, bounds=bounds, reached=reached, address=f"robot/joint[{name}]"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -116,10 +117,10 @@ class UrdfModel(TreeModel):
         defaults: Mapping[str, float | bool | str],
         further: Sequence[Change],
     ) -> None:
-        self._reader = reader
         declare = declared_sdf if spec.path.suffix == SDF else declared_urdf
         self.declared: Declarations = declare(spec, further)
         super().__init__(spec, title, {**defaults, **spec.settings})
+        self._reader = replace(reader, stops_turns="") if self.settings.get("smooth") else reader
         self.floats = bool(self.settings["floating"])
         self.root = self.declared.base
         self.springs, self.mimics = self.declared.springs, self.declared.mimics
@@ -128,7 +129,7 @@ class UrdfModel(TreeModel):
     def stated_limits(self) -> Array:
         """Position limits of the file, (nz, 2); infinite for joints without one."""
         result = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
-        for name, bounds in self.declared.bounds.items():
+        for name, bounds in self.declared.bounds(turns=bool(self._reader.stops_turns)).items():
             if name in self.coordinates:
                 result[self.coordinates.index(name)] = bounds
         return result

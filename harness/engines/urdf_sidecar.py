@@ -92,10 +92,16 @@ class Declarations(ABC):
         """Names of links, in the file's order."""
         return tuple(self.file.links)
 
-    @property
-    def bounds(self) -> Mapping[str, tuple[float, float]]:
-        """Position limits of the file, if lower is below upper."""
-        bounds = {name: joint.bounds for name, joint in self.file.joints.items()}
+    def bounds(self, *, turns: bool) -> Mapping[str, tuple[float, float]]:
+        """Return position limits of the file, if lower is below upper.
+
+        Args:
+            turns: whether those of continuous joints count.
+        """
+        file = self.file
+        bounds = {name: joint.bounds for name, joint in file.joints.items()}
+        if turns and isinstance(file, UrdfFile):
+            bounds = {name: file.stated_bounds(name) for name in bounds}
         return {name: (lower, upper) for name, (lower, upper) in bounds.items() if lower < upper}
 
 

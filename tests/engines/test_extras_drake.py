@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
@@ -19,6 +20,7 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
     law_problem,
 )
 from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
@@ -65,6 +67,24 @@ def test_planted_faults_of_limits_are_seen(tmp_path: Path, fault: str) -> None:
     assert URDF_ARM.count(right) == 1
     check = checked(tmp_path, URDF_ARM.replace(right, wrong))
     assert check.record.outcome is Outcome.DIFFERS
+
+
+@pytest.mark.parametrize(
+    ("smooth", "words"),
+    [(False, "elbow is continuous, but Drake applies its limits: [-0.4, 0.4]"),
+     (True, "the limits [-0.4, 0.4] of elbow have no effect: it is continuous")],
+)  # fmt: skip
+def test_limits_of_a_continuous_joint_are_stated(tmp_path: Path, smooth: bool, words: str) -> None:
+    """Catch a remark that Drake ignores limits which stop its joint, or the reverse."""
+    need("drake")
+    file = tmp_path / "arm.urdf"
+    file.write_text(URDF_ARM)
+    settings = {**SETTINGS, "floating": False, "step": 0.002, "smooth": smooth}
+    model = engines()["drake"].load(ModelSpec(file, settings=settings))
+    start = np.zeros((1, len(model.coordinates)))
+    assert words in [one.message for one in model.remarks(start, start)]
+    bounds = model.limits[model.coordinates.index("elbow")].tolist()
+    assert bounds == ([-np.inf, np.inf] if smooth else [-0.4, 0.4])
 
 
 def problem_of(tmp_path: Path) -> LawProblem[LawModel, LawSolution]:

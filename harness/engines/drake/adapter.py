@@ -130,6 +130,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
             equal_bounds=True,
             no_friction="Drake",
             no_stops="Drake" if self.stepping == CONTINUOUS else "",
+            stops_turns="Drake",
         )
         UrdfModel.__init__(self, spec, "Drake", reader, defaults, _changes(spec, self.stepping))
         self._weightless = weightless_links(self.declared.robot) if spec.path.suffix == SDF else ()

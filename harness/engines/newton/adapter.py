@@ -147,6 +147,7 @@ READER = UrdfReader(
     no_inertial="the mass of its collision shapes at 1000 kg/m^3, or none",
     equal_bounds=True,
     no_friction="Newton",
+    stops_turns="Newton",
 )
 
 
@@ -156,16 +157,6 @@ def without_idle_shapes(robot: XmlElement) -> None:
         tags = ("visual",) if link.find("inertial") is None else ("visual", "collision")
         for shape in [shape for tag in tags for shape in link.findall(tag)]:
             link.remove(shape)
-
-
-def stopped_turns(robot: XmlElement) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield continuous joints with limits, which other engines ignore."""
-    for joint in robot.findall("joint"):
-        stated = {} if (limit := joint.find("limit")) is None else limit.attributes
-        if joint.get("type") == "continuous" and {"lower", "upper"} <= set(stated):
-            bounds = float(stated["lower"]), float(stated["upper"])
-            if bounds[0] <= bounds[1]:  # the file's copy has no others
-                yield joint.get("name", ""), bounds
 
 
 def read_urdf(model: UrdfModel) -> ParsedModel:
@@ -359,15 +350,6 @@ class NewtonUrdf(NewtonModel, UrdfModel):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield also ignored parts of the URDF."""
         yield from UrdfModel.remarks(self, z, w)
-        for name, (lower, upper) in stopped_turns(self.declared.robot):
-            yield Remark(
-                kind="joint limit",
-                message=(
-                    f"{name} is continuous, but Newton applies its limits: [{lower:g}, {upper:g}]"
-                ),
-                fault=not self.settings["smooth"],
-                address=f"robot/joint[{name}]/limit",
-            )
         yield from NewtonModel.remarks(self, z, w)
 
 

@@ -71,7 +71,7 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
     if any(link.kind not in ("hinge", "slide") for link in tree.links):
         raise TreeError("a root or joint with several degrees of freedom")
     softness = near_rigid_softness(rules)
-    ranges = ((i, _stated_bounds(file, link.name)) for i, link in enumerate(tree.links))
+    ranges = ((i, file.stated_bounds(link.name)) for i, link in enumerate(tree.links))
     limits = (
         SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
         for i, (lower, upper) in ranges
@@ -90,16 +90,6 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
         home=np.zeros(tree.nv),
         rules=rules,
     )  # fmt: skip
-
-
-def _stated_bounds(file: UrdfFile, name: str) -> tuple[float, float]:
-    """Return the bounds of a joint; an endless one has those that its `<limit>` states."""
-    joint, document = file.joints[name], file.document
-    limit = document.child(joint.element, "limit")
-    if joint.bounds != ENDLESS or limit is None or not {"lower", "upper"} <= set(limit.attributes):
-        return joint.bounds
-    lower, upper = (document.number(limit, key, 0.0, "<limit>") for key in ("lower", "upper"))
-    return lower, upper
 
 
 def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> ImpulseModel | None:
