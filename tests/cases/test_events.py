@@ -48,6 +48,8 @@ def test_every_built_in_motion_with_events_agrees(name: str) -> None:
         ("bouncing_ball", "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.8000008", "pymunk"),
         ("pendulum_stop", "mujoco.xml", "-3 0.4", "-3 0.4000004", "mujoco"),
         ("coulomb_oscillator", "mujoco.xml", 'loss="2"', 'loss="2.000002"', "mujoco"),
+        ("filtered_motor", "mujoco_exact.xml", 'dynprm="0.1"', 'dynprm="0.1000001"', "mujoco"),
+        ("saturated_servo", "mujoco.xml", 'range="-10 10"', 'range="-10 10.00001"', "mujoco"),
     ],
 )
 def test_a_fault_of_a_millionth_is_found(

@@ -126,3 +126,40 @@ def test_what_is_raised_in_a_rollout_names_the_file(tmp_path: Path) -> None:
     start = np.ones((1, 1))
     with pytest.raises(EngineError, match=r"model.xml: MuJoCo raises ValueError"):
         load(tmp_path).rollout(start, start, 0.002, 5, np.ones((1, 7, 3)), 5)
+
+
+SERVO = '<actuator><position name="servo" joint="q" kp="60" forcerange="-10 10"/></actuator>'
+FILTER = """<actuator><general name="motor" joint="q" dyntype="filter" dynprm="0.1" gainprm="2"/>
+</actuator>"""
+
+
+def test_actuators_without_controls_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match=r"it has actuators.*\[settings\] controls"):
+        load(tmp_path, "</mujoco>", SERVO + "</mujoco>")
+
+
+def test_an_actuator_pushes_at_its_control_up_to_its_limit(tmp_path: Path) -> None:
+    model = load(tmp_path, "</mujoco>", SERVO + "</mujoco>", controls=[0.1])
+    z = np.array([[0.0], [-0.5]])
+    _, w = model.rollout(z, np.zeros_like(z), 1e-3, 1, None, 1)
+    np.testing.assert_allclose(w[:, 0, 0], [6e-3, (10 + 3 * 0.5) * 1e-3], rtol=1e-14)
+
+
+def test_the_state_of_an_actuator_is_the_velocity_of_a_coordinate(tmp_path: Path) -> None:
+    model = load(tmp_path, "</mujoco>", FILTER + "</mujoco>", controls=[3.0])
+    assert model.coordinates == ("q", "motor.act")
+    h, n = 1e-3, 50
+    z, w = model.rollout(np.zeros((1, 2)), np.array([[0.0, 1.0]]), h, n, None, 1)
+    states = [1.0]
+    for _ in range(n):
+        states.append(states[-1] + h * (3.0 - states[-1]) / 0.1)
+    np.testing.assert_allclose(w[0, :, 1], states[1:], rtol=1e-13)
+    assert z[0, -1, 1] == pytest.approx(np.trapezoid(states, dx=h), rel=1e-13)
+    assert w[0, 0, 0] == pytest.approx(2 * 1.0 * h, rel=1e-13)  # the state at the step's start
+
+
+def test_a_force_on_the_state_of_an_actuator_is_refused(tmp_path: Path) -> None:
+    model = load(tmp_path, "</mujoco>", FILTER + "</mujoco>", controls=[3.0])
+    zero = np.zeros((1, 2))
+    with pytest.raises(EngineError, match=r"inputs can't act on motor\.act"):
+        model.rollout(zero, zero, 1e-3, 1, np.array([[[0.0, 1.0]]]), 1)

@@ -199,6 +199,49 @@ def test_a_servo_leaves_its_limit_on_a_parabola() -> None:
     assert_close(motion("saturated_servo", "move").events[0], leaves)
 
 
+@pytest.mark.parametrize(
+    ("scenario", "first", "speed"), [("push", 0.0, 0.0), ("turn back", -40.0, 0.5)]
+)
+def test_a_motor_follows_its_filter_to_its_limit(scenario: str, first: float, speed: float) -> None:
+    _, c = built_in("filtered_motor")
+    lag, last, slow = c["J"] / c["d"], c["M"] / c["d"], c["m"] / c["c"]
+    limit = c["F"] / c["k"]
+
+    def reached(rate: float, start: float) -> float:
+        """Return the time after which the rotor has a rate."""
+        return lag * float(np.log((last - start) / (last - rate)))
+
+    def held(force: float, v: float, time: float) -> tuple[float, float]:
+        """Return distance and velocity under a constant force."""
+        end, left = force / c["c"], np.exp(-time / slow)
+        return end * time + (v - end) * slow * (1 - left), end + (v - end) * left
+
+    def lagging(start: float, v: float, time: float) -> tuple[float, float]:
+        """Return the same under the force of the filter, by partial fractions."""
+        steady, fade = held(c["k"] * last, v, time), c["k"] * (start - last) / c["m"]
+        share = fade / (1 / slow - 1 / lag)  # of e^(-t/lag) - e^(-t/slow) in the velocity
+        quick, left = np.exp(-time / lag), np.exp(-time / slow)
+        return (
+            steady[0] + share * (lag * (1 - quick) - slow * (1 - left)),
+            steady[1] + share * (quick - left),
+        )
+
+    x, v, now, start, events = 0.0, speed, 0.0, first, []
+    if first < -limit:
+        now = reached(-limit, first)
+        x, v = held(-c["F"], v, now)
+        events, start = [now], -limit
+    span = reached(limit, start)
+    far, v = lagging(start, v, span)
+    events.append(now + span)
+    more, v = held(c["F"], v, 0.6 - events[-1])
+    pushed = motion("filtered_motor", scenario)
+    assert_close(pushed.events, events)
+    rate = last + (first - last) * np.exp(-0.6 / lag)
+    turned = last * 0.6 + (first - last) * lag * (1 - np.exp(-0.6 / lag))
+    assert_close(pushed.end[-1], [x + far + more, turned, v, rate])
+
+
 def test_a_ball_lands_on_a_damped_spring() -> None:
     system, c = built_in("soft_landing")
     sidecar = read_sidecar(EVENTS / "soft_landing" / "mujoco.xml.toml")

@@ -41,6 +41,8 @@ from physics_crosscheck.harness.engines.mujoco.settings import (
     held_controls,
     is_on,
     rounded_frames,
+    state_names,
+    states_move,
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import (
     mesh_of,
@@ -257,10 +259,12 @@ class MujocoEngine(Engine):
         checked_numbers(_not_finite(model), xml_sources, spec.path)
         if not model.njnt:
             raise EngineError(f"{spec.path}: it has no moving joint")
-        if (model.nu or model.na) and not is_on(spec, "smooth", otherwise=False):
+        if (model.nu or model.na) and not (
+            is_on(spec, "smooth", otherwise=False) or "controls" in spec.settings
+        ):
             raise EngineError(
-                f"{spec.path}: it has actuators, but crosscheck applies inputs to "
-                "joints; remove them"
+                f"{spec.path}: it has actuators, but crosscheck applies inputs to joints; "
+                "hold them at [settings] controls, or remove them"
             )
         controls = held_controls(model, spec)
         # A diverged run must stay diverged: the automatic reset would return zeros, so that all
@@ -290,9 +294,9 @@ class MujocoEngine(Engine):
         """Return the model of whole steps."""
         return MujocoWhole(compiled)
 
-    def model_of(self, *compiled: Any) -> MujocoModel:
+    def model_of(self, model: Any, spec: ModelSpec, *further: Any) -> MujocoModel:
         """Return the model to step; the arguments are those of `MujocoModel`."""
-        return MujocoModel(*compiled)
+        return (ActuatedModel if states_move(model, spec) else MujocoModel)(model, spec, *further)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return the settings of a URDF: step and gravity, with MuJoCo's own defaults."""
@@ -552,31 +556,38 @@ class MujocoModel(LoadedModel):
     def _step_all(
         self, q: Array, v: Array, h: float, n: int, force: Array | None, every: int
     ) -> tuple[Array, Array]:
+        qpos, qvel = self._states.qpos(q), self._states.qvel(q, v)
+        along = self._states_along(qpos, qvel, self._activations, h, n, force)
+        out_q, out_v, _ = (one[:, every - 1 :: every] for one in along)
+        return self._states.motion_of(out_q, out_v, qpos)
+
+    def _states_along(
+        self, qpos: Array, qvel: Array, act: Array, h: float, n: int, force: Array | None
+    ) -> tuple[Array, Array, Array]:
+        """Return qpos, qvel and states of actuators after each step of a batch, (B, n, ...)."""
         import mujoco
 
         self.model.opt.timestep = h
         # A rollout without controls keeps the forces that an earlier one left in its data.
         mujoco.mj_resetData(self.model, self._data)
-        qpos, nq, nv = self._states.qpos(q), self.model.nq, self.model.nv
+        nq, nv, na = self.model.nq, self.model.nv, self.model.na
         # The full physics state is (time, qpos, qvel), activations, and further entries that stay
         # zero.
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        state = np.zeros((len(q), size))
-        state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv] = qpos, self._states.qvel(q, v)
-        state[:, 1 + nq + nv : 1 + nq + nv + self.model.na] = self._activations
+        state = np.zeros((len(qpos), size))
+        state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv] = qpos, qvel
+        state[:, 1 + nq + nv : 1 + nq + nv + na] = act
         held = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
         if self._controls.any():
             held |= int(mujoco.mjtState.mjSTATE_CTRL)
-            force = self._with_controls(force, (len(q), n))
+            force = self._with_controls(force, (len(qpos), n))
         states, _ = self._rollout.rollout(
             self.model, self._data, state, force, nstep=n, control_spec=held
         )
         # A diverged run ends early and its last state fills the rest, so its clock stands still.
         states[states[:, :, 0] < h * (np.arange(n) + 0.5)] = np.nan
-        kept = states[:, every - 1 :: every]
-        return self._states.motion_of(
-            kept[:, :, 1 : 1 + nq], kept[:, :, 1 + nq : 1 + nq + nv], qpos
-        )
+        q, v, a, _ = np.split(states, np.cumsum([1 + nq, nv, na]), axis=2)
+        return q[:, :, 1:], v, a
 
     def _with_controls(self, force: Array | None, shape: tuple[int, int]) -> Array:
         """Return controls, followed by applied forces."""
@@ -607,3 +618,76 @@ class MujocoModel(LoadedModel):
                 if (i + 1) % every == 0:
                     out_q[b, i // every], out_v[b, i // every] = data.qpos, data.qvel
         return self._states.motion_of(out_q, out_v, qpos)
+
+
+class ActuatedModel(MujocoModel):
+    """A model whose actuators have states.
+
+    Each is the velocity of a coordinate `NAME.act`, whose position is the integral over time.
+    """
+
+    def __init__(self, *compiled: Any) -> None:
+        super().__init__(*compiled)
+        self.coordinates = (*self.coordinates, *(f"{one}.act" for one in state_names(self.model)))
+
+    @property
+    def home(self) -> Array:
+        """Positions in the drawn configuration, (nz,)."""
+        return np.concatenate([super().home, np.zeros(self.model.na)])
+
+    @property
+    def sampling_range(self) -> Array:
+        """Sampling range of positions, (nz, 2)."""
+        return np.concatenate([super().sampling_range, np.tile([-1.0, 1.0], (self.model.na, 1))])
+
+    @property
+    def limits(self) -> Array:
+        """Joint limits, (nz, 2)."""
+        open_ends = np.tile([-np.inf, np.inf], (self.model.na, 1))
+        return np.concatenate([super().limits, open_ends])
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """None: rules have no states of actuators."""
+        return None
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """Return None: those of the actuators' states do not exist."""
+        return None
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """Yield changes that MuJoCo and its formats make to the model."""
+        return super().remarks(z[:, : self.model.nv], w[:, : self.model.nv])
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """Return poses by MuJoCo's forward kinematics, without a step."""
+        return super().poses(places, z[:, : self.model.nv])
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """Run a batch in C; integrate the actuators' states by the trapezoidal rule.
+
+        Raises:
+            EngineError: for a force on such a state, or one that depends on the state.
+        """
+        nv, path = self.model.nv, self._spec.path
+        if isinstance(force, StateForce) or (force is not None and force[..., nv:].any()):
+            raise EngineError(
+                f"{path}: inputs can't act on {', '.join(self.coordinates[nv:])}, nor depend on "
+                "positions; state the actuators' inputs as [settings] controls"
+            )
+        applied = None if force is None else force[..., :nv]
+        qpos, qvel = self._states.qpos(q[:, :nv]), self._states.qvel(q[:, :nv], v[:, :nv])
+        quiet = np.errstate(all="ignore")
+        with engine_errors(path, "MuJoCo"), self._warnings.collecting(), quiet:
+            out_q, out_v, act = self._states_along(qpos, qvel, v[:, nv:], h, n, applied)
+        before = np.concatenate([v[:, None, nv:], act[:, :-1]], axis=1)
+        integral = q[:, None, nv:] + h / 2 * np.cumsum(before + act, axis=1)
+        kept = slice(every - 1, None, every)
+        moved = self._states.motion_of(out_q[:, kept], out_v[:, kept], qpos)
+        z, w = (
+            np.concatenate([one, more[:, kept]], axis=2)
+            for one, more in zip(moved, (integral, act), strict=True)
+        )
+        return z, w

@@ -21,6 +21,7 @@ import numpy as np
 from physics_crosscheck.harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
 from physics_crosscheck.harness.engines.mujoco.mjx_whole import MjxWhole
 from physics_crosscheck.harness.engines.mujoco.pulls import powers
+from physics_crosscheck.harness.engines.mujoco.settings import states_move
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     DefaultLeftOn,
@@ -80,6 +81,8 @@ class MjxEngine(MujocoEngine):
         rest = {key: value for key, value in spec.settings.items() if key != "bits"}
         model = super().load(replace(spec, settings=rest))
         assert isinstance(model, MjxModel)
+        if states_move(model.model, spec):
+            raise EngineError(f"{spec.path}: it has actuators with states, which MJX holds here")
         with engine_errors(spec.path, self.title):
             model.transfer(bits)
         return model

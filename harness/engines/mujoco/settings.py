@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -82,12 +83,25 @@ def rounded_frames(model: Any) -> bool:
     return bool(np.any(rotation & turned) or np.any(whole & moved))
 
 
+def states_move(model: Any, spec: ModelSpec) -> bool:
+    """Return whether the states of actuators are coordinates, which `smooth` excludes."""
+    return bool(model.na) and not is_on(spec, "smooth", otherwise=False)
+
+
+def state_names(model: Any) -> Iterator[str]:
+    """Yield the actuator of each state."""
+    for i in range(actuators(model)):
+        name = model.actuator(i).name or f"actuator_{i}"
+        count = int(model.actuator_actnum[i])
+        yield from (name if count == 1 else f"{name}.{k}" for k in range(count))
+
+
 def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:
     """Return held controls and the states of actuators; zero unless the settings state them.
 
     For an actuator with a state, the control sets that state: an integrator is constant without an
     input, a filter is constant if its input equals its state. If `activations` gives the initial
-    states, controls are inputs and states move.
+    states, or they are coordinates, controls are inputs and states move.
 
     Raises:
         EngineError: if the numbers are not one per control, or per state.
@@ -96,6 +110,8 @@ def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:
 
     count = int(getattr(model, "nctrl", model.nu))
     inputs, states = _listed(spec, "controls", count), np.zeros(model.na)
+    if states_move(model, spec):
+        return inputs, states
     if "activations" in spec.settings:
         return inputs, _listed(spec, "activations", int(model.na))
     for i in range(actuators(model)):
