@@ -47,7 +47,7 @@ MAX_POWER_SIZE = 5000
 
 
 def parse(text: str, symbols: Mapping[str, sp.Symbol], place: object) -> sp.Expr:
-    """Parse an expression of `symbols`, whose names may have dots; decimals are exact.
+    """Parse an expression of `symbols`, whose names may have dots and colons; decimals are exact.
 
     It may contain numbers, pi, `+ - * / **`, and sin, cos, tan, asin, acos, atan, atan2, sqrt, exp
     and log. An exponent is a number.
@@ -62,8 +62,8 @@ def parse(text: str, symbols: Mapping[str, sp.Symbol], place: object) -> sp.Expr
         size = f"{len(plain)} characters; at most {MAX_CHARACTERS} are allowed"
         raise SidecarError(f"{place}: {quote(text)} has {size}")
     for index, name in enumerate(sorted(symbols, key=len, reverse=True)):
-        # A body may be called "left arm", its coordinate "left arm.x".
-        if "." in name and not all(map(str.isidentifier, name.split("."))):
+        # A body may be called "left arm", its coordinate "left arm.x"; a root's is "block:x".
+        if ("." in name or ":" in name) and not all(map(str.isidentifier, name.split("."))):
             plain = plain.replace(name, f"dotted_{index}_")
             by_name[f"dotted_{index}_"] = symbols[name]
     try:

@@ -34,6 +34,10 @@ def test_a_bouncing_ball_agrees(engine: str) -> None:
     assert outcomes(EVENTS / "bouncing_ball", engine) == {"AGREES"}
 
 
+def test_a_ball_skids_and_rolls_in_pybullet() -> None:
+    assert outcomes(EVENTS / "skidding_ball", "pybullet") == {"AGREES"}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "bouncing_ball"])
 def test_every_built_in_motion_with_events_agrees(name: str) -> None:
@@ -49,6 +53,8 @@ def test_every_built_in_motion_with_events_agrees(name: str) -> None:
         ("pendulum_stop", "mujoco.xml", "-3 0.4", "-3 0.4000004", "mujoco"),
         ("coulomb_oscillator", "mujoco.xml", 'loss="2"', 'loss="2.000002"', "mujoco"),
         ("filtered_motor", "mujoco_exact.xml", 'dynprm="0.1"', 'dynprm="0.1000001"', "mujoco"),
+        ("stopping_block", "robot.urdf", 'value="0.3"', 'value="0.3000003"', "pybullet"),
+        ("buffered_cart", "mujoco.xml", '"-400 0"', '"-400.0004 0"', "mujoco"),
         ("saturated_servo", "mujoco.xml", 'range="-10 10"', 'range="-10 10.00001"', "mujoco"),
     ],
 )

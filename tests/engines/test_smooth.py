@@ -95,3 +95,27 @@ def test_the_file_itself_stays_as_it_is(tmp_path: Path) -> None:
 def test_it_is_true_or_false(engine: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=r"\[settings\] smooth is 1.0; expected true or false"):
         loaded(engine, tmp_path, smooth=1.0)
+
+
+BALL = """<robot name="ball"><link name="world"/><link name="guide"><inertial><mass value="0"/>
+<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+<joint name="x" type="prismatic"><parent link="world"/><child link="guide"/><axis xyz="1 0 0"/>
+<limit lower="-50" upper="50" effort="0" velocity="9"/></joint>
+<joint name="z" type="prismatic"><parent link="guide"/><child link="ball"/><axis xyz="0 0 1"/>
+<origin xyz="0 0 0.1"/><limit lower="-50" upper="50" effort="0" velocity="9"/></joint>
+<link name="ball"><contact><lateral_friction value="0.3"/></contact>
+<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+<collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
+
+
+def test_a_floor_brakes_what_slides_and_no_contact_of_an_earlier_state(tmp_path: Path) -> None:
+    file = tmp_path / "ball.urdf"
+    file.write_text(BALL)
+    settings = {"step": 0.001, "gravity": [0.0, 0.0, -10.0], "floor": True}
+    model = engines()["pybullet"].load(ModelSpec(path=file, settings=settings, springs=()))
+    # PyBullet leaves a contact 1e-5 m deep as it is; the third state is that of the first again.
+    z = np.array([[0.0, -1e-5], [0.0, 0.5], [0.0, -1e-5]])
+    w = np.array([[2.0, 0.0], [2.0, 0.0], [2.0, 0.0]])
+    _, after = model.rollout(z, w, 1e-3, 1, None, 1)
+    np.testing.assert_allclose(after[:, 0, 0], [1.997, 2.0, 1.997], rtol=1e-14)
+    np.testing.assert_allclose(after[:, 0, 1], [0.0, -0.01, 0.0], atol=1e-14)

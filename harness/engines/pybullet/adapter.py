@@ -55,7 +55,12 @@ from physics_crosscheck.harness.engines.pybullet.settings import (
     scale_cause,
     scaled_inertias,
 )
-from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper, link_places
+from physics_crosscheck.harness.engines.pybullet.stepper import (
+    BodyStepper,
+    add_floor,
+    forget_contacts,
+    link_places,
+)
 from physics_crosscheck.harness.engines.pybullet.whole import WHOLE_SETTINGS, PybulletWhole
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import engine_errors, one_line
@@ -324,6 +329,7 @@ class PybulletModel(LoadedModel):
         self._disable_effects()
         pulls = [self._resolve(spring) for spring in springs]
         self.stepper = BodyStepper(self._body, self._joints, self._turning, pulls)
+        self._floor = add_floor() if self._setting("floor") else None
         held = followers_of(spec.settings, self.path)
         self._gears = [self._gear(mimic) for mimic in kept_mimics(file.mimics, held)]
 
@@ -550,6 +556,8 @@ class PybulletModel(LoadedModel):
         out_q = np.empty((len(q), n // every, q.shape[1]))
         out_v = np.empty_like(out_q)
         for b in range(len(q)):
+            if self._floor is not None:
+                forget_contacts(self._floor)
             self.stepper.reset(q[b], v[b])
             self.stepper.run(b, n, force, every, out_q[b], out_v[b])
             if not np.isfinite(out_q[b, -1]).all():

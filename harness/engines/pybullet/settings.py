@@ -115,6 +115,8 @@ DEFAULTS: Mapping[str, float | bool] = {
     "smooth": False,
     # Whether the root link moves freely.
     "floating": False,
+    # Whether a plane is at z = 0, whose friction and restitution are 1, so that the link's count.
+    "floor": False,
 }
 """Defaults of all settings."""
 

@@ -62,6 +62,29 @@ def _pose(body: int, link: int, centre: bool) -> tuple[Array, Array]:
     return middle if centre else middle - turn @ inward, turn
 
 
+FAR = 1e3
+"""Depth at which a floor is out of reach, m."""
+
+
+def add_floor() -> int:
+    """Add a plane through the origin of friction 1 and restitution 1; return its body."""
+    import pybullet as p
+
+    floor = int(p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE)))
+    p.changeDynamics(floor, -1, lateralFriction=1.0, restitution=1.0)
+    return floor
+
+
+def forget_contacts(floor: int, height: float = 0.0) -> None:
+    """Remove the contacts that PyBullet keeps of earlier states, and put the floor at a height."""
+    import pybullet as p
+
+    for place in (height - FAR, height):
+        p.resetBasePositionAndOrientation(floor, [0.0, 0.0, place], [0, 0, 0, 1])
+        if place != height:
+            p.performCollisionDetection()
+
+
 ForceElement = tuple[list[tuple[int, float]], float, float, float]
 """A spring: coefficients by the joint's index, stiffness, damping, rest."""
 

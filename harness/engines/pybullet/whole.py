@@ -25,7 +25,12 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeState,
 )
 from physics_crosscheck.harness.engines.pybullet.base import COUNT, Base
-from physics_crosscheck.harness.engines.pybullet.stepper import BodyStepper, link_places
+from physics_crosscheck.harness.engines.pybullet.stepper import (
+    BodyStepper,
+    add_floor,
+    forget_contacts,
+    link_places,
+)
 from physics_crosscheck.reference.mechanism.laws import (
     HardSurface,
     ImpulseContact,
@@ -55,9 +60,6 @@ ITERATIONS = 999, 2000
 
 CONVERGED = 1e-9
 """Largest effect of more iterations, as a share of the largest change or impulse."""
-
-FAR = 1e3
-"""Depth at which the floor is out of reach, m."""
 
 _LINK = HardSurface(friction=0.5)
 _FLOOR = HardSurface(friction=1.0, restitution=1.0)
@@ -131,9 +133,7 @@ class PybulletWhole(WholeModel):
         home = self._model.home
         self._set(WholeState(home, np.zeros(len(home)), np.full(self.controls, np.nan), home[:0]))
         self._height = min(p.getAABB(self._body, index)[0][2] for index in self._links)
-        floor = int(p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE)))
-        p.changeDynamics(floor, -1, lateralFriction=_FLOOR.friction, restitution=_FLOOR.restitution)
-        return floor
+        return add_floor()
 
     @property
     def starts(self) -> Iterator[WholeState]:
@@ -193,10 +193,7 @@ class PybulletWhole(WholeModel):
             solverResidualThreshold=0.0,
         )
         if self._floor >= 0:
-            # Contacts of the state before would be kept.
-            self._lower_floor(FAR)
-            p.performCollisionDetection()
-            self._lower_floor(0.0)
+            forget_contacts(self._floor, self._height)
         rates = state.m.copy()
         if self._free:
             rates[3:COUNT] = coordinate_rate(state.z[3:COUNT], state.m[3:COUNT])
@@ -208,12 +205,6 @@ class PybulletWhole(WholeModel):
                 self._body, joint, p.POSITION_CONTROL, targetPosition=target if on else 0.0,
                 positionGain=GAIN, velocityGain=1.0, force=effort if on else 0.0,
             )  # fmt: skip
-
-    def _lower_floor(self, depth: float) -> None:
-        import pybullet as p
-
-        place = [0.0, 0.0, self._height - depth]
-        p.resetBasePositionAndOrientation(self._floor, place, [0, 0, 0, 1])
 
     def _turn(self, z: Array) -> Array:
         """Return the rotation of the base, (3, 3)."""
