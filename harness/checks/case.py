@@ -36,12 +36,13 @@ from physics_crosscheck.harness.checks.verdict import (
     judged,
     with_dynamics,
     with_full_runs,
+    with_spread,
 )
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.event_runs import study_events
+from physics_crosscheck.harness.numerics.event_runs import phase_spread, study_events
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison,
 )
@@ -451,7 +452,18 @@ def _judge_segments(
         claimed=followed.claimed,
         resolution=task.resolution,
     )
-    return followed, verdict
+    return followed, _with_spread(task, followed, verdict)
+
+
+def _with_spread(
+    task: ModelTask[Prepared], followed: Followed, verdict: CaseJudgement
+) -> CaseJudgement:
+    """Report a spread where the state after an event has no limit as the time step falls."""
+    motion = task.target.segments(task.scenario)
+    if verdict.outcome is Outcome.AGREES or not isinstance(motion, Motion):
+        return verdict
+    spread = phase_spread(followed.model, followed.map, motion, verdict.time)
+    return verdict if spread is None else with_spread(verdict, spread, task.target.components)
 
 
 def _refined(

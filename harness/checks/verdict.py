@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from physics_crosscheck.harness.numerics import judgement
+from physics_crosscheck.harness.numerics.event_runs import PhaseSpread
 from physics_crosscheck.harness.numerics.forward_dynamics import EQUALITIES, AccelerationComparison
 from physics_crosscheck.harness.numerics.full_run import SampledRun, follows
 from physics_crosscheck.harness.numerics.judgement import (
@@ -241,6 +242,36 @@ def with_residual(
         reason=message,
         resolution=resolution,
         kind="coordinate map",
+    )
+
+
+def with_spread(
+    verdict: CaseJudgement, spread: PhaseSpread, names: tuple[str, ...]
+) -> CaseJudgement:
+    """Return the verdict on an event whose outcome depends on its place in a step.
+
+    If that stays as the step falls, no limit exists, and the uncertainty is the spread. If it
+    falls, but the extrapolation fails, the motion differs by at least `off`.
+    """
+    if spread.shrinks and (verdict.outcome is Outcome.DIFFERS or not spread.off):
+        return verdict
+    name = names[spread.component]
+    values = (
+        f"after the event at t = {spread.time:.4g} s {name} is {spread.low:.3g} to "
+        f"{spread.high:.3g}, by the place of the event in a step; the motion has "
+        f"{spread.expected:.3g}"
+    )
+    differs = spread.shrinks
+    return replace(
+        verdict,
+        outcome=Outcome.DIFFERS if differs else Outcome.UNRESOLVED,
+        component=name,
+        discrepancy=spread.off if differs else verdict.discrepancy,
+        largest_discrepancy=max(spread.off, verdict.largest_discrepancy),
+        uncertainty=spread.relative,
+        largest_uncertainty=spread.relative,
+        reason=values if differs else f"no limit as the time step falls: {values}",
+        kind="motion" if differs else "not smooth",
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from physics_crosscheck.harness.numerics.convergence import (
 )
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import CompleteRun, SampledRun, full_run
+from physics_crosscheck.harness.numerics.rounding import without_companions
+from physics_crosscheck.harness.numerics.segments import run_rung
 from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
 from physics_crosscheck.harness.records.case import EventTime
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
@@ -44,6 +46,77 @@ CLEARANCE_STEPS = 2
 
 STILL = 1e-9
 """Largest condition that counts as zero, relative to its largest value in a window."""
+
+
+PHASES = (-3 / 8, -1 / 8, 1 / 8, 3 / 8)
+"""Shifts of an event from the middle of a step, in steps."""
+
+PHASE_RUNGS = 9, 81
+"""Odd numbers of steps of a segment with an event in its middle, coarse and fine."""
+
+SHRINKS = 0.5
+"""Largest ratio of two spreads, at nine times the steps, of a motion that has a limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseSpread:
+    """The state after an event whose place in a step differs: one component.
+
+    Attributes:
+        time: of the event, s.
+        component: index of the component.
+        low, high: smallest and largest value at the end of the segment.
+        expected: that of the equations.
+        relative: high - low over the component's scale.
+        off: smallest distance of a limit from `expected`, over the scale; 0 if one can be equal.
+        shrinks: whether the spread falls with the step.
+    """
+
+    time: float
+    component: int
+    low: float
+    high: float
+    expected: float
+    relative: float
+    off: float
+    shrinks: bool
+
+
+def phase_spread(
+    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, time: float
+) -> PhaseSpread | None:
+    """Return the spread of the states after the event nearest to a time; None without one."""
+    rows = [int(np.argmin(np.abs(motion.t + motion.lengths / 2 - e))) for e in motion.events]
+    if not rows:
+        return None
+    row = min(rows, key=lambda one: abs(float(motion.t[one]) - time))
+    start, length = float(motion.t[row]), float(motion.lengths[row])
+    segment = motion.pick(np.full(len(PHASES), row))
+    spreads = list[Array]()
+    for rung in PHASE_RUNGS:
+        times = start + np.array(PHASES) * length / rung
+        moved = replace(segment, start=motion.states_at(times), t=times,
+                        end=motion.states_at(times + length))  # fmt: skip
+        starts = without_companions(*coordinates.to_engine(moved.start))
+        ends = run_rung(model, coordinates, moved, starts, rung)[0]
+        spreads.append(ends - moved.end)
+    coarse, fine = (np.ptp(one, axis=0) for one in spreads)
+    low, high = spreads[-1].min(axis=0), spreads[-1].max(axis=0)
+    shrinks = bool(np.all(fine <= SHRINKS * coarse + ROUNDING_FLOOR * motion.unit))
+    # What remains of a spread that falls is smaller than the spread.
+    off = np.maximum(0.0, np.maximum(low, -high) - fine) / motion.unit * shrinks
+    component = int(np.argmax(off if off.any() else fine / motion.unit))
+    expected = float(motion.end[row, component])
+    return PhaseSpread(
+        time=start + length / 2,
+        component=component,
+        low=expected + float(low[component]),
+        high=expected + float(high[component]),
+        expected=expected,
+        relative=float(fine[component] / motion.unit[component]),
+        off=float(off[component]),
+        shrinks=shrinks,
+    )
 
 
 def study_events(
