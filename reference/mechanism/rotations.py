@@ -136,13 +136,20 @@ def from_quaternion(q: Scalars) -> Scalars:
     It is (w^2 - x.x) 1 + 2 x x^T + 2 w [x], divided by the squared length.
     """
     w, x, y, z = q.tolist() if q.ndim == 1 else q  # numbers multiply faster outside an array
-    rows = [
-        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-    ]
-    result: Scalars = np.array(rows) / (w * w + x * x + y * y + z * z)
-    return result
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    xy, xz, yz, wx, wy, wz = x * y, x * z, y * z, w * x, w * y, w * z
+    # Nested lists of arrays would take longer.
+    matrix: Scalars = np.empty((3, 3, *q.shape[1:]), dtype=np.result_type(q, 1.0))
+    matrix[0, 0], matrix[1, 1], matrix[2, 2] = (
+        ww + xx - yy - zz,
+        ww - xx + yy - zz,
+        ww - xx - yy + zz,
+    )
+    matrix[0, 1], matrix[1, 0] = 2 * (xy - wz), 2 * (xy + wz)
+    matrix[0, 2], matrix[2, 0] = 2 * (xz + wy), 2 * (xz - wy)
+    matrix[1, 2], matrix[2, 1] = 2 * (yz - wx), 2 * (yz + wx)
+    matrix /= ww + xx + yy + zz
+    return matrix
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
