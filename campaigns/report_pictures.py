@@ -4,31 +4,79 @@ cp -r models/drum_pendulum found/models/    # then mass 0.9 in line 129 of robot
 (cd found && crosscheck run models)
 python -m campaigns.report_pictures found/reports docs overview.png case.png diagnosis.png
 
-crosscheck new arm --from kuka.urdf         # model.urdf of pybullet_data's kuka_iiwa
-crosscheck run arm                          # with mass 2.97 in line 183 of arm/kuka.urdf
-python -m campaigns.report_pictures reports docs robot.png
+cd franka_panda                             # of pybullet_data, with its meshes
+crosscheck run panda.urdf --engine mujoco --engine pybullet
+python -m campaigns.report_pictures reports docs robot.png   # moves
 """
 
 from __future__ import annotations
 
+import base64
+import io
+import math
 import subprocess
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from PIL import Image
 
+from tests.report.chromium import running
+
 VIEWS = {
     "overview.png": ("", 1280, 800),
     "case.png": ("case-drum_pendulum/mujoco.xml/mujoco/free", 1280, 940),
-    "robot.png": ("", 1280, 800),
     "diagnosis.png": ("diagnosis-drum_pendulum/robot.urdf/mujoco", 1280, 1300),
 }
+
+MOVING = "robot.png"
+"""An animated PNG of the first screen: both robots move from the worst state and back."""
+
+SIZE, FRAMES, FRAME_MILLISECONDS = (1280, 690), 14, 90
+
+VIEWER = "document.querySelector('.view.current .scene').viewer"
+
+
+def moments(report: Path) -> Iterator[Image.Image]:
+    """Yield pictures of the first screen, from the worst state to its end."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(Path(folder)) as browser,
+        browser.tab() as tab,
+    ):
+        tab.window(*SIZE)
+        still = {"name": "prefers-reduced-motion", "value": "reduce"}
+        tab.send("Emulation.setEmulatedMedia", features=[still])
+        tab.send("Emulation.setScrollbarsHidden", hidden=True)
+        tab.open((report / "index.html").resolve().as_uri())
+        tab.until("document.querySelector('.view.current .scene [data-frames]')")
+        for i in range(FRAMES):
+            share = (1 - math.cos(math.pi * i / (FRAMES - 1))) / 2
+            tab.run(f"{VIEWER}.set({{ time: {share} * {VIEWER}.horizon }})")
+            tab.run("new Promise((done) => setTimeout(done, 300))")
+            shot = tab.send("Page.captureScreenshot", format="png")["data"]
+            yield Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
+
+
+def write_moving(report: Path, path: Path) -> None:
+    """Write the animated picture, with one palette for all frames."""
+    frames = list(moments(report))
+    palette = frames[-1].quantize(200, dither=Image.Dither.NONE)
+    there = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    first, *others = [*there, *there[-2:0:-1]]
+    first.save(
+        path, save_all=True, append_images=others, duration=FRAME_MILLISECONDS, loop=0,
+        optimize=True,
+    )  # fmt: skip
 
 
 def main(report: Path, out: Path, names: Sequence[str]) -> None:
     """Write the named pictures with a headless Chromium."""
     for name in names:
+        if name == MOVING:
+            write_moving(report, out.resolve() / name)
+            continue
         view, width, height = VIEWS[name]
         path = out.resolve() / name
         subprocess.run(

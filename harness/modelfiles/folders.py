@@ -95,6 +95,8 @@ def _resolve(name: str) -> list[Path]:
     if path.is_file():
         raise FolderError(expected_folder(path))
     if not path.is_dir():
+        if path.suffix:
+            raise FolderError(f"{visible(name)}: there is no such file{similar_path(path)}")
         names = [p.name for p in _inside(builtin())]
         hint = similar_path(path, names) or f"; the built-in systems are {', '.join(names)}"
         raise FolderError(f"{visible(name)}: no such folder{hint}")

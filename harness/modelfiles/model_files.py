@@ -17,6 +17,7 @@ from physics_crosscheck.harness.engines.registry import (
     engines_to_run,
     model_formats,
 )
+from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.parts import included
 from physics_crosscheck.harness.modelfiles.sidecar import (
@@ -83,6 +84,20 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
     if not described:
         reason = f"{folder}: no model file has a sidecar, so nothing ran; add one"
         yield UnreadModel(model="-", reason=reason)
+
+
+def only_model(folder: Path) -> Path:
+    """Return the only model file of a system folder.
+
+    Raises:
+        FolderError: if the folder has no model file, or several.
+    """
+    names = [Path(one.model).name for one in model_files(folder) if one.model != "-"]
+    if len(names) == 1:
+        return folder / names[0]
+    raise FolderError(
+        f"{visible(str(folder))} is a folder; name a model file in it: {', '.join(names) or 'none'}"
+    )
 
 
 def absent_engine_lines(folders: Iterable[Path]) -> list[str]:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.results.places import shown_line
+from physics_crosscheck.harness.results.places import lines_listed, shown_line
 
 DEFAULT_OUT = Path("reports")
 
@@ -80,3 +81,39 @@ def stated_changes(
         for one in (model.findings if findings is None else findings)
         if one.replacement and one.location is not None and one.actual is not None
     ]
+
+
+DROPS_MASSLESS = "drops the inertia of massless links"
+
+_MASSLESS = "massless"
+
+
+def massless_links(cause: Cause, model: Model) -> list[AuditFinding]:
+    """Return the findings about links without mass whose inertia an engine drops."""
+    if cause.kind != "dropped":
+        return []
+    massless = [one for one in model.findings if _MASSLESS in one.subject[1:]]
+    named = [
+        one for one in massless if any(f"[{one.subject[0]}]" in each for each in cause.subject)
+    ]
+    return named or massless
+
+
+def massless_places(massless: Iterable[AuditFinding], model: Model) -> str:
+    """Return the lines and names of links without mass."""
+    return lines_listed([(one.location, one.subject[0]) for one in massless], model.folder)
+
+
+def advice_of(model: Model, causes: Iterable[Cause]) -> list[str]:
+    """Return what to do about causes other than single numbers, each an imperative."""
+    advice = []
+    for cause in causes:
+        if massless := massless_links(cause, model):
+            what = "the link a mass" if len(massless) == 1 else "each link a mass"
+            whose = "its inertia" if len(massless) == 1 else "their inertia"
+            advice.append(f"give {what}, or remove {whose}")
+        elif cause.kind == "axis":
+            advice.append(f"reverse the axis of {', '.join(cause.subject)}")
+        elif cause.kind == "exchange":
+            advice.append(f"exchange {' and '.join(cause.subject)}")
+    return advice

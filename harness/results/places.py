@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -58,3 +59,18 @@ def placed(explanation: Explanation, folder: str) -> Explanation:
         for cause in explanation.causes
     )
     return replace(explanation, causes=causes)
+
+
+def lines_listed(places: Iterable[tuple[SourceLine | None, str]], folder: str) -> str:
+    """Return lines of files, naming each file once: `a.urdf:12 link, :40 hand`."""
+    parts, last = [], ""
+    for where, name in places:
+        if where is None:
+            continue
+        shown = shown_line(folder, where) if folder else where
+        place = str(shown)
+        if shown.file == last and shown.line is not None:
+            place = f":{shown.line}"
+        last = shown.file
+        parts.append(f"{place} {name}".rstrip())
+    return ", ".join(dict.fromkeys(parts))

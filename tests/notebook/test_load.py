@@ -85,6 +85,66 @@ def test_a_file_and_a_folder_answer_alike(pendulum: Path) -> None:
         assert compare(a, b, engine="mujoco").agree
 
 
+BODIES = """from physics_crosscheck import Joint, MultibodySystem, RigidBody
+
+hinge = Joint(name="hinge", kind="hinge", axis=(0, 1, 0), limits=(-1, 2))
+system = MultibodySystem(
+    name="arm", title="a rod", source="a data sheet", gravity=(0, 0, -9.81),
+    bodies=(
+        RigidBody(name="base", parent=None),
+        RigidBody(name="rod", parent="base", joints=(hinge,), mass=2.0, center=(0, 0, -0.5),
+                  inertia=(0.1, 0.1, 0.01, 0, 0, 0)),
+    ),
+)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the bodies of the pendulum, and a file with another mass."""
+    place = tmp_path / "arm"
+    place.mkdir()
+    (place / "system.py").write_text(BODIES)
+    heavier = PENDULUM.replace('<mass value="2"/>', '<mass value="2.5"/>')
+    (place / "pendulum.urdf").write_text(heavier)
+    (place / "pendulum.urdf.toml").write_text('engines = ["mujoco"]\n[settings]\nstep = 0.002\n')
+    return place
+
+
+def test_a_folder_with_bodies_loads_as_it_declares(folder: Path, pendulum: Path) -> None:
+    declared, stated = load(folder), load(pendulum)
+    assert declared.masses == stated.masses
+    assert declared.coordinates == stated.coordinates
+    assert [one.limits for one in declared.joints] == [one.limits for one in stated.joints]
+    for q in ({}, {"hinge": 0.7}):
+        np.testing.assert_allclose(declared.mass_matrix(q), stated.mass_matrix(q))
+        np.testing.assert_allclose(declared.gravity_forces(q), stated.gravity_forces(q))
+    np.testing.assert_allclose(declared.inertia.inertia, stated.inertia.inertia)
+
+
+def test_a_file_in_a_folder_loads_as_it_states(folder: Path) -> None:
+    """The folder's equations have another mass."""
+    assert (load(folder / "pendulum.urdf").mass, load(folder).mass) == (2.5, 2.0)
+    assert load("simple_pendulum/robot.urdf").mass == pytest.approx(1.45)
+
+
+def test_a_folder_with_one_file_stands_for_it(folder: Path, pendulum: Path) -> None:
+    start = {"hinge": 0.3}
+    runs = [simulate(one, start, 0.01, duration=0.1, engine="mujoco") for one in (folder, pendulum)]
+    assert abs((runs[0] - runs[1])["hinge"]).max() > 1e-9
+    assert not compare(folder, pendulum, engine="mujoco").agree
+    for ask in (lambda: simulate("simple_pendulum", "free"), lambda: compare(builtin(), pendulum)):
+        with pytest.raises(ValueError, match="is a folder; name a model file in it"):
+            ask()
+
+
+@pytest.mark.parametrize("name", ["missing.urdf", "missing.py", "place/missing.txt"])
+def test_a_missing_file_is_no_folder(name: str) -> None:
+    for ask in (load, check, lambda path: solve(path, "free"), lambda path: simulate(path, "free")):
+        with pytest.raises(ValueError, match=f"^{name}: there is no such file"):
+            ask(name)
+
+
 def test_causes_name_the_wrong_number_and_its_line(tmp_path: Path) -> None:
     folder = tmp_path / "pendulum"
     shutil.copytree(builtin() / "simple_pendulum", folder)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.engines.protocol import ModelSpec
@@ -14,6 +15,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.modelfiles.mesh_files import decimated_mesh, read_mesh
 from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import write_report
 from tests.report.chromium import Browser, Tab
@@ -109,6 +111,46 @@ def test_all_bodies_are_inside_the_first_picture(arm_tab: Tab, size: tuple[int, 
         return [x, y, z].map((v, n) => v + p[n] + w * t[n] + u[n]);
       } })()""".replace("%s", BOX)
     assert arm_tab.run(outside) == 0
+
+
+@needs_browser
+def test_a_placeholder_larger_than_the_robot_shows_on_request(
+    browser: Browser, arm: tuple[Path, Results], tmp_path: Path
+) -> None:
+    """It would cover the picture; a cause without a form has a dot, and labels do not overlap."""
+    (system,), (case,) = arm[1].systems, arm[1].cases
+    assert case.by_state is not None
+    assert system.scene is not None
+    large = tuple(
+        replace(one, ellipsoid=(*one.ellipsoid[:7], 3.0, 3.0, 3.0)) if one.differs else one
+        for one in case.by_state.inertias
+    )
+    base, body = system.scene.bodies
+    bare = replace(body, shapes=(), ellipsoid=())
+    lit = tuple(SourceLine(file="arm.xml", line=line) for line in (8, 11))
+    changed = replace(
+        arm[1],
+        systems=(replace(system, scene=replace(system.scene, bodies=(base, bare))),),
+        cases=(replace(case, by_state=replace(case.by_state, inertias=large), locations=lit),),
+    )
+    write_report(tmp_path / "index.html", changed)
+    with browser.tab() as tab:
+        tab.window(1440, 900)
+        still = {"name": "prefers-reduced-motion", "value": "reduce"}
+        tab.send("Emulation.setEmulatedMedia", features=[still])
+        tab.open((tmp_path / "index.html").as_uri())
+        tab.until(DRAWN)
+        assert tab.run(f"{BOX}.viewer.inertia") == ""
+        near = tab.run(f"{BOX}.viewer.camera.distance")
+        assert "larger than the robot" in tab.run(f"{BOX}.querySelector('.unequal').textContent")
+        select = f"[...{BOX}.querySelectorAll('select')][1]"
+        tab.run(f"{select}.value = 'differing', {select}.dispatchEvent(new Event('change')), null")
+        tab.until(f"{BOX}.viewer.camera.distance > 2 * {near}")
+        assert tab.run(f"{BOX}.viewer.lines[1].length")
+        labels = f"[...{BOX}.querySelectorAll('.label')].map((one) => one.getBoundingClientRect())"
+        tops = sorted(tab.run(f"{labels}.map(({{ top, bottom }}) => [top, bottom])"))
+        assert len(tops) == 2
+        assert tops[0][1] <= tops[1][0]
 
 
 def test_marks_are_where_the_laws_act(arm: tuple[Path, Results]) -> None:

@@ -17,6 +17,7 @@ from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.render.html.diagnoses import sentence
 from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.results.issues import collect_issues
 from tests.records.made import case, finding, model, results, verdict
@@ -218,6 +219,10 @@ def test_a_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
         "  ok    pybullet  11.3 digits",
         "1 of 2 engines differs, 1 agrees to 11.3 digits (1.5 s)",
     ]
+    assert sentence(models[0]) == (
+        "The engine drops the inertia of massless links: arm.urdf:18 tool."
+        " Give the link a mass, or remove its inertia."
+    )
 
 
 def test_quiet_prints_problems_and_the_summary() -> None:

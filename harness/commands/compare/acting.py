@@ -27,13 +27,13 @@ BY_SOLVER = (FRICTION, "restitution", "rest depth", "creep", "rebound", "time co
 _Key = tuple[str, str]
 
 
-def compare_acting(a: Facts, b: Facts) -> tuple[ComparedActing, ...]:
+def compare_acting(models: tuple[Facts, Facts]) -> tuple[ComparedActing, ...]:
     """Return the quantities that differ; nothing unless both engines act by a documented law.
 
     If the laws are of two kinds, each joint and body is compared with that of the same name.
     """
-    both = [_is_compiled(facts) for facts in (a, b)]
-    tables = [_table(facts, apart=not all(both)) for facts in (a, b)]
+    both = [_is_compiled(facts) for facts in models]
+    tables = [_table(facts, apart=not all(both)) for facts in models]
     if not all(tables):
         return ()
     keys = dict.fromkeys(key for table in tables for key in table)

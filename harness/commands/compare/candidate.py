@@ -14,7 +14,7 @@ from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.modelfiles.folders import FolderError, similar_path
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
-from physics_crosscheck.harness.modelfiles.model_files import check_springs
+from physics_crosscheck.harness.modelfiles.model_files import check_springs, only_model
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
 from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS, read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Robot
@@ -221,7 +221,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
 
     Args:
         label: "A" or "B".
-        path: of the file.
+        path: of the file, or of a folder with only one.
         engine: its name; None: the first installed one that reads the file.
         floating: whether the root link of a URDF moves freely; a sidecar overrides it.
 
@@ -232,7 +232,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         SidecarError: for an unreadable sidecar.
     """
     try:
-        path = source_file(str(path)) or path
+        path = source_file(str(path)) or (only_model(path) if path.is_dir() else path)
     except FolderError as error:
         raise CompareError(str(error)) from None
     if not path.is_file():

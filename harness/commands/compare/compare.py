@@ -74,6 +74,7 @@ from physics_crosscheck.harness.records.base import number, numbers
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.comparison import (
     Compared,
+    ComparedActing,
     ComparedModel,
     ComparedProperty,
     ComparedRuns,
@@ -204,7 +205,11 @@ def compare(
     )
     judged = motions.judgement
     laws = _laws(executor, prepared)
-    compared = _compared(prepared, motions, share, measured, attribution, laws)
+    compared = structs.replace(
+        _compared(prepared, motions, share, measured, attribution, laws),
+        acting=_acting(executor, prepared),
+        seconds=time.perf_counter() - began,
+    )
     outcome, reason = judged.outcome, judged.verdict.reason
     acting = [row for row in laws or () if (row.effect or 0.0) > options.resolution]
     if outcome is Outcome.AGREES and acting:
@@ -217,7 +222,7 @@ def compare(
         strict=options.strict,
         reason=reason,
         kind=judged.verdict.kind,
-        compared=structs.replace(compared, seconds=time.perf_counter() - began),
+        compared=compared,
     )
 
 
@@ -228,6 +233,13 @@ def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedPro
     task = LawsTask(facts=prepared.facts, pairs=pairs)
     (rows,) = ask_each(executor, prepared.models[0], compare_laws, [task])
     return None if isinstance(rows, Failure) else rows
+
+
+def _acting(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedActing, ...]:
+    """Return what both files' numbers act as where they differ; nothing if an engine fails."""
+    task = prepared.facts
+    (rows,) = ask_each(executor, prepared.models[0], compare_acting, [task])
+    return () if isinstance(rows, Failure) else rows
 
 
 def failed_comparison(
@@ -512,7 +524,6 @@ def _compared(
         untested=_untested(prepared, judged, files, attribution, laws),
         impossible=_impossible(prepared),
         notes=_notes(prepared, recorded, motions.start, by_law=laws is not None),
-        acting=compare_acting(*prepared.facts),
         laws=laws,
         seconds=0.0,
     )

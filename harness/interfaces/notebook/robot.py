@@ -12,10 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from physics_crosscheck.harness.interfaces.notebook.markup import block, line, table
-from physics_crosscheck.harness.interfaces.notebook.subject import Name, system_named
+from physics_crosscheck.harness.interfaces.notebook.subject import (
+    Name,
+    NotebookSubject,
+    system_named,
+)
 from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError
+from physics_crosscheck.harness.modelfiles.choice import named_model
+from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.planning.options import check_text
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
@@ -179,6 +186,15 @@ def _range(joint: RobotJoint) -> str:
     return "" if joint.limits is None else f"{joint.limits[0]:.3g} to {joint.limits[1]:.3g}"
 
 
+def _subject(name: Name) -> NotebookSubject:
+    """Return the robot that a name refers to; a file in a system folder stands for itself."""
+    check_text(name, "robot", path=True)
+    model = named_model(str(name))
+    if model is None or Path(model.model).suffix not in FORMATS:
+        return system_named(name)
+    return NotebookSubject(folder=None, file=model.folder / model.model)
+
+
 def load(robot: Name, *, floating: bool = False) -> RobotModel:
     """Read a robot's file, or a folder that declares bodies, without an engine's motion.
 
@@ -190,7 +206,7 @@ def load(robot: Name, *, floating: bool = False) -> RobotModel:
         RobotError: for a file without equations, with its lines.
         MotionError, FolderError: if there is no such robot, or a folder declares energies.
     """
-    subject = system_named(robot)
+    subject = _subject(robot)
     if subject.file is not None:
         read = read_as_it_runs(subject.file, {"floating": floating, "actuators": False})
         system = robot_system(read)

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionErro
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
 from physics_crosscheck.harness.modelfiles.formats import FORMATS
-from physics_crosscheck.harness.modelfiles.model_files import check_springs, model_files
+from physics_crosscheck.harness.modelfiles.model_files import check_springs, only_model
 from physics_crosscheck.harness.modelfiles.robot_sources import ROBOT
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
@@ -48,10 +48,10 @@ class NotebookSubject:
 
 
 def model_named(name: Name) -> NotebookSubject:
-    """Return the model file that a name refers to.
+    """Return the model file that a name refers to; of a folder, its only one.
 
     Raises:
-        MotionError: if there is no such model, with the alternatives.
+        MotionError, FolderError: if there is no such model, with the alternatives.
         TypeError: if the name is not a path.
     """
     check_text(name, "model", path=True)
@@ -70,8 +70,7 @@ def model_named(name: Name) -> NotebookSubject:
     if robots.faults:
         raise MotionError(next(iter(robots.faults.values())))
     (folder,) = _single_folder(system_folders([text]), text)
-    names = [one.model.name for one in model_files(folder) if isinstance(one, Sidecar)]
-    raise MotionError(f"{text} is a system folder; name a model file in it: {_listed(names)}")
+    return NotebookSubject(folder=folder, file=only_model(folder))
 
 
 def system_named(name: Name) -> NotebookSubject:

@@ -12,6 +12,12 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.render.html.remedies import Remedy, remedy_of
 from physics_crosscheck.harness.render.html.text import percent, sci, shown
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, cause_sentences
+from physics_crosscheck.harness.results.next_steps import (
+    DROPS_MASSLESS,
+    advice_of,
+    massless_links,
+    massless_places,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +138,17 @@ def sentence(model: Model) -> str:
             f"Unexplained: the best single cause, {named(best.causes)}, leaves a "
             f"residual of {percent(best.remaining)}."
         )
-    return f"{shown(' and '.join(cause_sentences(best)[:-1]))}."
+    steps = [f" {text[0].upper()}{text[1:]}." for text in advice_of(model, best.causes)]
+    return shown(f"{' and '.join(_statements(model, best))}.{''.join(steps)}")
+
+
+def _statements(model: Model, explanation: Explanation) -> Iterator[str]:
+    """Yield a sentence for each cause."""
+    *sentences, _ = cause_sentences(explanation)
+    for cause, text in zip(explanation.causes, sentences, strict=True):
+        massless = massless_links(cause, model)
+        links = massless_places(massless, model)
+        yield f"The engine {DROPS_MASSLESS}: {links}" if massless else text
 
 
 def named(causes: Iterable[Cause]) -> str:

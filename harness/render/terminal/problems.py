@@ -28,8 +28,15 @@ from physics_crosscheck.harness.results.issues import (
     untold_failures,
 )
 from physics_crosscheck.harness.results.messages import with_code
-from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
-from physics_crosscheck.harness.results.places import placed, shown_line, shown_path
+from physics_crosscheck.harness.results.next_steps import (
+    DROPS_MASSLESS,
+    advice_of,
+    changes_of,
+    massless_links,
+    massless_places,
+    stated_changes,
+)
+from physics_crosscheck.harness.results.places import lines_listed, placed, shown_line, shown_path
 from physics_crosscheck.harness.results.status import counted, listed, percent
 
 MAX_PROBLEMS = 40
@@ -41,7 +48,6 @@ OUTPUT_LINES = 6
 INDENT = 8
 """Indentation of the lines after a problem's first line."""
 
-MASSLESS = "massless"
 """Subject of audit findings about a link with inertia and without mass."""
 
 WITH_ALL = "with limits, friction, contacts and drives"
@@ -306,17 +312,19 @@ def _tie_notes(explanation: Explanation, model: Model) -> list[Note]:
 
 
 def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:
-    massless = _massless(cause, model)
+    massless = massless_links(cause, model)
     if massless:
-        places = _places([(one.location, one.subject[0]) for one in massless], model.folder)
-        text = f"{_title(model.engine)} drops the inertia of massless links"
-        return [(f"cause{engines}", with_code(cause.code, text)), ("", places)]
+        text = f"{_title(model.engine)} {DROPS_MASSLESS}"
+        return [
+            (f"cause{engines}", with_code(cause.code, text)),
+            ("", massless_places(massless, model)),
+        ]
     text = brief_cause(cause)
     if cause.kind == "dropped":
         text = f"{_title(model.engine)} drops {cause}"
     notes = [(f"cause{engines}", with_code(cause.code, text))]
     if cause.locations and not cause.replacement:  # a fix uses other names
-        notes.append(("", _places([(one, "") for one in cause.locations], "")))
+        notes.append(("", lines_listed([(one, "") for one in cause.locations], "")))
     return notes
 
 
@@ -326,44 +334,9 @@ def _title(engine: str) -> str:
     return engine if adapter is None else adapter.title
 
 
-def _massless(cause: Cause, model: Model) -> list[AuditFinding]:
-    """Return the findings about links without mass whose inertia an engine drops."""
-    if cause.kind != "dropped":
-        return []
-    massless = [one for one in model.findings if MASSLESS in one.subject[1:]]
-    named = [
-        one for one in massless if any(f"[{one.subject[0]}]" in each for each in cause.subject)
-    ]
-    return named or massless
-
-
-def _places(places: Iterable[tuple[SourceLine | None, str]], folder: str) -> str:
-    """Return lines of files, naming each file once: `a.urdf:12 link, :40 hand`."""
-    parts, last = [], ""
-    for where, name in places:
-        if where is None:
-            continue
-        shown = shown_line(folder, where) if folder else where
-        place = str(shown)
-        if shown.file == last and shown.line is not None:
-            place = f":{shown.line}"
-        last = shown.file
-        parts.append(f"{place} {name}".rstrip())
-    return ", ".join(dict.fromkeys(parts))
-
-
 def _cause_fixes(model: Model, causes: Sequence[Cause]) -> list[Note]:
-    fixes = [("fix", f"change {one}") for one in changes_of(model)]
-    for cause in causes:
-        if massless := _massless(cause, model):
-            what = "the link a mass" if len(massless) == 1 else "each link a mass"
-            whose = "its inertia" if len(massless) == 1 else "their inertia"
-            fixes.append(("fix", f"give {what}, or remove {whose}"))
-        elif cause.kind == "axis":
-            fixes.append(("fix", f"reverse the axis of {', '.join(cause.subject)}"))
-        elif cause.kind == "exchange":
-            fixes.append(("fix", f"exchange {' and '.join(cause.subject)}"))
-    return fixes
+    texts = [f"change {one}" for one in changes_of(model)]
+    return [("fix", text) for text in [*texts, *advice_of(model, causes)]]
 
 
 def _fixes(model: Model, findings: Iterable[AuditFinding]) -> list[Note]:
@@ -454,7 +427,9 @@ def _is_explained(finding: AuditFinding, models: Sequence[Model]) -> bool:
         if finding.kind == "default" or (finding.location is None and finding.kind in SAME_FAULT):
             return True
         causes = diagnosis.explanations[0].causes
-        if any(_is_same(finding, cause) or finding in _massless(cause, model) for cause in causes):
+        if any(
+            _is_same(finding, cause) or finding in massless_links(cause, model) for cause in causes
+        ):
             return True
     return False
 

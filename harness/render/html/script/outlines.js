@@ -70,10 +70,18 @@ function formsOf(scene, index) {
   const forms = body.shapes.filter(({ kind, mesh }) => (kind === "mesh" ? mesh != null : OUTLINES[kind]))
     .map((form) => (form.kind === "mesh" ? { ...form, size: meshOf(scene.meshes[form.mesh]) } : form));
   if (forms.length) return forms;
-  const bones = scene.joints.map(({ parent }, i) => [parent, scene.placements[i].slice(0, 3)])
+  const first = scene.bodies.findIndex(({ joint }) => joint === body.joint) === index;
+  const bones = !first ? [] : scene.joints.map(({ parent }, i) => [parent, scene.placements[i].slice(0, 3)])
     .filter(([parent, end]) => parent === body.joint && parent >= 0 && Math.hypot(...end) > 0)
     .map(([, end]) => ({ kind: "bone", size: end, place: ORIGIN }));
   return [...bones, ...inertiaOf(body)];
+}
+
+/** Return the scene with a dot for each body that the cause names and that has no form. */
+function withDots(scene, states) {
+  const bodies = scene.bodies.map((body, i) => (states?.lit.includes(i) && !formsOf(scene, i).length
+    ? { ...body, shapes: [{ kind: "sphere", size: [0.02 * (scene.length || 1)], place: ORIGIN }] } : body));
+  return { ...scene, bodies };
 }
 
 /** Return an ellipsoid of inertia as a form, if there is one. */
@@ -170,11 +178,10 @@ class Projection {
   constructor(canvas, scene, states, colours) {
     Object.assign(this, { canvas, colours, pen: canvas.getContext("2d") });
     this.lines = scene.bodies.map((_, i) => outlines(formsOf(scene, i)));
-    this.inertia = inertias(scene, states).map(({ body, stated, engine }) => ({ body, stated: outlines(stated), engine: outlines(engine) }));
   }
 
   /** Draw the layers: `{ poses, colour(body), width, dash }`. */
-  draw(camera, layers, inertia) {
+  draw(camera, layers, ovals) {
     const { canvas, pen } = this;
     const ratio = devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -189,11 +196,11 @@ class Projection {
         this.#stroke(this.lines[body], pose, project);
       });
     }
-    for (const { body, stated, engine } of inertia ? this.inertia : []) {
-      for (const [lines, colour, dash] of [[engine, "engine", []], [stated, "inertia", [3, 3]]]) {
+    for (const { body, stated, engine } of ovals) {
+      for (const [forms, colour, dash] of [[engine, "engine", []], [stated, "inertia", [3, 3]]]) {
         pen.setLineDash(dash);
         pen.strokeStyle = this.colours[colour];
-        this.#stroke(lines, layers[0].poses[body], project);
+        this.#stroke(outlines(forms), layers[0].poses[body], project);
       }
     }
   }

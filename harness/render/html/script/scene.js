@@ -6,14 +6,19 @@ const SLOW_FRAME = 250;
 /** Bodies at a state: the equations' motion from it, and the engine's with an amplified difference. */
 class Viewer {
   constructor(element, scene, states, drawing) {
-    Object.assign(this, { element, data: scene, states, drawing, chosen: -1, listeners: new Set(), playing: false, inertia: false });
+    Object.assign(this, { element, data: scene, states, drawing, chosen: -1, listeners: new Set(), playing: false });
     this.mechanism = new Mechanism(scene, states);
     this.lit = new Set(states?.lit ?? []);
     this.hovered = new Set();
-    this.inertia = Boolean(states?.inertias.some(({ differs }) => differs));
+    this.ovals = inertias(scene, states).map((oval) => ({ ...oval, points: outlines([...oval.stated, ...oval.engine]).flat() }));
     this.forces = true;
     this.camera = new Camera();
     this.lines = scene.bodies.map((_, body) => outlines(formsOf(scene, body)).flat());
+    // A placeholder larger than the robot would hide it.
+    const whole = this.mechanism.poses(0).flatMap((pose, body) => this.lines[body].map((point) => placedPoint(pose, point)));
+    const unlike = this.ovals.filter(({ differs }) => differs);
+    this.differs = unlike.length > 0;
+    this.inertia = this.differs && unlike.every(({ points }) => extent(points) < 1.5 * extent(whole)) ? "differing" : "";
     this.open(states?.worst ?? 0);
   }
 
@@ -37,6 +42,11 @@ class Viewer {
     this.changed();
   }
 
+  /** The inertias that are drawn: none, those that differ, or all. */
+  get shown() {
+    return this.inertia ? this.ovals.filter(({ differs }) => differs || this.inertia === "all") : [];
+  }
+
   /** Redraw once before the next frame. */
   changed() {
     for (const listener of this.listeners) listener();
@@ -53,11 +63,12 @@ class Viewer {
   /** Fit the camera to the bodies at both ends of the shown time, once per state and size. */
   #fit() {
     const { clientWidth: width, clientHeight: height } = this.drawing.canvas, { mechanism, state, horizon, power } = this;
-    const fitted = `${state} ${width} ${height}`;
+    const fitted = `${state} ${width} ${height} ${this.inertia}`;
     if (!width || !height || this.fitted === fitted) return;
     this.fitted = fitted;
     const layers = [mechanism.poses(state), ...(this.poses().length > 1 ? [mechanism.poses(state, horizon), mechanism.poses(state, horizon, 10 ** power)] : [])];
     const points = layers.flatMap((poses) => poses.flatMap((pose, body) => this.lines[body].map((point) => placedPoint(pose, point))));
+    for (const { body, points: oval } of this.shown) points.push(...oval.map((point) => placedPoint(layers[0][body], point)));
     this.camera.fit(points.length ? points : [[0, 0, 0]], width, height);
   }
 
@@ -68,7 +79,7 @@ class Viewer {
     const [expected, engine] = this.poses();
     const layers = [{ poses: expected, ghost: false, glow, tone: (body) => mark(body) ?? "body" }];
     if (engine) layers.push({ poses: engine, ghost: true, glow, tone: (body) => mark(body) ?? "engine" });
-    this.drawing.draw(this.camera, layers, this.inertia);
+    this.drawing.draw(this.camera, layers, this.shown);
     const acting = this.forces ? this.acting : null;
     this.marks?.draw(this.camera, acting, acting ? this.mechanism.frames(this.state, this.time) : [], this.data.joints, this.data.bodies[this.chosen]?.joint);
     this.#label(expected);
@@ -79,11 +90,13 @@ class Viewer {
   #label(poses) {
     const { canvas } = this.drawing;
     const project = this.camera.projection(canvas.clientWidth, canvas.clientHeight);
-    this.element.querySelectorAll(".label").forEach((label) => {
-      const body = Number(label.dataset.body);
-      const [x, y] = project(this.#middle(body, poses));
-      label.style.transform = `translate(${Math.min(Math.max(x, 4), canvas.clientWidth - label.offsetWidth - 14)}px, ${Math.min(Math.max(y, 20), canvas.clientHeight - 8)}px)`;
-    });
+    const placed = [...this.element.querySelectorAll(".label")].map((label) => ({ label, at: project(this.#middle(Number(label.dataset.body), poses)) }));
+    let least = 20;
+    for (const { label, at: [x, y] } of placed.sort((a, b) => a.at[1] - b.at[1])) {
+      const row = Math.min(Math.max(y, least), canvas.clientHeight - 8);
+      least = row + label.offsetHeight + 2;
+      label.style.transform = `translate(${Math.min(Math.max(x, 4), canvas.clientWidth - label.offsetWidth - 14)}px, ${row}px)`;
+    }
   }
 
   #middle(body, poses) {
@@ -131,8 +144,8 @@ class Viewer {
 async function buildScene(box) {
   if (box.dataset.built) return;
   box.dataset.built = "begun";
-  const { scene } = await pack(box.dataset.scene);
   const states = box.dataset.states ? await pack(box.dataset.states) : null;
+  const scene = withDots((await pack(box.dataset.scene)).scene, states);
   const style = getComputedStyle(box);
   const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   const canvas = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
@@ -226,6 +239,8 @@ function sceneControls(viewer) {
   const power = slider("Amplify the error", { min: 0, max: 6, step: 0.5 }, (value) => viewer.set({ power: value }));
   const link = make("select", {}, make("option", { value: -1 }, "–"), ...data.bodies.map(({ name }, i) => make("option", { value: i }, name)));
   link.addEventListener("change", () => viewer.set({ chosen: Number(link.value) }));
+  const inertia = make("select", {}, ...[["", "none"], ...(viewer.differs ? [["differing", "that differs"]] : []), ["all", "all"]].map(([value, text]) => make("option", { value }, text)));
+  inertia.addEventListener("change", () => viewer.set({ inertia: inertia.value }));
   const toggle = (name) => {
     const input = make("input", { type: "checkbox" });
     input.checked = viewer[name];
@@ -243,25 +258,29 @@ function sceneControls(viewer) {
     power.input.value = viewer.power;
     power.output.textContent = `× ${Number((10 ** viewer.power).toPrecision(2)).toLocaleString("en")}`;
     link.value = viewer.chosen;
+    inertia.value = viewer.inertia;
   });
   const rows = [make("div", { class: "row" }, play, time.row), state.row, ...(mechanism.differs ? [power.row] : []),
-    make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, toggle("inertia"), " Inertia"),
+    make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, "Inertia ", inertia),
       ...(acting ? [make("label", {}, toggle("forces"), " Contacts, limits, drives")] : []))];
   const solid = viewer.states?.inertias.length;
   const keys = ["body", ...(mechanism.differs ? ["engine"] : []), "inertia", ...(solid ? ["solid"] : []), ...(acting ? ["contact", "limit", "drive"] : [])];
   const names = { body: "equations", engine: "engine", inertia: "inertia by the equations", solid: "inertia in the engine", contact: "contact", limit: "beyond a limit", drive: "drive; thick: at its limit" };
   return make("div", { class: "steering" }, ...rows, make("p", { class: "keys" }, ...keys.map((key) => make("span", { class: `key ${key}` }, names[key])),
-    ...(viewer.lit.size ? [make("span", { class: "key lit" }, "named by the cause")] : [])), words, ...differing(viewer));
+    ...(viewer.lit.size ? [make("span", { class: "key lit" }, "named by the cause")] : [])), words, ...unlikeInertias(viewer));
 }
 
+/** Return the largest extent of points along an axis. */
+const extent = (points) => Math.max(...[0, 1, 2].map((i) => points.reduce((most, point) => Math.max(most, point[i]), -Infinity) - points.reduce((least, point) => Math.min(least, point[i]), Infinity)));
+
 /** Say which inertias of the engine differ. */
-function differing({ states, data }) {
+function unlikeInertias({ states, data, inertia }) {
   const wrong = (states?.inertias ?? []).filter(({ differs }) => differs);
   if (!wrong.length) return [];
   const names = wrong.slice(0, 5).map(({ body, mass, stated_mass: stated }) => (Math.abs(mass - stated) > 1e-3 * stated
     ? `${data.bodies[body].name} (mass ${short(mass)} kg instead of ${short(stated)})` : data.bodies[body].name));
   const more = wrong.length > 5 ? ` and ${wrong.length - 5} more` : "";
-  return [make("p", { class: "unequal" }, `The engine has another inertia of ${names.join(", ")}${more}.`)];
+  return [make("p", { class: "unequal" }, `The engine has another inertia of ${names.join(", ")}${more}.${inertia ? "" : " It is larger than the robot; “Inertia” shows it."}`)];
 }
 
 /** The source of the model: its lines light links up, and a chosen link shows its lines. */

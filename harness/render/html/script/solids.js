@@ -69,7 +69,7 @@ class Solids {
   }
 
   /** Draw the layers: poses of all bodies, and the tone of each. */
-  draw(camera, layers, inertia) {
+  draw(camera, layers, ovals) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
     if (this.size !== `${width} ${height}`) this.renderer.setSize(width, height, false);
@@ -82,9 +82,11 @@ class Solids {
     this.camera.updateProjectionMatrix();
     this.light.position.set(...camera.position).add(new THREE.Vector3(0, 0, camera.distance));
     while (this.layers.length < layers.length) this.layers.push(this.#layer(layers[this.layers.length].ghost));
-    this.layers.forEach((groups, i) => groups.forEach((group, body) => this.#place(group, layers[i], body, inertia)));
+    const inside = new Set(ovals.map(({ body }) => this.data.bodies[body].joint));
+    this.layers.forEach((groups, i) => groups.forEach((group, body) => this.#place(group, layers[i], body, inside)));
+    const bodies = new Set(ovals.map(({ body }) => body));
     for (const group of this.ovals) {
-      group.visible = inertia;
+      group.visible = bodies.has(group.userData.body);
       this.#pose(group, layers[0].poses[group.userData.body]);
     }
     this.renderer.render(this.world, this.camera);
@@ -102,7 +104,7 @@ class Solids {
     group.matrix.compose(new THREE.Vector3(x, y, z), new THREE.Quaternion(i, j, k, w), new THREE.Vector3(1, 1, 1));
   }
 
-  #place(group, layer, body, inertia) {
+  #place(group, layer, body, inside) {
     group.visible = Boolean(layer);
     if (!layer) return;
     this.#pose(group, layer.poses[body]);
@@ -110,7 +112,7 @@ class Solids {
     material.color.set(this.colours[tone]);
     material.emissive.set(tone === "lit" ? this.colours.lit : "#000000");
     material.emissiveIntensity = 0.35 + 0.25 * layer.glow;
-    material.opacity = inertia ? 0.25 : layer.ghost ? 0.45 : 1;
+    material.opacity = layer.ghost ? 0.45 : inside.has(this.data.bodies[body].joint) && tone !== "lit" ? 0.5 : 1;
     material.transparent = material.opacity < 1;
     material.depthWrite = !material.transparent;
   }
@@ -144,7 +146,7 @@ class Solids {
     group.matrixAutoUpdate = false;
     group.userData = { body };
     const colour = this.colours[differs ? "lit" : "solid"];
-    const material = new THREE.MeshPhongMaterial({ color: colour, emissive: differs ? colour : "#000000", emissiveIntensity: 0.4, shininess: 10 });
+    const material = new THREE.MeshPhongMaterial({ color: colour, emissive: differs ? colour : "#000000", emissiveIntensity: 0.4, shininess: 10, transparent: true, opacity: 0.4, depthWrite: false });
     for (const form of engine) group.add(this.#solid(form, material));
     for (const line of outlines(stated)) {
       const points = new THREE.BufferGeometry().setFromPoints(line.map((point) => new THREE.Vector3(...point)));
