@@ -9,7 +9,7 @@ Segments are laid by the events: each is free of events, or has one in its middl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 
@@ -112,6 +112,7 @@ class Hybrid:
         parts: the interactions.
         signal: the inputs.
         derived: equations of the modes that were reached.
+        beginnings: expressions that are zero when a mode begins.
         largest: largest rates so far, (2n,); those of a mechanism that comes to rest vanish.
     """
 
@@ -119,6 +120,7 @@ class Hybrid:
     parts: tuple[Part, ...]
     signal: SignalPiece
     derived: dict[Modes, ModeEquations | None] = field(default_factory=dict)
+    beginnings: dict[Modes, NumericFunction] = field(default_factory=dict)
     largest: Array | None = None
 
     @property
@@ -134,6 +136,14 @@ class Hybrid:
             except ZeroDivisionError:
                 self.derived[modes] = None
         return self.derived[modes]
+
+    def zeros(self, modes: Modes) -> NumericFunction:
+        """Return expressions of (q, v, u, (t,)) that are zero when a mode begins."""
+        if modes not in self.beginnings:
+            each_part = [part.contribution(m) for part, m in zip(self.parts, modes, strict=True)]
+            wanted = [zero for each in each_part for zero in each.zeros]
+            self.beginnings[modes] = self.equations.compile(wanted)
+        return self.beginnings[modes]
 
     def evaluate(self, function: NumericFunction, time: Array, states: Array) -> Array:
         """Return a function of (q, v, u, (t,)) at states (B, 2n)."""
@@ -156,13 +166,13 @@ class Hybrid:
 
     def begins(self, modes: Modes, time: float, state: Array, soon: float) -> bool:
         """Return whether a mode can begin: its guards are positive soon, and its zeros are zero."""
+        times, here = np.array([time]), state[None]
+        zeros = self.evaluate(self.zeros(modes), times, here)
+        # Before the mode is derived, which takes longer.
+        if np.any(np.abs(zeros) > TOUCH * (1 + np.abs(state).max())):
+            return False
         mode = self.mode(modes)
         if mode is None:
-            return False
-        times, here = np.array([time]), state[None]
-        if np.any(
-            np.abs(self.evaluate(mode.zeros, times, here)) > TOUCH * (1 + np.abs(state).max())
-        ):
             return False
         if np.any(self.evaluate(mode.guards, times, here) < -TOUCH * self.sizes(mode, time, state)):
             return False
@@ -374,20 +384,23 @@ def _jump(
     ]
     if not hits:
         return state, changing
-    closed = [
-        part
-        for part, now in zip(hybrid.parts, mode.modes, strict=True)
-        if isinstance(part, Contacting) and part.law is None and (now != FREE or part in hits)
-    ]
-    after = impact(hybrid, time, state, hits, closed)
-    return after, changing
+    closed = {
+        i: part
+        for i, (part, now) in enumerate(zip(hybrid.parts, mode.modes, strict=True))
+        if isinstance(part, Contacting) and part.law is None and now != FREE
+    }
+    after, parting = impact(hybrid, time, state, hits, closed)
+    return after, changing | dict.fromkeys(parting, (FREE,))
 
 
 def impact(
     hybrid: Hybrid, time: float, state: Array, hits: Sequence[Contacting],
-    closed: Sequence[Contacting],
-) -> Array:  # fmt: skip
-    """Return the state after impacts, (2n,), by Newton's restitution and Coulomb's friction.
+    closed: Mapping[int, Contacting],
+) -> tuple[Array, list[int]]:  # fmt: skip
+    """Return the state after impacts, (2n,), and the closed contacts that separate.
+
+    Velocities jump by Newton's restitution and Coulomb's friction. A closed contact that separates
+    has no impulse: a box that rocks leaves one edge as the other one lands.
 
     Raises:
         EventError: if several contacts act on each other at once.
@@ -401,21 +414,35 @@ def impact(
         numbers = hybrid.evaluate(hybrid.equations.compile(values), times, here)[0]
         return (numbers[:n], numbers[n], numbers[n + 1 : 2 * n + 1], *numbers[2 * n + 1 :])
 
+    def coupled(part: Contacting, others: Iterable[Contacting]) -> Contacting | None:
+        smallest = TOUCH * np.abs(np.linalg.inv(mass)).max()
+        pushed = np.linalg.solve(mass, rows(part)[0])
+        return next((o for o in others if abs(rows(o)[0] @ pushed) > smallest), None)
+
     velocity = state[n:].copy()
-    for i, part in enumerate(closed):
-        for other in closed[:i]:
-            coupling = rows(part)[0] @ np.linalg.solve(mass, rows(other)[0])
-            if abs(coupling) > TOUCH * np.abs(np.linalg.inv(mass)).max():
-                raise EventError(
-                    f"at t = {time:.6g} s {part.name} and {other.name} act at once; simultaneous "
-                    "impacts have no unique outcome; separate them"
-                )
     for part in hits:
         normal, approach, across, slip, mu, e = rows(part)
         velocity += np.linalg.solve(
             mass, _impulse(mass, normal, across, approach, slip, mu=mu, e=e)
         )
-    return np.concatenate([state[:n], velocity])
+    parting = list[int]()
+    for i, part in enumerate(hits):
+        _check_single(time, part, coupled(part, hits[:i]))
+    for i, part in closed.items():
+        other = coupled(part, hits)
+        if other is not None and rows(part)[0] @ velocity > TOUCH * np.abs(velocity).max():
+            parting.append(i)
+        else:
+            _check_single(time, part, other)
+    return np.concatenate([state[:n], velocity]), parting
+
+
+def _check_single(time: float, part: Contacting, other: Contacting | None) -> None:
+    if other is not None:
+        raise EventError(
+            f"at t = {time:.6g} s {part.name} and {other.name} act at once; simultaneous "
+            "impacts have no unique outcome; separate them"
+        )
 
 
 def _impulse(

@@ -242,6 +242,47 @@ def test_a_motor_follows_its_filter_to_its_limit(scenario: str, first: float, sp
     assert_close(pushed.end[-1], [x + far + more, turned, v, rate])
 
 
+def tipping_speed(c: dict[str, float], side: int, start: Any, stop: Any, speed: Any = 0) -> Any:
+    """Return the angular velocity of a box at a second angle about an edge: 1 downhill, -1 uphill.
+
+    Its moment of inertia about the edge is 4/3 m r^2.
+    """
+    b, h, slope = (mp.mpf(c[name]) for name in ("b", "h", "slope"))
+
+    def potential(a: Any) -> Any:
+        below = side * b * mp.sin(a) + h * mp.cos(a)
+        beyond = side * b * mp.cos(a) - h * mp.sin(a)
+        return below * mp.cos(slope) + beyond * mp.sin(slope)
+
+    fall = potential(start) - potential(stop)
+    return mp.sqrt(speed**2 + 2 * mp.mpf(c["g"]) * fall / (mp.mpf(4) / 3 * (b**2 + h**2)))
+
+
+def tipping_time(c: dict[str, float], side: int, start: Any, stop: Any, speed: Any = 0) -> float:
+    """Return the time in which a box turns about an edge, by its energy."""
+    with mp.workdps(30):
+        between = [mp.mpf(start), mp.mpf(stop)]
+        return float(mp.quad(lambda a: 1 / tipping_speed(c, side, between[0], a, speed), between))
+
+
+def test_a_box_tips_about_its_lower_edge() -> None:
+    _, c = built_in("tipping_box")
+    tip = motion("tipping_box", "tip")
+    angle = tip.end[-1][2]
+    assert tip.events == ()
+    assert_close(tipping_time(c, 1, 0.1, angle), 0.2)
+    assert_close(tip.end[-1][5], float(tipping_speed(c, 1, 0.1, angle)))
+
+
+def test_a_rocking_box_lands_with_the_angular_momentum_about_its_new_edge() -> None:
+    _, c = built_in("tipping_box")
+    rock = motion("tipping_box", "rock")
+    assert_close(rock.events, [tipping_time(c, -1, -0.1, 0)])
+    ratio = 1 - 1.5 * c["b"] ** 2 / (c["b"] ** 2 + c["h"] ** 2)  # Housner (1963)
+    landed = ratio * float(tipping_speed(c, -1, mp.mpf(-0.1), 0))
+    assert_close(tipping_time(c, 1, 0, rock.end[-1][2], landed), 0.25 - rock.events[0])
+
+
 def test_a_ball_lands_on_a_damped_spring() -> None:
     system, c = built_in("soft_landing")
     sidecar = read_sidecar(EVENTS / "soft_landing" / "mujoco.xml.toml")
