@@ -2,8 +2,9 @@
 
 `python -m campaigns.events --draws 1000` draws the constants of a system in `models/events`, writes
 them into its model file, and compares extrapolated segments with the exact ones: those around each
-event, and a few others. It prints how often the truth is outside U, and the number of segments with
-U below 1e-9. Exit code 1 if any truth is outside, which is what a false convergence is.
+event, and a few others. It prints how often the truth is outside U, the number of segments with U
+below 1e-9, and each draw that has another result, with its constants. Exit code 1 if any truth is
+outside, which is what a false convergence is.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import argparse
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -36,6 +37,9 @@ EVENTS = Path(__file__).parents[1] / "models" / "events"
 SPREAD = 1.5
 """Largest factor of a drawn constant."""
 
+RESOLUTION = 1e-9
+"""Uncertainty up to which a segment counts as resolved."""
+
 OTHERS = 8
 """Segments without an event per motion, evenly spaced."""
 
@@ -45,7 +49,7 @@ class Tally:
     """Counts of segments.
 
     Attributes:
-        kinds: number of draws by system and result.
+        kinds: number of motions by system and result, and of coarse segments by system.
         segments: judged segments.
         resolved: those with U below 1e-9.
         outside: those whose truth is outside U.
@@ -77,35 +81,50 @@ def around_events(segments: Segments) -> Segments:
     return segments.pick(np.unique(rows).astype(np.intp))
 
 
-def compare(system: System, sidecar: Sidecar, engine: str, tally: Tally) -> None:
-    """Compare every scenario of a system in an engine, with its constants in the file."""
+def compare(system: System, sidecar: Sidecar, engine: str, tally: Tally) -> Iterator[str]:
+    """Compare every scenario of a system in an engine; yield each result that needs a cause."""
     expected = {b.address: b.expected for b in bindings(system, sidecar)}
+    at = ", ".join(f"{c.name} = {c.value:.17g}" for c in system.constants)
     for scenario in system.scenarios:
+        what = f"{system.name} [{engine}] {scenario.name}"
         try:
             motion = solve_events(derive(system), scenario, sidecar.laws)
-        except (EventError, ReferenceError, DeclarationError):
-            tally.kinds[f"{system.name} refused"] += 1
+        except (EventError, ReferenceError, DeclarationError) as error:
+            tally.kinds[f"{what} refused"] += 1
+            yield f"{what} refused: {error}; {at}"
             continue
         motion = replace(motion, scale=component_scale(motion, []))
         with tempfile.TemporaryDirectory() as folder:
             copy = with_literals(sidecar, expected, Path(folder))
             model, coordinates = load(system, copy, engine)
             some = around_events(motion)
-            limit = extrapolate(model, coordinates, some, resolution=1e-9).limit
-        _count(tally, some, limit.value, limit.uncertainty)
-        tally.kinds[f"{system.name} judged"] += 1
+            limit = extrapolate(model, coordinates, some, resolution=RESOLUTION).limit
+        tally.kinds[f"{what} judged"] += 1
+        for line in _count(tally, what, some, limit.value, limit.uncertainty):
+            yield f"{line}; {at}"
 
 
-def _count(tally: Tally, some: Segments, value: Array, uncertainty: Array) -> None:
+def _count(
+    tally: Tally, what: str, some: Segments, value: Array, uncertainty: Array
+) -> Iterator[str]:
     unit = some.unit
     total = np.maximum((uncertainty + some.bound) / unit, np.finfo(float).eps)
     error = np.abs(value - some.end) / unit
-    judged = np.asarray(np.isfinite(total).all(axis=1))
-    tally.segments += len(judged)
-    tally.resolved += int(np.sum(judged & (total.max(axis=1) < 1e-9)))
-    ratio = (error / total)[judged]
-    tally.outside += int(np.sum((ratio > 1).any(axis=1)))
-    tally.worst = max(tally.worst, float(ratio.max(initial=0.0)))
+    ratio = np.where(np.isfinite(total), error / total, 0.0).max(axis=1)
+    tally.segments += len(ratio)
+    tally.worst = max(tally.worst, float(ratio.max()))
+    for row, largest in enumerate(total.max(axis=1)):
+        middle = some.t[row] + some.lengths[row] / 2
+        centred = np.abs(np.array(some.events) - middle).min(initial=np.inf) < 1e-9
+        where = f"{what} t = {middle:.6g} s, {'with' if centred else 'without'} an event"
+        if ratio[row] > 1:
+            tally.outside += 1
+            yield f"OUTSIDE {where}: {ratio[row]:.3g} U, U = {largest:.1e}"
+        elif largest < RESOLUTION:
+            tally.resolved += 1
+        else:
+            tally.kinds[f"{what} coarse, {'with' if centred else 'without'} an event"] += 1
+            yield f"coarse {where}: U = {largest:.1e}"
 
 
 def main(arguments: Mapping[str, int]) -> int:
@@ -115,8 +134,9 @@ def main(arguments: Mapping[str, int]) -> int:
     for draw in range(arguments["draws"]):
         sidecar = read_sidecar(models[draw % len(models)])
         system = drawn(load_system(sidecar.model.parent), random)
-        compare(system, sidecar, sidecar.engines[0], tally)
-        if draw % 50 == 49:
+        for line in compare(system, sidecar, sidecar.engines[0], tally):
+            print(f"draw {draw}: {line}", flush=True)
+        if draw % 20 == 19:
             print(draw + 1, tally, flush=True)
     print(tally)
     return 1 if tally.outside else 0

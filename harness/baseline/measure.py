@@ -11,6 +11,7 @@ if the declaration has changed.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -35,6 +36,7 @@ from physics_crosscheck.harness.records.baseline import (
     Snapshot,
 )
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.laws.motion import EventError
 from physics_crosscheck.reference.mechanism.numeric import Array, Rows
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.samples import ends_of
@@ -91,6 +93,7 @@ def segments_of(snapshot: Snapshot) -> Segments:
         scale=np.array(snapshot.scale),
         fastest=snapshot.fastest,
         name=snapshot.scenario,
+        events=snapshot.events,
     )
 
 
@@ -119,6 +122,7 @@ def snapshot_of(
         input_nodes=tuple(_table(_nodes(some, row)) for row in range(len(some.t))),
         end=_table(some.end),
         scale=tuple(some.unit.tolist()),
+        events=some.events,
     )
 
 
@@ -226,11 +230,6 @@ def measure(task: ModelTask[Prepared]) -> Measurement:
     Raises:
         EngineError, SidecarError, BlownUpError, ReferenceError: naming the model that cannot run.
     """
-    target = task.target
-    if isinstance(target, PreparedSystem) and target.system.interactions:
-        raise ReferenceError(
-            f"{target.place}: a baseline cannot store motions with events; name other folders"
-        )
     if task.sidecar is None:
         return _measured(task, task.snapshot)  # a file alone is hashed with all files that it names
     with record_reads(task.target.place) as reads:
@@ -241,13 +240,16 @@ def measure(task: ModelTask[Prepared]) -> Measurement:
 def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measurement:
     model, coordinates = task.load()
     present, on_accepted = _snapshot(task), None
+    by_equations = None
     if accepted is not None and comparable(present, accepted):
+        by_equations = _by_equations(task.target, segments_of(accepted))
+    if accepted is not None and by_equations is not None:
         segments = segments_of(accepted)
         end, uncertainty = ends(model, coordinates, segments)
         on_accepted = OnAccepted(
             end=rows(end.tolist()),
             uncertainty=rows(uncertainty.tolist()),
-            equations=rows(_by_equations(task.target, segments).tolist()),
+            equations=rows(by_equations.tolist()),
         )
         if is_accepted(present, accepted, on_accepted):
             present = accepted
@@ -277,8 +279,15 @@ def _snapshot(task: ModelTask[Prepared]) -> Snapshot:
     return snapshot_of(segments, task.scenario, target.components, inputs)
 
 
-def _by_equations(target: Prepared, segments: Segments) -> Array:
-    """Return the ends of segments by the present equations, (K, 2n)."""
+def _by_equations(target: Prepared, segments: Segments) -> Array | None:
+    """Return the ends of segments by the present equations, (K, 2n).
+
+    None if the motion cannot begin at a start, since the contacts have changed.
+    """
+    if isinstance(target, PreparedSystem) and target.system.interactions:
+        with suppress(EventError):
+            return target.ends_through_events(segments)
+        return None
     if isinstance(target, PreparedSystem):
         ends: Array = target.variants.flows(target.variants.nominal[None], segments)[0]
         return ends

@@ -50,7 +50,7 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.laws.motion import solve_events
+from physics_crosscheck.reference.laws.motion import ends_through, hybrid_of, solve_events
 from physics_crosscheck.reference.load import load_declaration, load_system, with_location
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.couplings import Coupled
@@ -268,6 +268,15 @@ class PreparedSystem(Prepared):
             others = [other for name, other in self.motions.items() if name != scenario]
             self._by_law[scenario] = replace(motion, scale=component_scale(motion, others))
         return self._by_law[scenario]
+
+    def ends_through_events(self, segments: Segments) -> Array:
+        """Return the ends of segments of a scenario by contacts, friction and drives, (K, 2n).
+
+        Raises:
+            EventError: for a start from which the motion is not unique, or does not exist.
+        """
+        scenario = self.system.scenario(segments.name)
+        return ends_through(hybrid_of(derive(self.system), scenario, self.laws), segments)
 
     @property
     def stepped(self) -> Stepped | None:

@@ -112,8 +112,12 @@ def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) ->
     ]
     # Also report switches that leave as little, which is no coincidence.
     switches = [i for i in order[refined:] if hypotheses[i].switch and remaining[i] <= accepted]
-    chosen = (*order[:refined], *alike, *switches)
-    tries = [Try(remaining[i], {i: _start(hypotheses[i])}, slopes) for i in chosen]
+    # Slopes of motions with events may mislead; the bound value is tried all the same.
+    stated = [
+        i for i in order[refined:] if hypotheses[i].start and hypotheses[i].expected is not None
+    ]
+    chosen = tuple(dict.fromkeys((*order[:refined], *alike, *switches, *stated)))
+    tries = [Try(remaining[i], {i: hypotheses[i].start}, slopes) for i in chosen]
     fits = refine_each(whole, tries, negligible)
     if not fits:
         return Ranking((), False, floor)
@@ -131,11 +135,6 @@ def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) ->
     if certain and double and double[0].remaining <= accepted:
         return Ranking((*double, *single), True, floor)
     return Ranking((*single, *double[:1]), False, floor)
-
-
-def _start(hypothesis: Hypothesis) -> float:
-    """Return the initial fault: all of an unbound literal's value; others are probably small."""
-    return hypothesis.value if hypothesis.id.kind == "unbound literal" else 0.0
 
 
 def _resolved(problem: FitProblem, uncertainty: Array) -> Resolved:

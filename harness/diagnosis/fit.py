@@ -53,6 +53,7 @@ class Hypothesis:
             value - fault, a constant's apparent value is value + fault.
         switch: whether its fault is either 0 or 1.
         expected: the right value by the user's bindings; None for an unbound number.
+        start: initial fault of a fit.
     """
 
     id: CauseId
@@ -63,6 +64,7 @@ class Hypothesis:
     correction: float = 1.0
     switch: bool = False
     expected: float | None = None
+    start: float = 0.0
 
     def is_confirmed(self, estimate: float) -> bool:
         """Return whether the number is wrong by its binding, and an estimate is the bound value."""

@@ -163,18 +163,24 @@ def _defaults(model: LoadedModel) -> Iterator[TrialHypothesis]:
 def literals(system: System, sidecar: Sidecar) -> Iterator[TrialHypothesis]:
     """Yield literals: bound ones alone, bound ones of one expression together, and unbound ones."""
     bound = tuple(_bound(system, sidecar))
+    # A number can move an event out of its segment, where slopes are wrong.
+    from_bound = bool(system.interactions)
     for b in bound:
-        yield _literal("literal", (b,))
+        yield _literal("literal", (b,), from_bound=from_bound)
     for expression in dict.fromkeys(b.expression for b in bound):
         alike = tuple(b for b in bound if b.expression == expression)
         # Copies of one number that share a mistake.
         if len(alike) > 1 and len({b.value for b in alike}) == 1:
-            yield _literal("literals", alike)
+            yield _literal("literals", alike, from_bound=from_bound)
     yield from _unbound(sidecar, bound)
 
 
-def _literal(kind: CauseKind, moved: Sequence[Binding]) -> TrialHypothesis:
-    """Return a candidate that changes bound literals of one value together."""
+def _literal(kind: CauseKind, moved: Sequence[Binding], *, from_bound: bool) -> TrialHypothesis:
+    """Return a candidate that changes bound literals of one value together.
+
+    Args:
+        from_bound: whether its fit starts at the bound value, not at the present one.
+    """
     value, expected = moved[0].value, moved[0].expected
     hypothesis = Hypothesis(
         id=CauseId(kind=kind, subject=tuple(b.address for b in moved)),
@@ -184,6 +190,7 @@ def _literal(kind: CauseKind, moved: Sequence[Binding]) -> TrialHypothesis:
         where=tuple(dict.fromkeys(_line(b.place) for b in moved)),
         correction=-1.0,
         expected=expected,
+        start=value - expected if from_bound else 0.0,
     )
     return TrialHypothesis(hypothesis, Perturbation(literals={b.address: -1.0 for b in moved}))
 
@@ -208,12 +215,15 @@ _MECHANICS = (
 )
 """Numbers of XML that may belong to the mechanism, not to visual geometry or the solver."""
 
+_LAWS = r"\w+@sol(ref|imp)\w*"
+"""Numbers of soft laws of contacts, limits and friction. Fits start nearby: zero is invalid."""
+
 
 def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[TrialHypothesis]:
     """Yield unbound nonzero numbers of the mechanism, which may be left over."""
     bound_places = {(b.place.file, b.place.start) for b in bound}
     with suppress(LocationError):
-        addresses = numbers(sidecar.model, _MECHANICS)
+        addresses = numbers(sidecar.model, f"{_MECHANICS}|{_LAWS}" if sidecar.laws else _MECHANICS)
         for address, place in find(sidecar.model, addresses).items():
             looks = re.search(r"(^|/)(visual|collision)[/\[]", address)
             if place.value and not looks and (place.file, place.start) not in bound_places:
@@ -224,5 +234,6 @@ def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[TrialHypo
                     rank=rank("unbound literal"),
                     where=(_line(place),),
                     correction=-1.0,
+                    start=0.0 if re.search("@sol(ref|imp)", address) else place.value,
                 )
                 yield TrialHypothesis(hypothesis, Perturbation(literals={address: -1.0}))

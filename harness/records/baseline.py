@@ -15,7 +15,7 @@ FORMAT = 2
 """Format version of the baseline's files."""
 
 
-class Snapshot(Record, frozen=True, kw_only=True):
+class Snapshot(Record, frozen=True, kw_only=True, omit_defaults=True):
     """K segments of a scenario with all numbers, so that a later run can repeat them.
 
     Attributes:
@@ -32,6 +32,7 @@ class Snapshot(Record, frozen=True, kw_only=True):
             constant inputs.
         end: End states by the equations, shape (K, 2n).
         scale: Scale of the relative differences, shape (2n,).
+        events: Times of impacts and of other changes of the equations, seconds.
     """
 
     scenario: str
@@ -46,6 +47,7 @@ class Snapshot(Record, frozen=True, kw_only=True):
     input_nodes: tuple[tuple[tuple[float, ...], ...], ...]
     end: tuple[tuple[float, ...], ...]
     scale: tuple[float, ...]
+    events: tuple[float, ...] = ()
 
 
 class Identified(Record, frozen=True, kw_only=True):

@@ -42,6 +42,7 @@ from physics_crosscheck.reference.solving.integrate import (
 from physics_crosscheck.reference.solving.segments import (
     EventMark,
     Motion,
+    Segments,
     Span,
     chebyshev_nodes,
 )
@@ -522,6 +523,29 @@ def graded(
         tiles.append((time, length, number))
         time += length * number
     return tiles
+
+
+def ends_through(hybrid: Hybrid, segments: Segments) -> Array:
+    """Return the ends of segments from their starts, through their events, (K, 2n).
+
+    Raises:
+        EventError: for a start from which the motion is not unique, or does not exist.
+    """
+    rows = zip(segments.t.tolist(), segments.start, segments.lengths.tolist(), strict=True)
+    return np.stack([_end_through(hybrid, *row) for row in rows])
+
+
+def _end_through(hybrid: Hybrid, time: float, state: Array, length: float) -> Array:
+    every = {i: part.modes for i, part in enumerate(hybrid.parts)}
+    stop, soon = time + length, SOON_SHARE * length
+    mode = hybrid.next_mode(time, state, every, tuple(FREE for _ in every), soon)
+    while True:
+        time, state, guards = _until_event(hybrid, mode, time, state, stop - time, stop)
+        if not guards:
+            return state
+        crossed = sorted({mode.owners[g] for g in guards})
+        state, changing = _jump(hybrid, mode, time, state, crossed)
+        mode = hybrid.next_mode(time, state, changing, mode.modes, soon)
 
 
 def check_room(room: float, usual: float, last: float) -> None:

@@ -15,7 +15,8 @@ def test_the_truth_of_drawn_balls_is_within_the_uncertainty() -> None:
     folder: Path = EVENTS / "bouncing_ball"
     sidecar, tally = read_sidecar(folder / "space.py.toml"), Tally()
     random = np.random.default_rng(3)
-    compare(drawn(load_system(folder), random), sidecar, "pymunk", tally)
+    lines = [*compare(drawn(load_system(folder), random), sidecar, "pymunk", tally)]
+    assert not any(line.startswith("OUTSIDE") for line in lines)
     assert tally.segments > 10
     assert tally.resolved > 0.9 * tally.segments
     assert tally.outside == 0

@@ -71,9 +71,6 @@ def test_a_rebound_that_vanishes_with_the_step_differs() -> None:
 @pytest.mark.parametrize(
     ("name", "file", "old", "new", "engine"),
     [
-        ("bouncing_ball", "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.8000008", "pymunk"),
-        ("pendulum_stop", "mujoco.xml", "-3 0.4", "-3 0.4000004", "mujoco"),
-        ("coulomb_oscillator", "mujoco.xml", 'loss="2"', 'loss="2.000002"', "mujoco"),
         ("filtered_motor", "mujoco_exact.xml", 'dynprm="0.1"', 'dynprm="0.1000001"', "mujoco"),
         ("stopping_block", "robot.urdf", 'value="0.3"', 'value="0.3000003"', "pybullet"),
         ("buffered_cart", "mujoco.xml", '"-400 0"', '"-400.0004 0"', "mujoco"),
@@ -84,6 +81,28 @@ def test_a_fault_of_a_millionth_is_found(
     tmp_path: Path, name: str, file: str, old: str, new: str, engine: str
 ) -> None:
     assert "DIFFERS" in outcomes(copy_of(name, tmp_path, file, old, new), engine)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "file", "old", "new", "engine", "cause"),
+    [
+        ("bouncing_ball", "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.8000008", "pymunk",
+         "RESTITUTION"),
+        ("pendulum_stop", "mujoco.xml", "-3 0.4", "-3 0.4000004", "mujoco",
+         "joint[theta]@range[1]"),
+        ("coulomb_oscillator", "mujoco.xml", 'loss="2"', 'loss="2.000002"', "mujoco",
+         "joint[x]@frictionloss"),
+    ],
+)  # fmt: skip
+def test_a_fault_of_a_millionth_is_named(
+    tmp_path: Path, name: str, file: str, old: str, new: str, engine: str, cause: str
+) -> None:
+    results = check(copy_of(name, tmp_path, file, old, new), engines=[engine])
+    assert "DIFFERS" in {case.outcome.value for case in results.cases}
+    (model,) = results.models
+    assert model.diagnosis is not None
+    assert model.diagnosis.explanations[0].causes[0].subject == (cause,)
 
 
 def test_the_cause_of_a_wrong_restitution_is_named(tmp_path: Path) -> None:

@@ -251,7 +251,7 @@ def _global_errors(before: SystemTask, after: SystemTask) -> str:
 
     The scenario with the least motion is used. With large motions, two time steps may end anywhere.
     """
-    motion = min(before.target.motions.values(), key=lambda m: float(np.max(m.amplitude)))
+    motion = min(before.target.compared.values(), key=lambda m: float(np.max(m.amplitude)))
     n = len(before.target.system.q)
     errors = []
     for task in (before, after):

@@ -44,10 +44,6 @@ def survey(task: SystemTask) -> FaultSurvey:
     Raises:
         MutationError: for a model that is not sound.
     """
-    if task.target.system.interactions:
-        raise MutationError(
-            f"{task.target.place}: mutations do not cover motions with events; name other folders"
-        )
     literals = bindings(task.target.system, task.declared)
     with trial_model(task) as (whole, uncertainty):
         wrong = float(np.max(np.abs(whole.defect({})) - uncertainty))

@@ -18,7 +18,9 @@ from physics_crosscheck.harness.modelfiles.locations import find, numbers
 from physics_crosscheck.harness.modelfiles.locations.attributes import elements
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
+from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.variants import Parameter, variants
 
 XML = (".xml", ".urdf", ".sdf")
 
@@ -108,8 +110,16 @@ class Subject:
         name = self.follows(joint)[0]
         slope = self._slopes[self.model.coordinates.index(joint), names.index(name)]
         parameters: dict[tuple[CauseKind, str], float]
-        parameters = {(p.kind, p.name): p.size for p in self.task.target.variants.parameters}
+        parameters = {(p.kind, p.name): p.size for p in self._sizes_of_terms}
         return float(parameters[kind, name] / slope ** (1 if kind == "friction" else 2))
+
+    @cached_property
+    def _sizes_of_terms(self) -> tuple[Parameter, ...]:
+        """Missing terms of the equations with their sizes; a target with events has no own ones."""
+        target = self.task.target
+        if not target.system.interactions:
+            return target.variants.parameters
+        return variants(derive(target.system), target.amplitude).parameters
 
     def max_travel(self, joint: str) -> float:
         """Return the largest movement of a joint to either side, in its own units."""

@@ -1,0 +1,49 @@
+"""Faults in numbers of contacts, friction and soft laws are caught and named by motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from physics_crosscheck.harness.commands.mutation.survey import survey
+from physics_crosscheck.harness.records.mutation import FaultVerdict
+from tests.mutation.conftest import sound, tried
+
+
+@pytest.mark.parametrize(
+    ("system", "model", "engine", "locations"),
+    [
+        ("events/bouncing_ball", "space.py", "pymunk", {"RESTITUTION"}),
+        ("events/soft_landing", "mujoco.xml", "mujoco",
+         {"default/geom@solref[0]", "default/geom@solimp[1]"}),
+    ],
+)  # fmt: skip
+def test_a_millionth_of_a_contact_is_named(
+    system: str, model: str, engine: str, locations: set[str], few: None
+) -> None:
+    task = sound(system, model, engine)
+    known = survey(task)
+    alone = replace(known, faults=())
+    chosen = [one for one in known.faults if one.location in locations and one.name == "1e-6"]
+    assert {one.location for one in chosen} == locations
+    for fault in chosen:
+        assert tried(task, alone, fault).verdict is FaultVerdict.NAMED
+
+
+def test_friction_that_a_folder_with_contacts_lacks_is_named(few: None) -> None:
+    task = sound("events/soft_landing", "mujoco.xml")
+    known = survey(task)
+    fault = next(one for one in known.faults if one.name == "friction left in")
+    assert tried(task, replace(known, faults=()), fault).verdict is FaultVerdict.NAMED
+
+
+def test_another_step_agrees_by_the_law_of_the_engine(few: None) -> None:
+    task = sound("events/soft_landing", "mujoco.xml")
+    known = survey(task)
+    fault = next(one for one in known.faults if one.name == "another time step")
+    row = tried(task, replace(known, faults=()), fault)
+    assert row.verdict is FaultVerdict.AGREES
+    # The rigid motion would be off by the depth of the contact at every step.
+    before, after = (float(part.split()[0]) for part in row.message.split("dt ")[1].split("-> "))
+    assert after > 1.2 * before
