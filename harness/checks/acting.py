@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import sympy as sp
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
@@ -18,12 +19,14 @@ from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, rest
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.interactions import Drive
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
     ContactParameters,
     SoftLimit,
     Surface,
 )
+from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 NAMED = 3
@@ -52,6 +55,17 @@ def acting_quantities(compiled: CompiledTree, *, apart: bool = False) -> tuple[A
     except TreeError:
         model = None
     return () if model is None else tuple(Acting(model, compiled, apart=apart).quantities())
+
+
+def declared_quantities(system: System) -> Iterator[ActingQuantity]:
+    """Yield friction and restitution of the contacts, limits and dry friction of a system."""
+    fields = (("mu", "friction", ""), ("e", "restitution", ""), ("force", "friction", "N"))
+    for part in system.interactions:
+        for field, quantity, unit in () if isinstance(part, Drive) else fields:
+            value = sp.sympify(getattr(part, field, None))
+            if value is not None and (value := value.subs(system.values)).is_number:
+                row = _quantity(part.name, quantity, float(value), unit, "declared, rigid")
+                yield replace(row, declared=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.checks.acting import acting_quantities
+from physics_crosscheck.harness.checks.acting import acting_quantities, declared_quantities
 from physics_crosscheck.harness.checks.acting_impulses import (
     impulse_quantities,
     merged,
@@ -37,7 +37,7 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.poses import Poses
-from physics_crosscheck.harness.records.survey import Audit
+from physics_crosscheck.harness.records.survey import ActingQuantity, Audit
 from physics_crosscheck.reference.mechanism.system import System
 
 MAX_DOF = 12
@@ -113,11 +113,19 @@ def audit_declared(task: SystemTask) -> Audit:
     defaults = (_default(remark, wrong, task) for remark in remarks)
     poses, elsewhere = _poses(task, model, coordinates)
     signs = negative_findings(task.declared.model)
-    return Audit(
-        findings=(*literals, *compiled, *elsewhere, *signs, *defaults),
-        poses=poses,
-        acting=planar_quantities(task.spec, task.engine),
-    )
+    findings = (*literals, *compiled, *elsewhere, *signs, *defaults)
+    return Audit(findings=findings, poses=poses, acting=_acting(task))
+
+
+def _acting(task: SystemTask) -> tuple[ActingQuantity, ...]:
+    """Return what the file's numbers act as, then what a system with interactions declares."""
+    rows = planar_quantities(task.spec, task.engine)
+    if not task.target.system.interactions:
+        return rows
+    engine = engines()[task.engine]
+    if task.file.suffix in engine.compiles:
+        rows = acting_quantities(engine.compiled(task.file))
+    return (*rows, *declared_quantities(task.target.system))
 
 
 def _compiled(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,6 +51,8 @@ def diagnose_model(task: SystemTask) -> Diagnosis:
         EngineError, SidecarError, LocationError, BlownUpError: for a failing run.
     """
     began = time.perf_counter()
+    if task.target.ideal and task.declared.laws and (soft := _soft_laws(task, began)):
+        return soft
     with trial_model(task) as (whole, uncertainty):
         shows = bool(np.any(np.abs(whole.defect({})) > uncertainty))
         ranking = diagnose(whole, uncertainty) if shows else Ranking((), False, 1.0)
@@ -72,6 +75,24 @@ def diagnose_model(task: SystemTask) -> Diagnosis:
         explanations=tuple(explanation(fit) for fit in ranking.fits[:RECORDED]),
         floor=number(ranking.floor),
         corrected=corrected,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _soft_laws(task: SystemTask, began: float) -> Diagnosis | None:
+    """Return that the soft laws of the sidecar explain a model, if its motions agree with them."""
+    target = replace(task.target, ideal=False).under_laws(task.declared)
+    with trial_model(replace(task, target=target)) as (whole, uncertainty):
+        if np.any(np.abs(whole.defect({})) > uncertainty):
+            return None
+    causes = tuple(
+        Cause(kind="law", subject=(f"the soft law of {name}",), nominal=None, estimate=None,
+              standard_error=None)
+        for name in task.declared.laws
+    )  # fmt: skip
+    return Diagnosis(
+        explained=True,
+        explanations=(Explanation(causes=causes, remaining=0.0),),
         seconds=time.perf_counter() - began,
     )
 

@@ -111,7 +111,7 @@ class Model(Record, frozen=True, kw_only=True):
         linearization_failure: Reason if the linearization failed; empty otherwise.
         audit: Findings without motion; None if not requested, or failed.
         audit_failure: Reason if the audit failed; empty otherwise.
-        acting: Quantities that the numbers act as, of a robot file; empty if not requested.
+        acting: Quantities that the numbers act as, and declared ones; empty if not requested.
         poses: Comparison of frames; None if there was none.
         diagnosis: Causes of the differences; None if nothing differs or none was requested.
         coverage: Tested and untested numbers; None if not requested.

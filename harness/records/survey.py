@@ -17,6 +17,7 @@ class ActingQuantity(Record, frozen=True, kw_only=True):
         unit: Its unit; empty for a ratio.
         rule: How it follows from the file; empty if that is clear.
         parts: Friction of two shapes; or a drive's damping, and the ratio by it alone.
+        declared: Whether a system declares it, for its rigid contacts.
     """
 
     subject: str
@@ -25,6 +26,7 @@ class ActingQuantity(Record, frozen=True, kw_only=True):
     unit: str = ""
     rule: str = ""
     parts: tuple[float, ...] = ()
+    declared: bool = False
 
 
 class Audit(Record, frozen=True, kw_only=True):

@@ -45,7 +45,7 @@ def _statement(cause: Cause, name: str, fitted: str) -> str:
     if cause.kind == "dropped":
         return f"{name}: in the file, but 0 in the engine"
     if cause.kind == "law":
-        return f"{name} explains the steps"
+        return f"{name} explains the difference"
     if cause.kind in SWITCHES:
         return f"{name} explains the motion"
     if cause.kind == "taken":

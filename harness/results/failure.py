@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 
 from msgspec.structs import replace
 
@@ -81,10 +82,22 @@ def acting_lines(quantities: Iterable[ActingQuantity]) -> list[str]:
     """Return one line per subject: what its numbers act as, with units and rules."""
     alike: dict[str, list[str]] = {}
     for row in quantities:
-        value = "not finite" if row.value is None else f"{row.value:.4g}"
-        text = f"{row.quantity} {value}{row.unit and ' '}{row.unit}"
+        text = f"{row.quantity} {_digits(row, 4)}"
         alike.setdefault(row.subject, []).append(text + (f" ({row.rule})" if row.rule else ""))
     return [f"{'acts as':<8} {subject}: {', '.join(rows)}" for subject, rows in alike.items()]
+
+
+def acting_texts(quantities: Iterable[ActingQuantity]) -> Iterator[tuple[str, str]]:
+    """Yield a label and a line for each subject: what it acts as, then what is declared."""
+    rows = sorted(quantities, key=lambda row: row.declared)
+    for (declared, subject), alike in groupby(rows, key=lambda row: (row.declared, row.subject)):
+        values = (f"{row.quantity} {_digits(row, 3)}" for row in alike)
+        yield "rigid" if declared else "acts", f"{subject}: {', '.join(values)}"
+
+
+def _digits(row: ActingQuantity, digits: int) -> str:
+    value = "not finite" if row.value is None else f"{row.value:.{digits}g}"
+    return f"{value}{row.unit and ' '}{row.unit}"
 
 
 def _place(where: SourceLine | None) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from campaigns.events import EVENTS, Tally, compare, drawn
+from campaigns.events import EVENTS, PEER_TESTS, Tally, compare, drawn, peer_row, planted_edits
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.load import load_system
 
@@ -20,3 +20,17 @@ def test_the_truth_of_drawn_balls_is_within_the_uncertainty() -> None:
     assert tally.segments > 10
     assert tally.resolved > 0.9 * tally.segments
     assert tally.outside == 0
+
+
+def test_a_stop_distance_of_another_project_is_measured_finer_than_its_tolerance() -> None:
+    test = next(one for one in PEER_TESTS if one.peer == "Newton, stop distance, mu 0.7")
+    *_, error, uncertainty = peer_row(test).strip("| ").split(" | ")
+    assert float(error) < float(uncertainty) < 1e-8
+
+
+def test_numbers_of_contacts_and_laws_are_planted_and_masses_are_not() -> None:
+    folder = EVENTS / "bouncing_ball"
+    system = load_system(folder)
+    for model, numbers in (("space.py", {"RESTITUTION"}), ("mujoco.xml", {"geom[ball]@solref[0]"})):
+        edits = planted_edits(system, read_sidecar(folder / f"{model}.toml"))
+        assert {address for address, _, _ in edits} == numbers

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from physics_crosscheck import check
+from physics_crosscheck.harness.render.terminal.problems import print_problems
 
 EVENTS = Path(__file__).parents[2] / "models" / "events"
 MODELS = sorted(path.parent.name for path in EVENTS.glob("*/system.py"))
@@ -122,5 +125,28 @@ def test_a_softer_contact_differs_from_its_declared_law(tmp_path: Path) -> None:
     assert "DIFFERS" in outcomes(changed, "mujoco")
 
 
-def test_the_rigid_answer_differs_from_mujocos_default_contact() -> None:
-    assert outcomes(EVENTS / "bouncing_ball", "mujoco", ideal=True) == {"DIFFERS"}
+def test_the_rigid_answer_differs_by_the_depth_of_a_soft_contact() -> None:
+    results = check(EVENTS / "soft_landing", engines=["mujoco"], ideal=True)
+    assert {case.outcome.value for case in results.cases} == {"DIFFERS"}
+    (model,) = results.models
+    assert model.diagnosis is not None
+    (cause,) = model.diagnosis.explanations[0].causes
+    assert (cause.kind, cause.subject) == ("law", ("the soft law of floor",))
+    values = {(row.declared, row.quantity): row.value for row in model.acting}
+    # (1 - d) g T^2 Z^2, with the numbers of the file.
+    assert values[False, "rest depth"] == pytest.approx(0.1 * 9.81 * 0.02**2 * 0.7**2, rel=1e-9)
+    assert values[True, "restitution"] == 0
+    console = Console(width=80, file=io.StringIO(), record=True)
+    print_problems(console, results)
+    text = console.export_text()
+    assert "rest depth 0.000192 m, creep 0.00341 m/s" in text
+    assert "rigid: floor: friction 0, restitution 0" in text
+
+
+@pytest.mark.slow
+def test_another_law_of_the_file_is_no_cause_of_a_rigid_difference(tmp_path: Path) -> None:
+    changed = copy_of("soft_landing", tmp_path, "mujoco.xml", 'solref="0.02', 'solref="0.021')
+    (model,) = check(changed, engines=["mujoco"], ideal=True).models
+    assert model.diagnosis is not None
+    causes = (one for fit in model.diagnosis.explanations for one in fit.causes)
+    assert "law" not in {cause.kind for cause in causes}

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.terminal.console import STYLES, WORDS, print_wrapped
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, brief_cause, cause_sentences
+from physics_crosscheck.harness.results.failure import acting_texts
 from physics_crosscheck.harness.results.issues import (
     Issue,
     collect_issues,
@@ -208,6 +209,7 @@ def _difference(
     for alike in groups:
         named = f" [{', '.join(one.engine for one in alike)}]" if len(groups) > 1 else ""
         notes += _cause_notes(alike[0], named, details)
+        notes += acting_texts(alike[0].acting) if is_declared(alike[0]) else ()
     engines = list(dict.fromkeys(case.engine for case in cases))
     name = ", ".join(engines) if short else f"{worst.system}/{worst.model} [{', '.join(engines)}]"
     place = [one for one in results.cases if (one.folder, one.model) == (worst.folder, worst.model)]
@@ -222,6 +224,11 @@ def _difference(
     return PrintedProblem(
         outcome=worst.outcome, code=code, name=name, headline=headline, notes=tuple(notes)
     )
+
+
+def is_declared(model: Model) -> bool:
+    """Return whether a system declares what the contacts of a model are to act as."""
+    return any(row.declared for row in model.acting)
 
 
 def _explaining_codes(model: Model) -> list[str]:

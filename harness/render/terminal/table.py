@@ -29,11 +29,12 @@ from physics_crosscheck.harness.render.terminal.models_table import (
 )
 from physics_crosscheck.harness.render.terminal.problems import (
     MAX_PROBLEMS,
+    is_declared,
     is_single_file,
     print_problems,
 )
 from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
-from physics_crosscheck.harness.results.failure import advice_lines
+from physics_crosscheck.harness.results.failure import acting_texts, advice_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import counted, duration, percent
@@ -264,6 +265,11 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         line := coverage_summary(results.models)
     ):
         print_wrapped(console, f"{line}; --details lists the rest")
+        differing = {case.key for case in results.cases if case.outcome is not Outcome.AGREES}
+        for model in results.models:
+            if is_declared(model) and model.key not in differing:
+                for label, text in acting_texts(model.acting):
+                    print_wrapped(console, f"{model.id} {label}: {text}", indent=2)
     lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
     for line in lines:
         print_wrapped(console, line)
