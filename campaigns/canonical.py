@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -304,6 +304,201 @@ def newton_track(scene: CanonicalScene, h: float) -> Track:
     return np.array(rows, dtype=float)
 
 
+LENGTH, RELEASE, LIMIT = 0.75, -1.1, 0.4
+"""Of a pendulum of `MASS`: m; where it is released and its joint limit, rad."""
+
+LIMIT_SECONDS = 1.0
+"""Duration of its swing to the limit and back."""
+
+POINT = 0.01
+"""Moment of inertia of the bob about its centre, kg m^2."""
+
+LIMIT_SPEED = math.sqrt(
+    2 * MASS * G * LENGTH / (MASS * LENGTH**2 + POINT) * (math.cos(LIMIT) - math.cos(RELEASE))
+)
+"""Exact speed at the limit, rad/s."""
+
+
+def _rows(step: Callable[[], tuple[float, float]], h: float) -> Track:
+    """Return angle and rate after each step, (S, 2)."""
+    return np.array([step() for _ in range(round(LIMIT_SECONDS / h))], dtype=float)
+
+
+def _pendulum_mjcf(h: float) -> str:
+    return f"""<mujoco><option timestep="{h}" jacobian="dense"/><compiler angle="radian"/>
+    <worldbody><body><joint axis="0 -1 0" limited="true" range="-3 {LIMIT}"/>
+    <inertial pos="0 0 {-LENGTH}" mass="{MASS}" diaginertia="{POINT} {POINT} {POINT}"/>
+    </body></worldbody></mujoco>"""
+
+
+def mujoco_pendulum(h: float) -> Track:
+    """Swing to the limit in MuJoCo."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(_pendulum_mjcf(h))
+    data = mujoco.MjData(model)
+    data.qpos[0] = RELEASE
+
+    def step() -> tuple[float, float]:
+        mujoco.mj_step(model, data)
+        return data.qpos[0], data.qvel[0]
+
+    return _rows(step, h)
+
+
+def mjx_pendulum(h: float) -> Track:
+    """Swing to the limit in MJX."""
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    jax.config.update("jax_enable_x64", True)
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(_pendulum_mjcf(h)))
+    data = mjx.make_data(model)
+    data = data.replace(qpos=data.qpos.at[0].set(RELEASE))
+
+    def step(data: Any, _: None) -> tuple[Any, Any]:
+        data = mjx.step(model, data)
+        return data, (data.qpos[0], data.qvel[0])
+
+    run = jax.jit(lambda data: jax.lax.scan(step, data, None, round(LIMIT_SECONDS / h))[1])
+    return np.stack(run(data), axis=1)
+
+
+def pybullet_pendulum(h: float) -> Track:
+    """Swing to the limit in PyBullet."""
+    import pybullet as p
+
+    client = p.connect(p.DIRECT)
+    p.setGravity(0, 0, -G)
+    p.setTimeStep(h)
+    body = p.createMultiBody(
+        0,
+        linkMasses=[MASS],
+        linkCollisionShapeIndices=[-1],
+        linkVisualShapeIndices=[-1],
+        linkPositions=[[0, 0, 0]],
+        linkOrientations=[[0, 0, 0, 1]],
+        linkInertialFramePositions=[[0, 0, -LENGTH]],
+        linkInertialFrameOrientations=[[0, 0, 0, 1]],
+        linkParentIndices=[0],
+        linkJointTypes=[p.JOINT_REVOLUTE],
+        linkJointAxis=[[0, -1, 0]],
+    )
+    p.changeDynamics(body, 0, localInertiaDiagonal=[POINT] * 3, jointDamping=0)
+    p.changeDynamics(body, 0, linearDamping=0, angularDamping=0)
+    p.changeDynamics(body, 0, jointLowerLimit=-3, jointUpperLimit=LIMIT)
+    p.setJointMotorControl2(body, 0, p.VELOCITY_CONTROL, force=0)
+    p.resetJointState(body, 0, RELEASE)
+
+    def step() -> tuple[float, float]:
+        p.stepSimulation()
+        angle, rate, *_ = p.getJointState(body, 0)
+        return angle, rate
+
+    track = _rows(step, h)
+    p.disconnect(client)
+    return track
+
+
+def pymunk_pendulum(h: float) -> Track:
+    """Swing to the limit in pymunk."""
+    import pymunk
+
+    space = pymunk.Space()
+    space.gravity = 0, -G
+    body = pymunk.Body(MASS, POINT)
+    body.angle = RELEASE
+    body.position = LENGTH * math.sin(RELEASE), -LENGTH * math.cos(RELEASE)
+    pivot = pymunk.PivotJoint(space.static_body, body, (0, 0))
+    space.add(body, pivot, pymunk.RotaryLimitJoint(space.static_body, body, -3, LIMIT))
+
+    def step() -> tuple[float, float]:
+        space.step(h)
+        return body.angle, body.angular_velocity
+
+    return _rows(step, h)
+
+
+def drake_pendulum(h: float) -> Track:
+    """Swing to the limit in Drake's discrete plant."""
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
+    from pydrake.systems.analysis import Simulator
+
+    plant = MultibodyPlant(h)
+    about = POINT / MASS + LENGTH**2
+    unit = UnitInertia(about, about, POINT / MASS)
+    body = plant.AddRigidBody("bob", SpatialInertia(MASS, [0, 0, -LENGTH], unit))
+    axis = [0, -1, 0]
+    joint = plant.AddJoint(
+        RevoluteJoint("hinge", plant.world_frame(), body.body_frame(), axis, -3, LIMIT, 0)
+    )
+    plant.mutable_gravity_field().set_gravity_vector([0, 0, -G])
+    plant.Finalize()
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    joint.set_angle(context, RELEASE)
+
+    def step() -> tuple[float, float]:
+        simulator.AdvanceTo(context.get_time() + h)
+        return joint.get_angle(context), joint.get_angular_rate(context)
+
+    return _rows(step, h)
+
+
+def dart_pendulum(h: float) -> Track:
+    """Swing to the limit in DART."""
+    import dartpy as dart
+
+    world = dart.simulation.World()
+    world.setGravity([0, 0, -G])
+    world.setTimeStep(h)
+    skeleton = dart.dynamics.Skeleton("pendulum")
+    joint, body = skeleton.createRevoluteJointAndBodyNodePair()
+    joint.setAxis([0, -1, 0])
+    joint.setPositionLowerLimit(0, -3)
+    joint.setPositionUpperLimit(0, LIMIT)
+    joint.setLimitEnforcement(True)
+    body.setInertia(dart.dynamics.Inertia(MASS, [0, 0, -LENGTH], POINT * np.eye(3)))
+    skeleton.setPositions([RELEASE])
+    world.addSkeleton(skeleton)
+
+    def step() -> tuple[float, float]:
+        world.step()
+        return float(skeleton.getPositions()[0]), float(skeleton.getVelocities()[0])
+
+    return _rows(step, h)
+
+
+def sapien_pendulum(h: float) -> Track:
+    """Swing to the limit in SAPIEN; its revolute joints turn about x."""
+    import sapien
+
+    config = sapien.physx.PhysxSceneConfig()
+    config.gravity = np.array([0, 0, -G])
+    sapien.physx.set_scene_config(config)
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    scene.set_timestep(h)
+    builder = scene.create_articulation_builder()
+    root = builder.create_link_builder()
+    root.set_mass_and_inertia(1.0, sapien.Pose(), [1.0, 1.0, 1.0])
+    link = builder.create_link_builder(root)
+    turned = sapien.Pose(q=[math.sqrt(0.5), 0, 0, -math.sqrt(0.5)])
+    link.set_joint_properties("revolute", [[-3, LIMIT]], turned, turned, 0, 0)
+    link.set_mass_and_inertia(MASS, sapien.Pose([0, 0, -LENGTH]), [POINT] * 3)
+    pendulum = builder.build(fix_root_link=True)
+    pendulum.set_qpos([RELEASE])
+    for one in pendulum.get_links():
+        one.linear_damping = one.angular_damping = 0.0
+
+    def step() -> tuple[float, float]:
+        scene.step()
+        return float(pendulum.get_qpos()[0]), float(pendulum.get_qvel()[0])
+
+    return _rows(step, h)
+
+
 ENGINES: Mapping[str, tuple[Callable[[CanonicalScene, float], Track], float]] = {
     "mujoco": (mujoco_track, 1 / 500),
     "mjx": (mjx_track, 1 / 500),
@@ -336,6 +531,14 @@ def creep(track: Track, h: float) -> float:
     return float((track[-1, 0] - track[half, 0]) / ((len(track) - 1 - half) * h))
 
 
+def limit_rebound(track: Track) -> float:
+    """Return the speed at which a pendulum leaves its limit, relative to that of arrival."""
+    angle, rate = track.T
+    reached = int(np.argmax(angle > LIMIT - 0.02))
+    back = (np.arange(len(angle)) > reached) & (angle < LIMIT) & (rate < 0)
+    return float(-rate[np.argmax(back)]) / LIMIT_SPEED if back.any() else math.nan
+
+
 def stop_error(track: Track, h: float) -> float:
     """Return the relative error of the stop distance."""
     return float(track[-1, 0]) / (SPEED**2 / (2 * MU * G)) - 1
@@ -363,7 +566,18 @@ PROBLEMS: Mapping[str, tuple[CanonicalScene, Measure, Callable[[float], str]]] =
 }
 """Scene, quantity and its text, by the name of the column."""
 
-EXACT = ("0.800", "0", "0", "0.680 m")
+PENDULUMS: Mapping[str, Callable[[float], Track]] = {
+    "mujoco": mujoco_pendulum,
+    "mjx": mjx_pendulum,
+    "drake": drake_pendulum,
+    "dart": dart_pendulum,
+    "sapien": sapien_pendulum,
+    "pybullet": pybullet_pendulum,
+    "pymunk": pymunk_pendulum,
+}
+"""Pendulums that swing to a joint limit, by engine."""
+
+EXACT = ("0.800", "0", "0", "0.680 m", "0")
 
 
 def cells(engine: str) -> list[str]:
@@ -371,14 +585,20 @@ def cells(engine: str) -> list[str]:
     run, step = ENGINES[engine]
     row = []
     for scene, measure, text in PROBLEMS.values():
-        both = [text(measure(run(scene, h), h)) for h in (step, step / 10)]
-        row.append(both[0] if both[0] == both[1] else " → ".join(both))
-    return row
+        row.append(_both([text(measure(run(scene, h), h)) for h in (step, step / 10)]))
+    if swing := PENDULUMS.get(engine):
+        row.append(_both([f"{limit_rebound(swing(h)):.3f}" for h in (step, step / 10)]))
+    return row if swing else [*row, "-"]
+
+
+def _both(texts: Sequence[str]) -> str:
+    """Return a quantity at a step and at a tenth of it; once if both are the same."""
+    return " → ".join(dict.fromkeys(texts))
 
 
 def main(names: list[str]) -> None:
     """Print the table."""
-    heads = list(PROBLEMS)
+    heads = [*PROBLEMS, "rebound at a joint limit"]
     print(f"| engine | step | {' | '.join(heads)} |\n|{'---|' * (len(heads) + 2)}")
     print(f"| exact | - | {' | '.join(EXACT)} |")
     for name in names:

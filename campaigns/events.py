@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 import tempfile
 from collections import Counter
@@ -37,7 +38,11 @@ from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
+from physics_crosscheck.reference.mechanism.declaration import (
+    Coordinate,
+    DeclarationError,
+    Scenario,
+)
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.integrate import ReferenceError
@@ -159,9 +164,10 @@ DEFAULT_LAWS = {
 def planted_edits(system: System, sidecar: Sidecar) -> Iterator[tuple[str, str, Edit]]:
     """Yield the address of each number that acts at events, the fault, and its edit."""
     fields = [value for one in system.interactions for value in vars(one).values()]
-    acting = {str(s) for f in fields if not isinstance(f, str) for s in sp.sympify(f).free_symbols}
+    values = [sp.sympify(one) for one in fields if not isinstance(one, str | Coordinate)]
+    acting = {str(symbol) for value in values if value is not None for symbol in value.free_symbols}
     for binding in bindings(system, sidecar):
-        names = {str(s) for s in sp.sympify(binding.expression).free_symbols}
+        names = set(re.findall(r"\b[A-Za-z_]\w*", binding.expression))
         for label, share in FAULTS.items() if names & acting or not names else ():
             wrong = binding.value * (1 + share)
             yield binding.address, label, Edit({binding.address: wrong})

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaigns.mechanisms.dynamics import Dynamics
-from campaigns.mechanisms.mechanism import MJCF, URDF, Drive, Link, Mechanism, Numbers
+from campaigns.mechanisms.mechanism import MJCF, URDF, AppliedForce, Link, Mechanism, Numbers
 
 Generator = np.random.Generator
 Array = NDArray[np.float64]
@@ -136,7 +136,7 @@ def _with_forces(rng: Generator, bare: Mechanism) -> Mechanism:
         size = inertias[joint] * rng.uniform(1.0, 20.0)
         wave = rng.random() < 0.6
         drives.append(
-            Drive(
+            AppliedForce(
                 joint=joint,
                 offset=0.0 if wave and rng.random() < 0.5 else _number(size / 2),
                 amplitude=_number(size) if wave else 0.0,

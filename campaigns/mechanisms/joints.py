@@ -7,7 +7,7 @@ from pathlib import Path
 
 import sympy as sp
 
-from campaigns.mechanisms.mechanism import Drive
+from campaigns.mechanisms.mechanism import AppliedForce
 from campaigns.mechanisms.written import joint_name
 from physics_crosscheck import (
     Constant,
@@ -24,7 +24,7 @@ from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.signal import Inputs, SignalPiece, numeric_inputs
 
 
-def inputs(drives: tuple[Drive, ...], duration: float) -> Inputs:
+def inputs(drives: tuple[AppliedForce, ...], duration: float) -> Inputs:
     """What the drives do, over the whole motion."""
     expressions = tuple(
         sp.Float(d.offset, 17) + sp.Float(d.amplitude, 17) * sp.sin(d.rate * t + d.phase)

@@ -58,7 +58,7 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class AppliedForce:
     """A force or torque on one joint: offset + amplitude sin(rate t + phase). Not in the file."""
 
     joint: int
@@ -92,7 +92,7 @@ class Mechanism:
     format: str
     engine: str
     integrator: str
-    drives: tuple[Drive, ...]
+    drives: tuple[AppliedForce, ...]
     q: Numbers
     v: Numbers
 

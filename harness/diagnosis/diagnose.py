@@ -112,12 +112,10 @@ def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) ->
     ]
     # Also report switches that leave as little, which is no coincidence.
     switches = [i for i in order[refined:] if hypotheses[i].switch and remaining[i] <= accepted]
-    # Slopes of motions with events may mislead; the bound value is tried all the same.
-    stated = [
-        i for i in order[refined:] if hypotheses[i].start and hypotheses[i].expected is not None
-    ]
+    # Slopes of motions with events may mislead, or vanish; the bound value is tried all the same.
+    stated = [i for i, h in enumerate(hypotheses) if h.start and h.expected is not None]
     chosen = tuple(dict.fromkeys((*order[:refined], *alike, *switches, *stated)))
-    tries = [Try(remaining[i], {i: hypotheses[i].start}, slopes) for i in chosen]
+    tries = [Try(remaining.get(i, 1.0), {i: hypotheses[i].start}, slopes) for i in chosen]
     fits = refine_each(whole, tries, negligible)
     if not fits:
         return Ranking((), False, floor)

@@ -142,12 +142,16 @@ def study_events(
     base = run(model.step)
     others = [run(h) for h in wanted if h != model.step]
     size, rates = np.split(amplitude, 2)
-    errors = [(one.h, _error(one, motion, amplitude)) for one in (base, *others) if one.finite]
+    times = event_times(base, motion)
+    errors = [(base.h, _error(base, times, amplitude))] if base.finite else []
+    errors += [
+        (one.h, _error(one, event_times(one, motion), amplitude)) for one in others if one.finite
+    ]
     predicted = tuple(step_for(target, errors) for target in TARGETS)
     checked, first = None, predicted[0]
     if first is not None and motion.duration / first <= MOST_STEPS:
-        checked = (TARGETS[0], first, _error(run(first), motion, amplitude))
-    times = event_times(base, motion)
+        again = run(first)
+        checked = (TARGETS[0], first, _error(again, event_times(again, motion), amplitude))
     return StepStudy(
         base_run=base,
         others=tuple(others),
@@ -161,11 +165,10 @@ def study_events(
     )
 
 
-def _error(run: SampledRun, motion: Motion, amplitude: Array) -> float:
+def _error(run: SampledRun, times: Sequence[EventTime], amplitude: Array) -> float:
     """Return the larger of position error, and velocity error away from events."""
     size, rates = np.split(amplitude, 2)
-    away = away_from_events(run, event_times(run, motion))
-    return max(largest(run, size), largest_velocity(away, rates))
+    return max(largest(run, size), largest_velocity(away_from_events(run, times), rates))
 
 
 def event_times(run: SampledRun, motion: Motion) -> tuple[EventTime, ...]:

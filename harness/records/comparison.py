@@ -188,6 +188,7 @@ class Compared(Record, frozen=True, kw_only=True):
         acting: Quantities that the numbers of the files act as, where they differ.
         laws: Differing limits, friction, contacts and drives, by effect on a step; None without
             laws.
+        by_law: Whether the motions agree, and only steps by a law differ.
     """
 
     discrepancy: Number
@@ -213,6 +214,7 @@ class Compared(Record, frozen=True, kw_only=True):
     seconds: float
     acting: tuple[ComparedActing, ...] = ()
     laws: tuple[ComparedProperty, ...] | None = None
+    by_law: bool = False
 
 
 class ComparisonResult(Record, frozen=True, kw_only=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from campaigns.events import EVENTS, PEER_TESTS, Tally, compare, drawn, peer_row, planted_edits
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
@@ -28,9 +29,17 @@ def test_a_stop_distance_of_another_project_is_measured_finer_than_its_tolerance
     assert float(error) < float(uncertainty) < 1e-8
 
 
-def test_numbers_of_contacts_and_laws_are_planted_and_masses_are_not() -> None:
-    folder = EVENTS / "bouncing_ball"
-    system = load_system(folder)
-    for model, numbers in (("space.py", {"RESTITUTION"}), ("mujoco.xml", {"geom[ball]@solref[0]"})):
-        edits = planted_edits(system, read_sidecar(folder / f"{model}.toml"))
-        assert {address for address, _, _ in edits} == numbers
+@pytest.mark.parametrize(
+    ("model", "numbers"),
+    [
+        ("bouncing_ball/space.py", {"RESTITUTION"}),
+        ("bouncing_ball/mujoco.xml", {"geom[ball]@solref[0]"}),
+        ("pendulum_stop/mujoco.xml", {"joint[theta]@range[1]", "joint[theta]@solreflimit[0]"}),
+    ],
+)
+def test_numbers_of_contacts_and_laws_are_planted_and_masses_are_not(
+    model: str, numbers: set[str]
+) -> None:
+    sidecar = read_sidecar(EVENTS / f"{model}.toml")
+    edits = planted_edits(load_system(sidecar.model.parent), sidecar)
+    assert {address for address, _, _ in edits} == numbers

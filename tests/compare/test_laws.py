@@ -29,6 +29,7 @@ def differ(folder: Path, old: str, new: str) -> tuple[Outcome, list[ComparedProp
     a = written(folder, "a.xml", HOPPER)
     b = written(folder, "b.xml", HOPPER, (old, new))
     comparison = compared(a, b)
+    assert result(comparison).by_law == (comparison.outcome is Outcome.DIFFERS)
     return comparison.outcome, list(result(comparison).laws or ())
 
 

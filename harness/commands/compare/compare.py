@@ -212,7 +212,8 @@ def compare(
     )
     outcome, reason = judged.outcome, judged.verdict.reason
     acting = [row for row in laws or () if (row.effect or 0.0) > options.resolution]
-    if outcome is Outcome.AGREES and acting:
+    by_law = outcome is Outcome.AGREES and bool(acting)
+    if by_law:
         outcome, reason = Outcome.DIFFERS, acting[0].message
     return ComparisonResult(
         created=_spelled(created),
@@ -222,7 +223,7 @@ def compare(
         strict=options.strict,
         reason=reason,
         kind=judged.verdict.kind,
-        compared=compared,
+        compared=structs.replace(compared, by_law=by_law),
     )
 
 

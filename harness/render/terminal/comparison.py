@@ -62,10 +62,10 @@ def print_comparison(console: Console, comparison: ComparisonResult) -> None:
         _print_outcome(console, comparison, compared)
         edit = _edit_that_explains(compared)
         print_properties(console, comparison, compared, is_named=edit is None)
-        if not _is_by_law(comparison, compared):
+        if not compared.by_law:
             _print_terms(console, comparison, compared)
         _print_differences(console, comparison.outcome, _without_laws(compared))
-        _print_laws(console, comparison, compared)
+        _print_laws(console, compared)
         _print_acting(console, compared)
         _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
@@ -89,10 +89,10 @@ def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
         print_wrapped(console, sentence, lead=lead, style=STYLES[outcome], indent=2)
 
 
-def _print_laws(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
+def _print_laws(console: Console, compared: Compared) -> None:
     """Print the numbers of the laws that differ, except the one that the verdict names."""
     rows = list(compared.laws or ())
-    if _is_by_law(comparison, compared):
+    if compared.by_law:
         rows = rows[1:]
     lines = law_lines(rows)
     if lines:
@@ -113,13 +113,6 @@ def _without_laws(compared: Compared) -> Compared:
         or not all({str(edit.where_a), str(edit.where_b)} & lines for edit in one.edits)
     )
     return replace(compared, differences=kept)
-
-
-def _is_by_law(comparison: ComparisonResult, compared: Compared) -> bool:
-    """Return whether the motions agree, and only a law differs."""
-    size = compared.discrepancy
-    alike = size is not None and size <= max(comparison.resolution, compared.uncertainty or 0.0)
-    return comparison.outcome is Outcome.DIFFERS and alike and bool(compared.laws)
 
 
 def _print_acting(console: Console, compared: Compared) -> None:
@@ -207,7 +200,7 @@ def _print_outcome(console: Console, comparison: ComparisonResult, compared: Com
         text = f"{move}: difference {size}"
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return
-    if _is_by_law(comparison, compared) and compared.laws:
+    if compared.by_law and compared.laws:
         share = f" ({law_effect(compared.laws[0])})"
         cause, remedy = _property_cause(compared.laws[0], share, names)
         text = with_code(comparison.code, cause)
