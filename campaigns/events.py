@@ -39,7 +39,7 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import (
-    Coordinate,
+    Constant,
     DeclarationError,
     Scenario,
 )
@@ -164,8 +164,9 @@ DEFAULT_LAWS = {
 def planted_edits(system: System, sidecar: Sidecar) -> Iterator[tuple[str, str, Edit]]:
     """Yield the address of each number that acts at events, the fault, and its edit."""
     fields = [value for one in system.interactions for value in vars(one).values()]
-    values = [sp.sympify(one) for one in fields if not isinstance(one, str | Coordinate)]
-    acting = {str(symbol) for value in values if value is not None for symbol in value.free_symbols}
+    fields += [gain for field in fields if isinstance(field, dict) for gain in field.values()]
+    values = [sp.sympify(one) for one in fields if isinstance(one, sp.Expr | Constant)]
+    acting = {str(symbol) for value in values for symbol in value.free_symbols}
     for binding in bindings(system, sidecar):
         names = set(re.findall(r"\b[A-Za-z_]\w*", binding.expression))
         for label, share in FAULTS.items() if names & acting or not names else ():

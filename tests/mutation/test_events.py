@@ -47,3 +47,11 @@ def test_another_step_agrees_by_the_law_of_the_engine(few: None) -> None:
     # The rigid motion would be off by the depth of the contact at every step.
     before, after = (float(part.split()[0]) for part in row.message.split("dt ")[1].split("-> "))
     assert after > 1.2 * before
+
+
+def test_a_number_that_moves_an_event_out_of_its_segment_is_named(few: None) -> None:
+    """Catch fits that begin at the present value, where slopes across events vanish."""
+    task = sound("events/ball_train", "space.py", "pymunk")
+    known = survey(task)
+    fault = next(one for one in known.faults if (one.location, one.name) == ("DIAMETER", "5 %"))
+    assert tried(task, replace(known, faults=()), fault).verdict is FaultVerdict.NAMED
