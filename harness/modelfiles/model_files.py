@@ -111,6 +111,14 @@ def absent_engine_lines(folders: Iterable[Path]) -> list[str]:
     ]
 
 
+def unread_lines(robots: Iterable[Path], only: Sequence[str]) -> Iterator[str]:
+    """Yield a line for each robot file that none of the wanted engines reads."""
+    formats = [f"{name} reads only {', '.join(engines()[name].formats)} files" for name in only]
+    for file in robots:
+        if only and not chosen_engines(file, only):
+            yield f"{visible(str(file))} was not judged: {'; '.join(formats)}"
+
+
 def _renamed(path: Path, why: str) -> str:
     return f"{visible(str(path))}: its name has {why}; rename it"
 

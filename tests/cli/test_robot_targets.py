@@ -163,3 +163,11 @@ def test_mutate_plants_faults_in_a_robot_file(place: Path) -> None:
     assert "arm.urdf: it does not agree with its equations in mujoco" in done.stderr
     done = crosscheck("mutate", "robots", "no.urdf", cwd=place)
     assert (done.returncode, done.stderr) == (2, "crosscheck: no.urdf: there is no such file\n")
+
+
+def test_a_file_that_no_wanted_engine_reads_is_named(place: Path) -> None:
+    """Catch a run without a case that does not say why."""
+    done = crosscheck("run", "robots/deep/lamp.xml", "--engine", "pybullet", cwd=place)
+    assert done.returncode == 3, done.stdout + done.stderr
+    words = "crosscheck: robots/deep/lamp.xml was not judged: pybullet reads only .urdf files"
+    assert words in done.stderr.splitlines()

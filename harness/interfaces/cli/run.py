@@ -37,7 +37,7 @@ from physics_crosscheck.harness.modelfiles.folders import (
     check_engines,
     system_folders,
 )
-from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
+from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines, unread_lines
 from physics_crosscheck.harness.modelfiles.parts import named_files
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, states_now
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
@@ -325,6 +325,8 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         print(f"crosscheck: {cache.problem}", file=sys.stderr)
     if options.verbose and run_options.choice.everything:
         _print_absent(absent_engine_lines(wanted.folders))
+    for line in unread_lines(wanted.robots, run_options.engines):
+        print(f"crosscheck: {line}", file=sys.stderr)
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
     code = with_unknown(exit_code(results, options.require_engines), wanted.named)
