@@ -3,6 +3,7 @@
 `python -m campaigns.laws files FILE...` compares MJCFs in MuJoCo and URDFs in PyBullet, roots fixed
 (`--floating`: free), with their laws; `--engine mjx` and `drake` in these.
 `python -m campaigns.laws faults FILE... --each 8` changes numbers by 1e-6 and 1 %.
+`python -m campaigns.laws acting FILE...` counts the numbers that act at drawn states, by kind.
 `python -m campaigns.laws tested FILE...` counts the tested numbers by kind.
 """
 
@@ -249,6 +250,27 @@ def _print_counts(counts: Mapping[tuple[str, str], Counter[str]]) -> None:
         )
 
 
+def acting(paths: Iterable[Path], *, floating: bool) -> None:
+    """Print, by attribute, how many numbers of the laws act at drawn states if changed by 1 %."""
+    totals: dict[str, Counter[str]] = {}
+    for path in paths:
+        sound = Sound.from_file(path, floating=floating)
+        if sound is None:
+            print(f"{path.name} has no law that it agrees with")
+            continue
+        numbers = sound.problem.numbers
+        for i in numbers.law_numbers:
+            one = numbers.numerals[i]
+            if one.key not in KINDS or not one.value:
+                continue
+            acts = not sound.effect(i, one.value * (1 + SIZES[1])) <= RESOLUTION
+            totals.setdefault(one.key, Counter()).update(numbers=1, acts=acts)
+            if not acts:
+                print(f"{path.parent.name}/{path.name}: {one.address} does not act", flush=True)
+    for key, count in sorted(totals.items()):
+        print(f"{key:18} {count['acts']:4} of {count['numbers']:4}")
+
+
 NOT_DYNAMIC = re.compile(
     r".*/(visual|sensor|keyframe|statistic|size|custom|texture|material|camera|light)[/@].*"
     r"|.*@(rgba|group|texrepeat|texuniform|reflectance|shininess|specular|user|cutoff)"
@@ -296,7 +318,7 @@ def tested(paths: Iterable[Path]) -> None:
 def main() -> None:
     """Run one of the campaigns."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("files", "faults", "tested"))
+    parser.add_argument("what", choices=("files", "faults", "acting", "tested"))
     parser.add_argument("paths", nargs="*", type=Path)
     parser.add_argument("--floating", action="store_true")
     parser.add_argument("--engine", default="", help="of `files`, such as mjx or drake")
@@ -308,6 +330,8 @@ def main() -> None:
         print(dict(files(options.paths, options.engine, floating=options.floating)))
     elif options.what == "tested":
         tested(options.paths)
+    elif options.what == "acting":
+        acting(options.paths, floating=options.floating)
     else:
         kinds = options.kind or KINDS
         faults(options.paths, options.each, options.seed, kinds, floating=options.floating)
