@@ -10,6 +10,7 @@ import msgspec
 
 from physics_crosscheck.harness.checks.acting import acting_quantities, declared_quantities
 from physics_crosscheck.harness.checks.acting_impulses import (
+    DRAG,
     impulse_quantities,
     merged,
     planar_quantities,
@@ -87,7 +88,9 @@ def audit_acting(task: TreeTask) -> Audit:
     engine = engines()[task.engine]
     if task.file.suffix in engine.compiles:
         return Audit(findings=(), acting=acting_quantities(engine.compiled(task.file)))
-    return Audit(findings=(), acting=tuple(merged(impulse_quantities(task.spec, task.engine))))
+    rows = merged(impulse_quantities(task.spec, task.engine))
+    # Default damping is the same for all files, and off here.
+    return Audit(findings=(), acting=tuple(row for row in rows if row.quantity != DRAG))
 
 
 def audit_declared(task: SystemTask) -> Audit:

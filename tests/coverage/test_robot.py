@@ -101,8 +101,8 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     counts = {one.reason: one.count for one in found.untested}
     # Along the axis of the joint above: the body, two geoms; the site; signs of two axes.
     assert found.frames == 6 + 2
-    # As compiled: two contact parameters, a limit and an anchor that act at no state.
-    assert found.audit == 4
+    # As compiled: two contact parameters and an anchor that act at no state.
+    assert found.audit == 3
     assert counts == {
         "visual geometry": 3 + 4,
         "joint limits": 2,
