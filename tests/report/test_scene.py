@@ -83,6 +83,17 @@ def test_link_line_and_fix_are_on_the_first_screen(scene_tab: Tab) -> None:
 
 
 @needs_browser
+@pytest.mark.parametrize("view", ["overview", CASE])
+def test_a_long_path_fits_on_a_phone(scene_tab: Tab, view: str) -> None:
+    scene_tab.window(390, 844)
+    scene_tab.go(view)
+    assert scene_tab.run("document.documentElement.scrollWidth") <= 390
+    assert scene_tab.run("document.getElementById('matching').textContent") == "1 case"
+    line = "[...document.querySelectorAll('.brief')].find((line) => line.innerText.includes('E'))"
+    assert scene_tab.run(f"{line}.innerText").endswith("error\u00a0at\u00a0dt\u00a0–")
+
+
+@needs_browser
 def test_time_and_amplifier_move_bodies_as_the_kinematics_say(
     scene_tab: Tab, planted: Planted
 ) -> None:

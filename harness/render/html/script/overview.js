@@ -21,7 +21,8 @@ function overview() {
       count += each.chosen;
     }
     limit(count);
-    matching.textContent = count === rows.length ? `${count} cases` : `${count} of ${rows.length} cases`;
+    const total = rows.length === 1 ? "1 case" : `${rows.length} cases`;
+    matching.textContent = count === rows.length ? total : `${count} of ${total}`;
     const cells = new Set(rows.filter((each) => each.chosen).map((each) => `${each.row.dataset.system} ${each.row.dataset.model} ${each.row.dataset.engine}`));
     for (const cell of document.querySelectorAll(".matrix .cell[data-cell]")) {
       cell.classList.toggle("faded", !cells.has(cell.dataset.cell));
