@@ -54,6 +54,16 @@ def test_limits_and_drives_have_their_motion(tmp_path: Path) -> None:
     assert (rows["drive of lift", "gain over unstable gain"].value or 1) < 1e-2
 
 
+def test_a_limit_without_damping_has_no_time_constant(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    text = ROBOT.format(cone="elliptic")
+    file.write_text(text.replace('solreflimit="0.02 0.3"', 'solreflimit="-400 0"'))
+    found = audit_acting(model_task(prepare_tree(file), "mujoco"))
+    rows = {(one.subject, one.quantity): one.value for one in found.acting}
+    assert rows["limits of lift", "damping ratio"] == 0
+    assert ("limits of lift", "time constant") not in rows
+
+
 def test_the_command_prints_a_line_for_each_subject(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -282,7 +282,7 @@ def _cause_notes(model: Model, engines: str, details: bool) -> list[Note]:
     diagnosis = model.diagnosis
     assert diagnosis is not None
     if not diagnosis.explanations:
-        return [(f"cause{engines}", f"none found: {diagnosis.failure}")]
+        return [(f"cause{engines}", ": ".join(filter(None, ["none found", diagnosis.failure])))]
     best = placed(diagnosis.explanations[0], model.folder)
     if not diagnosis.explained:
         finding_notes = list(map(_finding_note, _of_file(model, model.unexplained_findings)))
