@@ -25,7 +25,7 @@ def gated(root: Path) -> GateResult:
 def accepted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bouncing ball in one engine, accepted as it is."""
     root = tmp_path_factory.mktemp("accepted")
-    hidden = shutil.ignore_patterns("__pycache__", "mujoco*")
+    hidden = shutil.ignore_patterns("__pycache__", "mujoco*", "robot*")
     shutil.copytree(builtin() / "events" / "bouncing_ball", root / "ball", ignore=hidden)
     accept(gated(root), (), "first baseline", root / "baseline")
     return root
