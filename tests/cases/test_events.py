@@ -37,10 +37,6 @@ def test_a_bouncing_ball_agrees(engine: str) -> None:
     assert outcomes(EVENTS / "bouncing_ball", engine) == {"AGREES"}
 
 
-def test_a_ball_skids_and_rolls_in_pybullet() -> None:
-    assert outcomes(EVENTS / "skidding_ball", "pybullet") == {"AGREES"}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "bouncing_ball"])
 def test_every_built_in_motion_with_events_agrees(name: str) -> None:
@@ -52,7 +48,7 @@ WITHOUT = {
     ("bouncing_ball", "pybullet"), ("pendulum_stop", "pybullet"), ("tipping_box", "pymunk"),
 }  # fmt: skip
 """PyBullet's impacts: predicted contacts take the rebound, limits return it by their recovery.
-Rounding parts a corner from pymunk's floor, and an overlap would move the landing."""
+The tipping box has no convergence order of 1 in pymunk, for an unknown reason."""
 
 
 def test_an_impact_that_depends_on_its_place_in_a_step_has_a_spread() -> None:
