@@ -61,7 +61,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "an engine to conform that is empty": ("engines", "--conformance", ""),
     "one file to compare": ("compare", "@hostile/mujoco.xml"),
     "files that are not there to compare": ("compare", "@a.xml", "@b.xml"),
-    "a folder to compare": ("compare", "@hostile", "@hostile"),
+    "a folder of folders to compare": ("compare", "@.", "@hostile"),
     "a file to compare that no engine reads": (
         "compare", "@hostile/system.txt", "@hostile/mujoco.xml"
     ),
