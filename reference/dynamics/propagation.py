@@ -55,7 +55,7 @@ Acting = tuple[Scalars, Scalars]
 class LinkNumbers:
     """A link's constants in the number type of the recursion; scalars are arrays (1,).
 
-    `turned` gives the rotation of a hinge, `turned_by` its angle, in the parent's frame.
+    A hinge at an angle has the rotation `turned_by(turned, angle, field)` in its parent's frame.
 
     Libraries of symbols treat a product of symbol and array in their own way.
     """

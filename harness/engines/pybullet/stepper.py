@@ -79,10 +79,10 @@ def forget_contacts(floor: int, height: float = 0.0) -> None:
     """Remove the contacts that PyBullet keeps of earlier states, and put the floor at a height."""
     import pybullet as p
 
-    for place in (height - FAR, height):
-        p.resetBasePositionAndOrientation(floor, [0.0, 0.0, place], [0, 0, 0, 1])
-        if place != height:
-            p.performCollisionDetection()
+    level = [0, 0, 0, 1]
+    p.resetBasePositionAndOrientation(floor, [0.0, 0.0, height - FAR], level)
+    p.performCollisionDetection()
+    p.resetBasePositionAndOrientation(floor, [0.0, 0.0, height], level)
 
 
 ForceElement = tuple[list[tuple[int, float]], float, float, float]
