@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from campaigns.planted.fates import Fate, Ground, plant
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import prepare_tree
@@ -49,6 +50,9 @@ KINDS = (
     "lower", "upper", "effort", "value",
 )  # fmt: skip
 """Attributes whose numbers are changed."""
+
+MOVING = ("armature", "damping", "stiffness")
+"""Those of them whose numbers motions decide, without rows."""
 
 
 def spec_of(file: Path, *, floating: bool = False) -> tuple[str, ModelSpec]:
@@ -214,6 +218,34 @@ def planted(
             for size, value in sound.faults(int(i)):
                 fault = sound.planted(int(i), value)
                 yield key, size, numbers.numerals[int(i)].address, fault
+    if set(MOVING) & set(kinds):
+        yield from _planted_in_motion(file, each, rng, kinds, floating=floating)
+
+
+def _planted_in_motion(
+    file: Path,
+    each: int,
+    rng: np.random.Generator,
+    kinds: Collection[str],
+    *,
+    floating: bool,
+) -> Iterator[tuple[str, str, str, Planted]]:
+    """Change numbers of forces that motions decide."""
+    ground, groups = Ground.of(file, spec_of(file)[0], floating=floating), dict[str, list[int]]()
+    for i in ground.numbers.relevant_numbers:
+        number = ground.numbers.numerals[i]
+        if number.key in MOVING and number.key in kinds and number.value:
+            groups.setdefault(number.key, []).append(i)
+    for key, members in groups.items():
+        for i in rng.permutation(members)[:each].tolist():
+            for size in SIZES:
+                fault = plant(ground, i, size)
+                named = fault.fate in (Fate.NAMED, Fate.TIED)
+                caught = named or fault.fate is Fate.CAUGHT
+                outcome = "DIFFERS" if caught else str(fault.fate)
+                acts = fault.effect if fault.fate.seen else 0.0
+                result = Planted(acts=acts, outcome=outcome, named=named)
+                yield key, f"{size:.0e}", fault.address, result
 
 
 def faults(

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.checks.acting import DRIVE_CLAMPED, FORCE_UNITS, LARGEST, NAMED
 from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
-from physics_crosscheck.harness.engines.protocol import ModelSpec, PlanarWhole
+from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
@@ -129,13 +129,20 @@ class ActingImpulses:
         return self.comparison.laws.tree.tree.links[joint.joint].name
 
 
-def planar_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
+def planar_quantities(
+    spec: ModelSpec, engine: str, model: LoadedModel | None = None
+) -> tuple[ActingQuantity, ...]:
     """Return what the numbers of bodies in a plane act as; nothing in engines without their law.
+
+    Args:
+        spec: the file.
+        engine: name of the engine.
+        model: the file, if it is loaded.
 
     Raises:
         EngineError: if the file cannot be loaded.
     """
-    whole = engines()[engine].load_planar(spec)
+    whole = engines()[engine].load_planar(spec, model)
     if whole is None or not whole.acts:
         return ()
     return tuple(merged(dict.fromkeys(ActingPlane(whole).quantities())))

@@ -117,12 +117,12 @@ def audit_declared(task: SystemTask) -> Audit:
     poses, elsewhere = _poses(task, model, coordinates)
     signs = negative_findings(task.declared.model)
     findings = (*literals, *compiled, *elsewhere, *signs, *defaults)
-    return Audit(findings=findings, poses=poses, acting=_acting(task))
+    return Audit(findings=findings, poses=poses, acting=_acting(task, model))
 
 
-def _acting(task: SystemTask) -> tuple[ActingQuantity, ...]:
+def _acting(task: SystemTask, model: LoadedModel) -> tuple[ActingQuantity, ...]:
     """Return what the file's numbers act as, then what a system with interactions declares."""
-    rows = planar_quantities(task.spec, task.engine)
+    rows = planar_quantities(task.spec, task.engine, model)
     if not task.target.system.interactions:
         return rows
     engine = engines()[task.engine]

@@ -556,8 +556,12 @@ class Engine(ABC):
         """
         return None
 
-    def load_planar(self, spec: ModelSpec) -> PlanarWhole | None:
+    def load_planar(self, spec: ModelSpec, model: LoadedModel | None = None) -> PlanarWhole | None:
         """Load a file of bodies in a plane with all its forces; None for other engines.
+
+        Args:
+            spec: the file.
+            model: it, if it is loaded.
 
         Raises:
             EngineError: with file, place and remedy.

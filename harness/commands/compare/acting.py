@@ -120,7 +120,7 @@ def _drive_cause(
 
 
 def _unresolved(rows: Sequence[ActingQuantity | None]) -> str:
-    """Return the file whose drive has the damping ratio of the other as its damping, or ""."""
+    """Return which drive damps by the number that is the damping ratio of the other, or ""."""
     for label, k in (("A", 0), ("B", 1)):
         mine, other = rows[k], rows[1 - k]
         if mine is None or other is None or not (mine.parts and other.parts):

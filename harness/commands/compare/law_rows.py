@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -33,6 +33,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     ContactParameters,
     HardJoint,
     HardSurface,
+    ImpulseLaws,
     Laws,
     Range,
     SoftEquality,
@@ -54,6 +55,13 @@ class ContactOptions:
     friction_ratio: float
     safe: bool
 
+    @staticmethod
+    def from_laws(laws: Laws) -> ContactOptions:
+        """Return those of a file."""
+        return ContactOptions(
+            elliptic=laws.elliptic, friction_ratio=laws.friction_ratio, safe=laws.safe
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointForceLimit:
@@ -61,6 +69,15 @@ class JointForceLimit:
 
     force: Range
     lifts: bool = False
+
+
+Row = (
+    ContactOptions | JointForceLimit | SoftLimit | SoftFriction | SoftEquality | Surface
+    | ContactParameters | Actuator | HardJoint | HardSurface
+)  # fmt: skip
+"""The numbers of a row."""
+
+L = TypeVar("L", Laws, ImpulseLaws)
 
 
 def _soft(suffix: str = "") -> dict[str, tuple[str, ...]]:
@@ -121,10 +138,10 @@ class LawRow:
     key: Key
     subject: str
     index: int
-    row: Any
+    row: Row
     lines: Mapping[str, SourceLine] = field(default_factory=dict)
 
-    def values(self, attribute: str) -> tuple[Any, ...]:
+    def values(self, attribute: str) -> tuple[float, ...]:
         """Return the numbers of an attribute."""
         return values_of(self.row, attribute)
 
@@ -133,9 +150,9 @@ class LawRow:
         return self.lines.get(attribute) or self.lines.get("")
 
 
-def values_of(row: object, attribute: str) -> tuple[Any, ...]:
+def values_of(row: Row, attribute: str) -> tuple[float, ...]:
     """Return the numbers of a row's attribute, flat; none for a limit that does not limit."""
-    flat: list[Any] = []
+    flat: list[float] = []
     for path in ATTRIBUTES[type(row)][attribute]:
         value: Any = row
         for name in path.split("."):
@@ -146,7 +163,7 @@ def values_of(row: object, attribute: str) -> tuple[Any, ...]:
     return tuple(flat)
 
 
-def with_attribute(row: Any, attribute: str, other: object) -> Any:
+def with_attribute(row: Row, attribute: str, other: Row) -> Row:
     """Return a row with an attribute of another row of its kind."""
     for path in ATTRIBUTES[type(row)][attribute]:
         name, _, below = path.partition(".")
@@ -157,17 +174,16 @@ def with_attribute(row: Any, attribute: str, other: object) -> Any:
     return row
 
 
-def with_row(laws: Any, table: str, index: int, row: Any) -> Any:
+def with_row(laws: L, table: str, index: int, row: Row | None) -> L:
     """Return laws with another row; index -1 adds it, and None removes it."""
-    if table == "options":
+    if isinstance(row, ContactOptions):
         return replace(laws, **{one.name: getattr(row, one.name) for one in fields(row)})
-    if table == "joint_ranges":
-        rest = {joint: value for joint, value in laws.joint_ranges.items() if joint != index}
-        return replace(
-            laws,
-            joint_ranges=rest if row is None else {**rest, index: (row.force, row.lifts)},
-        )
-    rows = list(getattr(laws, table))
+    if table == "joint_ranges" and isinstance(laws, Laws):
+        ranges = {joint: value for joint, value in laws.joint_ranges.items() if joint != index}
+        if isinstance(row, JointForceLimit):
+            ranges[index] = row.force, row.lifts
+        return replace(laws, joint_ranges=ranges)
+    rows: list[Any] = list(getattr(laws, table))
     if table == "pairs":
         rows[index] = (*rows[index][:2], row)
     elif index < 0:
@@ -176,7 +192,8 @@ def with_row(laws: Any, table: str, index: int, row: Any) -> Any:
         del rows[index]
     else:
         rows[index] = row
-    return replace(laws, **{table: tuple(rows)})
+    changed: dict[str, Any] = {table: tuple(rows)}
+    return replace(laws, **changed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,10 +242,7 @@ class SoftRows:
     def rows(self) -> Iterator[LawRow]:
         """Yield all rows that may have a partner."""
         laws = self.model.laws
-        options = ContactOptions(
-            elliptic=laws.elliptic, friction_ratio=laws.friction_ratio, safe=laws.safe
-        )
-        yield self._row(("options",), "options", 0, options, ("option", 0))
+        yield self._row(("options",), "options", 0, ContactOptions.from_laws(laws), ("option", 0))
         tables: tuple[tuple[str, str, Sequence[SoftLimit | SoftFriction]], ...] = (
             ("limits", "limit", laws.limits),
             ("frictions", "friction", laws.frictions),
@@ -316,7 +330,7 @@ class SoftRows:
             if key[0].rpartition(" ")[2] not in kinds
         }
 
-    def _row(self, key: Key, subject: str, index: int, row: object, stated: StatedKey) -> LawRow:
+    def _row(self, key: Key, subject: str, index: int, row: Row, stated: StatedKey) -> LawRow:
         source, lines = self._stated_rows.get(stated), dict[str, SourceLine]()
         if source is not None:
             for place in source.places:
@@ -363,10 +377,12 @@ def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
     theirs = {row.key[1]: row for row in rows if row.key[0] == "joints"}
     mine = {row.key: row for row in a.rows()}
     for name, other in theirs.items():
-        joint: HardJoint = other.row
-        limit = mine.get(("limits", "joint", name))
+        joint = other.row
+        assert isinstance(joint, HardJoint)
         if joint.lower <= joint.upper:
+            limit = mine.get(("limits", "joint", name))
             base = limit.row if limit else _default_limit(a, name)
+            assert isinstance(base, SoftLimit)
             soft = replace(base, lower=joint.lower, upper=joint.upper)
             yield replace(other, key=("limits", "joint", name), row=soft)
         if not joint.effort:
@@ -392,7 +408,8 @@ def _forces_on(
     soft: SoftRows, rows: Mapping[Key, LawRow], name: str
 ) -> Iterator[tuple[Key, JointForceLimit | Actuator]]:
     """Yield the row that limits the force on a joint: its own range, or that of its only drive."""
-    if (row := rows.get(("joint_ranges", name))) is not None:
+    row = rows.get(("joint_ranges", name))
+    if row is not None and isinstance(row.row, JointForceLimit):
         yield row.key, row.row
         return
     joint = {there: here for here, there in soft.names.joints.items()}[name]
@@ -409,14 +426,14 @@ def soft_as_hard(
 ) -> Iterator[LawRow]:
     """Yield limits and efforts of a compiled file as rows of impulses, which give the rest."""
     for target in mine:
-        if target.key[0] != "joints":
+        joint, name = target.row, target.key[1]
+        if not isinstance(joint, HardJoint):
             continue
-        joint: HardJoint = target.row
-        name = target.key[1]
         limit = rows.get(("limits", "joint", name))
-        lower, upper = (limit.row.lower, limit.row.upper) if limit else (1.0, 0.0)
-        changed = replace(joint, lower=lower, upper=upper)
-        lines = dict(limit.lines) if limit else {}
+        lines, changed = dict[str, SourceLine](), replace(joint, lower=1.0, upper=0.0)
+        if limit is not None and isinstance(limit.row, SoftLimit):
+            lines |= limit.lines
+            changed = replace(joint, lower=limit.row.lower, upper=limit.row.upper)
         for key, row in _forces_on(b, rows, name):
             force = row.force if isinstance(row, JointForceLimit) else row.force_range
             if force is not None and -force[0] == force[1] and joint.effort:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
@@ -17,6 +17,8 @@ from physics_crosscheck.harness.checks.law_comparison import (
     Evaluated,
     ImpulseComparison,
     LawComparison,
+    S,
+    WholeStepComparison,
 )
 from physics_crosscheck.harness.checks.law_states import evaluated_states
 from physics_crosscheck.harness.commands.compare.actuators import pair_actuators
@@ -24,9 +26,13 @@ from physics_crosscheck.harness.commands.compare.candidate import Candidate, Fac
 from physics_crosscheck.harness.commands.compare.law_rows import (
     ATTRIBUTES,
     LEADING,
+    ContactOptions,
+    JointForceLimit,
     Key,
+    L,
     LawRow,
     Names,
+    Row,
     SoftRows,
     hard_as_soft,
     hard_rows,
@@ -50,9 +56,15 @@ from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
-from physics_crosscheck.reference.laws.impulses import ImpulseModel
-from physics_crosscheck.reference.laws.step import LawModel
-from physics_crosscheck.reference.mechanism.laws import ImpulseRules
+from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.step import LawModel, LawSolution
+from physics_crosscheck.reference.mechanism.laws import (
+    HardJoint,
+    ImpulseLaws,
+    ImpulseRules,
+    Laws,
+    SoftLimit,
+)
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 SAME = 8 * float(np.finfo(float).eps)
@@ -93,11 +105,6 @@ class _LawSide:
     facts: Facts
     model: LawModel | ImpulseModel
     whole: WholeModel
-
-    def comparison(self) -> Any:  # of either law
-        if isinstance(self.model, LawModel):
-            return LawComparison(self.model, self.whole)
-        return ImpulseComparison(self.model, self.whole)
 
 
 def _load_laws(facts: Facts) -> _LawSide | None:
@@ -201,14 +208,13 @@ def _soft_sides(
 
 def _in_a(row: LawRow, pairs: Mapping[str, JointPair]) -> LawRow:
     """Return a limit of B in the coordinate of A."""
-    pair = pairs.get(row.key[-1])
-    if pair is None or "range" not in ATTRIBUTES[type(row.row)] or row.key[1:2] == ("tendon",):
+    pair, limit = pairs.get(row.key[-1]), row.row
+    if pair is None or not isinstance(limit, SoftLimit | HardJoint) or row.key[1] == "tendon":
         return row
-    lower, upper = row.row.lower, row.row.upper
-    if lower > upper or (pair.slope, pair.offset) == (1.0, 0.0):
+    if limit.lower > limit.upper or (pair.slope, pair.offset) == (1.0, 0.0):
         return row
-    lower, upper = sorted((end - pair.offset) / pair.slope for end in (lower, upper))
-    return replace(row, row=replace(row.row, lower=lower, upper=upper))
+    lower, upper = sorted((end - pair.offset) / pair.slope for end in (limit.lower, limit.upper))
+    return replace(row, row=replace(limit, lower=lower, upper=upper))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,7 +231,7 @@ class _LawDifference:
     b: LawRow | None
 
     @cached_property
-    def values(self) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    def values(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The numbers of A and of B."""
         both = [() if row is None else row.values(self.attribute) for row in (self.a, self.b)]
         return both[0], both[1]
@@ -237,7 +243,7 @@ class _LawDifference:
         assert row is not None
         return row.subject
 
-    def applied(self, laws: Any) -> Any:
+    def applied(self, laws: L) -> L | None:
         """Return A's laws with B's numbers; None if these have no place there."""
         if self.a is None:
             assert self.b is not None
@@ -248,7 +254,7 @@ class _LawDifference:
         current = _row_of(laws, self.a)
         return with_row(laws, table, index, with_attribute(current, self.attribute, self.b.row))
 
-    def _added(self, laws: Any, row: LawRow) -> Any:
+    def _added(self, laws: L, row: LawRow) -> L:
         table = row.key[0]
         return with_row(laws, table, row.index if table == "joint_ranges" else -1, row.row)
 
@@ -257,16 +263,19 @@ _ADDED = ("limits", "frictions", "joint_ranges")
 """Tables whose rows of joints A can take from B."""
 
 
-def _row_of(laws: Any, row: LawRow) -> Any:
+def _row_of(laws: Laws | ImpulseLaws, row: LawRow) -> Row:
     """Return a row of laws that may have changed before."""
     table, index = row.key[0], row.index
-    if table == "options":
-        return type(row.row)(**{name: getattr(laws, name) for name in row.row.__annotations__})
-    if table == "joint_ranges":
-        force, lifts = laws.joint_ranges[index]
-        return type(row.row)(force=force, lifts=lifts)
-    paired = getattr(laws, table)[index]
-    return paired[2] if table == "pairs" else paired
+    if isinstance(laws, Laws):
+        if table == "options":
+            return ContactOptions.from_laws(laws)
+        if table == "joint_ranges":
+            force, lifts = laws.joint_ranges[index]
+            return JointForceLimit(force=force, lifts=lifts)
+        if table == "pairs":
+            return laws.pairs[index][2]
+    rows: Sequence[Row] = getattr(laws, table)
+    return rows[index]
 
 
 def _differences(
@@ -290,7 +299,7 @@ def _differences(
             yield _LawDifference(attribute=LEADING[type(row.row)], a=None, b=row)
 
 
-def _equal(first: Sequence[Any], other: Sequence[Any]) -> bool:
+def _equal(first: Sequence[float], other: Sequence[float]) -> bool:
     return len(first) == len(other) and all(
         abs(x - y) <= SAME * max(abs(x), abs(y)) for x, y in zip(first, other, strict=True)
     )
@@ -304,7 +313,7 @@ def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[Com
         assert row is not None
         key = row.key[0], difference.attribute, difference.values
         groups.setdefault(key, []).append(difference)
-    weights = _Weights(a, differences)
+    weights = _weights(a, differences)
     rows: list[ComparedProperty] = []
     for group in groups.values():
         effect = weights.effect(group)
@@ -312,18 +321,30 @@ def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[Com
     yield from sorted(rows, key=lambda row: -(row.effect or 0.0))
 
 
-class _Weights:
+M = TypeVar("M", LawModel, ImpulseModel)
+
+
+def _weights(
+    a: _LawSide, differences: Sequence[_LawDifference]
+) -> _Weights[LawModel, LawSolution] | _Weights[ImpulseModel, ImpulseStep]:
+    if isinstance(a.model, LawModel):
+        return _Weights(LawComparison(a.model, a.whole), differences)
+    return _Weights(ImpulseComparison(a.model, a.whole), differences)
+
+
+class _Weights(Generic[M, S]):
     """Effects of B's numbers on a step of A, at states where rows of A act.
 
     Args:
-        a: the model.
+        comparison: of A.
         differences: with limits that only B has.
     """
 
-    def __init__(self, a: _LawSide, differences: Sequence[_LawDifference]) -> None:
-        self._comparison: Any = a.comparison()
-        self._model: Any = a.model
-        self._evaluated: list[Evaluated[Any]] = evaluated_states(self._comparison)
+    def __init__(
+        self, comparison: WholeStepComparison[M, S], differences: Sequence[_LawDifference]
+    ) -> None:
+        self._comparison: WholeStepComparison[M, S] = comparison
+        self._evaluated: list[Evaluated[S]] = evaluated_states(self._comparison)
         if not self._evaluated:
             return
         limits = [one.b for one in differences if one.a is None and one.b is not None]
@@ -336,24 +357,34 @@ class _Weights:
 
     def effect(self, group: Sequence[_LawDifference]) -> float | None:
         """Return the largest change of any component, relative; None if it is unknown."""
-        laws = self._model.laws
-        for difference in group:
-            laws = difference.applied(laws) if laws is not None else None
+        model = self._comparison.laws
+        laws = _applied(group, model.laws)
         if laws is None or not self._evaluated:
             return None
-        changed = self._comparison.expected_by(replace(self._model, laws=laws), self._evaluated)
+        changed = self._comparison.expected_by(replace(model, laws=laws), self._evaluated)
         effects: Array = np.abs(changed - self._expected) / self._scale
         return float(np.max(effects))
 
 
-def _at_limits(comparison: Any, state: WholeState, rows: Sequence[LawRow]) -> Iterator[WholeState]:
+def _applied(group: Sequence[_LawDifference], laws: L) -> L | None:
+    """Return A's laws with all of B's numbers; None if these have no place there."""
+    changed: L | None = laws
+    for difference in group:
+        changed = None if changed is None else difference.applied(changed)
+    return changed
+
+
+def _at_limits(
+    comparison: WholeStepComparison[M, S], state: WholeState, rows: Sequence[LawRow]
+) -> Iterator[WholeState]:
     """Yield states beyond both ends of limits of joints that only B has."""
     for row in rows:
-        name = row.key[-1]
-        if row.key[:2] != ("limits", "joint") or name not in comparison.model.coordinates:
+        name, limit = row.key[-1], row.row
+        named = row.key[1] == "joint" and name in comparison.model.coordinates
+        if not isinstance(limit, SoftLimit) or not named:
             continue
         place = comparison.model.coordinates.index(name)
-        for end in (row.row.lower - DEPTH, row.row.upper + DEPTH):
+        for end in (limit.lower - DEPTH, limit.upper + DEPTH):
             z = state.z.copy()
             z[place] = end
             yield state._replace(z=z)
@@ -388,12 +419,12 @@ def _property(difference: _LawDifference, effect: float | None) -> ComparedPrope
     return replace_fields(record, effect=number(effect))
 
 
-def _shown(values: Sequence[Any]) -> str:
+def _shown(values: Sequence[float]) -> str:
     text = " ".join(f"{float(value):.9g}" for value in values)
     return f"({text})" if len(values) > 1 else text or "none"
 
 
-def _relative(first: Sequence[Any], other: Sequence[Any]) -> float:
+def _relative(first: Sequence[float], other: Sequence[float]) -> float:
     if len(first) != len(other):
         return 1.0
     sizes = [(abs(x - y), max(abs(x), abs(y))) for x, y in zip(first, other, strict=True)]

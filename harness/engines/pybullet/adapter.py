@@ -209,7 +209,7 @@ class PybulletEngine(Engine):
         "accelerations: no",
         "linearization: from steps",
         "steps: semi-implicit Euler, order 1",
-        "whole step: limits, motors, contacts; balls not judged",
+        "whole step: limits, motors, contacts; not balls, SDF, MJCF (own inertias)",
     )
     preferred = (".urdf",)
     default_settings_note = "1/240 s and no gravity"

@@ -287,11 +287,11 @@ class PymunkEngine(Engine):
             )
         return PymunkModel(spec)
 
-    def load_planar(self, spec: ModelSpec) -> PymunkWhole:
+    def load_planar(self, spec: ModelSpec, model: LoadedModel | None = None) -> PymunkWhole:
         """Load a file with its contacts, limits and motors."""
-        model = self.load(spec)
+        loaded = model if isinstance(model, PymunkModel) else self.load(spec)
         with script_errors(spec.path, "build()"):
-            return PymunkWhole(model)
+            return PymunkWhole(loaded)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return a step."""
