@@ -4,22 +4,60 @@ from __future__ import annotations
 
 import io
 import shutil
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from physics_crosscheck import check
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.render.terminal.problems import print_problems
 
 EVENTS = Path(__file__).parents[2] / "models" / "events"
 MODELS = sorted(path.parent.name for path in EVENTS.glob("*/system.py"))
 
 
-def outcomes(folder: Path, engine: str, *, ideal: bool = False) -> set[str]:
+prepared = cache(prepare)
+"""Prepares a folder once; nobody changes a folder that was prepared."""
+
+
+def tasks(folder: Path, *engines: str, ideal: bool = False) -> Iterator[SystemTask]:
+    """Yield a task for each scenario of each model in the engines that it names."""
+    target = prepared(folder, described=False, ideal=ideal)
+    assert isinstance(target, PreparedSystem)
+    for sidecar in model_files(folder):
+        assert isinstance(sidecar, Sidecar)
+        for engine in (one for one in sidecar.engines if one in (engines or STANDING)):
+            for scenario in target.motions:
+                yield model_task(target, engine, sidecar, scenario=scenario)
+
+
+STANDING = "mujoco", "pybullet", "pymunk"
+
+
+def cases(folder: Path, *engines: str) -> list[Case]:
+    """Judge every case of a folder, without an audit, a diagnosis or counted numbers."""
+    return [run_case(task) for task in tasks(folder, *engines)]
+
+
+def outcomes(folder: Path, engine: str) -> set[str]:
     """Return the outcomes of a folder's cases in an engine."""
-    results = check(folder, engines=[engine], ideal=ideal)
-    return {case.outcome.value for case in results.cases}
+    return {case.outcome.value for case in cases(folder, engine)}
+
+
+def cause(folder: Path, engine: str) -> CauseId:
+    """Return the first cause of a model that differs."""
+    task = next(tasks(folder, engine))
+    return diagnose_model(task).explanations[0].causes[0].id
 
 
 def copy_of(name: str, folder: Path, file: str, old: str, new: str) -> Path:
@@ -40,8 +78,8 @@ def test_a_bouncing_ball_agrees(engine: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "bouncing_ball"])
 def test_every_built_in_motion_with_events_agrees(name: str) -> None:
-    cases = check(EVENTS / name).cases
-    assert {c.outcome.value for c in cases if (name, c.engine) not in WITHOUT} <= {"AGREES"}
+    found = cases(EVENTS / name)
+    assert {c.outcome.value for c in found if (name, c.engine) not in WITHOUT} <= {"AGREES"}
 
 
 WITHOUT = {
@@ -52,7 +90,7 @@ The tipping box has no convergence order of 1 in pymunk, for an unknown reason."
 
 
 def test_an_impact_that_depends_on_its_place_in_a_step_has_a_spread() -> None:
-    (case,) = check(EVENTS / "pendulum_stop", engines=["pybullet"]).cases
+    (case,) = cases(EVENTS / "pendulum_stop", "pybullet")
     assert (case.outcome.value, case.kind) == ("UNRESOLVED", "not smooth")
     assert "no limit as the time step falls: after the event at t = 0.5782 s" in case.reason
     assert case.verdict is not None
@@ -60,7 +98,7 @@ def test_an_impact_that_depends_on_its_place_in_a_step_has_a_spread() -> None:
 
 
 def test_a_rebound_that_vanishes_with_the_step_differs() -> None:
-    for case in check(EVENTS / "bouncing_ball", engines=["pybullet"]).cases:
+    for case in cases(EVENTS / "bouncing_ball", "pybullet"):
         assert case.outcome.value == "DIFFERS"
         assert "z_dot is -0.000" in case.reason
         assert "by the place of the event in a step; the motion has 2." in case.reason
@@ -84,7 +122,7 @@ def test_a_fault_of_a_millionth_is_found(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "file", "old", "new", "engine", "cause"),
+    ("name", "file", "old", "new", "engine", "subject"),
     [
         ("bouncing_ball", "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.8000008", "pymunk",
          "RESTITUTION"),
@@ -95,22 +133,18 @@ def test_a_fault_of_a_millionth_is_found(
     ],
 )  # fmt: skip
 def test_a_fault_of_a_millionth_is_named(
-    tmp_path: Path, name: str, file: str, old: str, new: str, engine: str, cause: str
+    tmp_path: Path, name: str, file: str, old: str, new: str, engine: str, subject: str
 ) -> None:
-    results = check(copy_of(name, tmp_path, file, old, new), engines=[engine])
-    assert "DIFFERS" in {case.outcome.value for case in results.cases}
-    (model,) = results.models
-    assert model.diagnosis is not None
-    assert model.diagnosis.explanations[0].causes[0].subject == (cause,)
+    copy = copy_of(name, tmp_path, file, old, new)
+    assert "DIFFERS" in outcomes(copy, engine)
+    assert cause(copy, engine).subject == (subject,)
 
 
 def test_the_cause_of_a_wrong_restitution_is_named(tmp_path: Path) -> None:
     changed = copy_of(
         "bouncing_ball", tmp_path, "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.81"
     )
-    (model,) = check(changed, engines=["pymunk"]).models
-    assert model.diagnosis is not None
-    assert model.diagnosis.explanations[0].causes[0].subject == ("RESTITUTION",)
+    assert cause(changed, "pymunk").subject == ("RESTITUTION",)
 
 
 @pytest.mark.slow
@@ -142,7 +176,5 @@ def test_the_rigid_answer_differs_by_the_depth_of_a_soft_contact() -> None:
 @pytest.mark.slow
 def test_another_law_of_the_file_is_no_cause_of_a_rigid_difference(tmp_path: Path) -> None:
     changed = copy_of("soft_landing", tmp_path, "mujoco.xml", 'solref="0.02', 'solref="0.021')
-    (model,) = check(changed, engines=["mujoco"], ideal=True).models
-    assert model.diagnosis is not None
-    causes = (one for fit in model.diagnosis.explanations for one in fit.causes)
-    assert "law" not in {cause.kind for cause in causes}
+    diagnosis = diagnose_model(next(tasks(changed, "mujoco", ideal=True)))
+    assert "law" not in {one.kind for fit in diagnosis.explanations for one in fit.causes}

@@ -17,9 +17,9 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.write import encoded
 from tests.commands import crosscheck
-from tests.compare.test_acting import SOFT, URDF
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.records.made import case, results, verdict
+from tests.robots.files import ARM, LAMP
 
 ROOT = Path(__file__).parents[2]
 
@@ -103,8 +103,8 @@ def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
 def test_engines_run_in_other_processes(tmp_path: Path) -> None:
     """A crash of an engine would end the program, and what it prints would be in a notebook."""
     pytest.importorskip("pybullet")
-    (tmp_path / "a.urdf").write_text(URDF)
-    (tmp_path / "b.xml").write_text(SOFT)
+    (tmp_path / "a.urdf").write_text(ARM)
+    (tmp_path / "b.xml").write_text(LAMP)
     command = "compare a.urdf b.xml --engine-a pybullet --engine-b mujoco --json found.json"
     assert imported(tmp_path, command, among=("mujoco", "pybullet")) == [
         f"imported after {command}"

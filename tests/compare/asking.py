@@ -4,15 +4,28 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+import pytest
+
 from physics_crosscheck.harness.commands.compare.candidate import candidate
-from physics_crosscheck.harness.commands.compare.compare import CompareOptions, compare, states_task
+from physics_crosscheck.harness.commands.compare.compare import (
+    CompareOptions,
+    OwnFile,
+    compare,
+    states_task,
+)
+from physics_crosscheck.harness.commands.compare.laws import LawsTask, compare_laws
 from physics_crosscheck.harness.commands.compare.match import declared
 from physics_crosscheck.harness.commands.compare.prepared import prepare
 from physics_crosscheck.harness.commands.compare.ranges import start_range
+from physics_crosscheck.harness.commands.compare.side import pairs_of
 from physics_crosscheck.harness.commands.compare.states import SampledStates, sampled_states
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.comparison import Compared, ComparisonResult
+from physics_crosscheck.harness.records.comparison import (
+    Compared,
+    ComparedProperty,
+    ComparisonResult,
+)
 from tests.standing import standing_only
 
 
@@ -27,8 +40,9 @@ def compared(
     starts: tuple[Mapping[str, float], ...] = (),
     include_constraints: bool = False,
     floating: bool = False,
+    own_files: bool = False,
 ) -> ComparisonResult:
-    """Compare two files as the command does."""
+    """Compare two files as the command does; `own_files`: each engine with its own file too."""
     options = CompareOptions(
         a=candidate("A", Path(a), engine_a, floating=floating),
         b=candidate("B", Path(b), engine_b, floating=floating),
@@ -37,7 +51,11 @@ def compared(
         starts=starts,
         include_constraints=include_constraints,
     )
-    return compare(options, InThisProcess())
+    with pytest.MonkeyPatch.context() as patch:
+        if not own_files:
+            name = f"{compare.__module__}.check_own_files"
+            patch.setattr(name, lambda *_: (OwnFile(), OwnFile()))
+        return compare(options, InThisProcess())
 
 
 def result(comparison: ComparisonResult) -> Compared:
@@ -59,6 +77,26 @@ def sampled(
     prepared = prepare(InThisProcess(), options.a, options.b, ({}, {}), include_constraints=False)
     start = start_range(*prepared.source_first(prepared.facts), prepared.match)
     return sampled_states(states_task(options, prepared, start))
+
+
+def laws(
+    a: Path,
+    b: Path,
+    engine_a: str | None = None,
+    engine_b: str | None = None,
+    floating: bool = False,
+) -> list[ComparedProperty]:
+    """Compare the laws of two files alone, without the motions."""
+    models = (
+        candidate("A", a, engine_a, floating=floating),
+        candidate("B", b, engine_b, floating=floating),
+    )
+    prepared = prepare(InThisProcess(), *models, ({}, {}), include_constraints=False)
+    source = prepared.source_first(prepared.facts)[0]
+    pairs = pairs_of(prepared.match, source.coordinates)
+    rows = compare_laws(LawsTask(facts=prepared.facts, pairs=pairs))
+    assert rows is not None
+    return list(rows)
 
 
 def model(system: str, name: str) -> Path:

@@ -145,7 +145,7 @@ def test_a_state_of_the_users_own_is_run_too() -> None:
     assert [2.9, 0.25] in here.start.tolist()
 
 
-@pytest.mark.parametrize(("seed", "joints"), [(1, 2), (3, 4), (5, 7)])
+@pytest.mark.parametrize(("seed", "joints"), [(1, 2), (3, 4)])
 def test_random_chains_agree_across_formats(tmp_path: Path, seed: int, joints: int) -> None:
     mjcf, urdf = chain(seed, joints)
     a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)

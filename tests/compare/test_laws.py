@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.compare.asking import compared, result, written
+from tests.compare.asking import compared, laws, result, written
 from tests.compare.test_acting import SOFT, URDF
 
 HOPPER = """<mujoco>
@@ -25,12 +24,8 @@ HOPPER = """<mujoco>
 </actuator></mujoco>"""
 
 
-def differ(folder: Path, old: str, new: str) -> tuple[Outcome, list[ComparedProperty]]:
-    a = written(folder, "a.xml", HOPPER)
-    b = written(folder, "b.xml", HOPPER, (old, new))
-    comparison = compared(a, b)
-    assert result(comparison).by_law == (comparison.outcome is Outcome.DIFFERS)
-    return comparison.outcome, list(result(comparison).laws or ())
+def hoppers(folder: Path, old: str, new: str) -> tuple[Path, Path]:
+    return written(folder, "a.xml", HOPPER), written(folder, "b.xml", HOPPER, (old, new))
 
 
 @pytest.mark.parametrize(("old", "new", "message", "line"), [
@@ -52,10 +47,8 @@ def test_one_number_of_the_laws_is_named_with_its_line(
     old: str, new: str, message: str, line: int, tmp_path: Path
 ) -> None:
     """Catch a number of the laws that compare passes over, or weighs as nothing."""
-    outcome, (row, *others) = differ(tmp_path, old, new)
-    assert outcome is Outcome.DIFFERS
+    (row,) = laws(*hoppers(tmp_path, old, new))
     assert row.message == message
-    assert not others
     assert row.effect is not None
     assert row.effect > 1e-7
     if line:
@@ -63,16 +56,20 @@ def test_one_number_of_the_laws_is_named_with_its_line(
         assert row.where_a.line == line
 
 
-def test_a_number_without_an_effect_is_no_difference(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("new", "outcome"), [("0.4", Outcome.AGREES), ("0.9", Outcome.DIFFERS)])
+def test_a_number_is_a_difference_if_it_has_an_effect(
+    new: str, outcome: Outcome, tmp_path: Path
+) -> None:
     """Catch a verdict by numbers that no contact takes: the larger friction acts."""
-    outcome, (row,) = differ(tmp_path, 'size="5 5 1" friction="0.5"', 'size="5 5 1" friction="0.4"')
-    assert outcome is Outcome.AGREES
-    assert row.effect == 0.0
+    floor = 'size="5 5 1" friction="{}"'
+    found = compared(*hoppers(tmp_path, floor.format("0.5"), floor.format(new)))
+    (row,) = result(found).laws or ()
+    assert found.outcome is outcome
+    assert result(found).by_law == bool(row.effect) == (outcome is Outcome.DIFFERS)
 
 
 def test_equal_files_have_no_such_difference(tmp_path: Path) -> None:
-    outcome, rows = differ(tmp_path, 'name="trunk" type', 'name="trunk" rgba="1 0 0 1" type')
-    assert (outcome, rows) == (Outcome.AGREES, [])
+    assert not laws(*hoppers(tmp_path, 'name="trunk" type', 'name="trunk" rgba="1 0 0 1" type'))
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
@@ -89,8 +86,7 @@ def test_limits_of_a_urdf_are_compared_with_those_of_an_mjcf(
     urdf = written(tmp_path, "a.urdf", URDF, (old, new)), "pybullet"
     mjcf = written(tmp_path, "b.xml", SOFT), "mujoco"
     (a, engine_a), (b, engine_b) = (urdf, mjcf) if is_first else (mjcf, urdf)
-    rows = result(compared(a, b, engine_a, engine_b)).laws
-    assert rows is not None
+    rows = laws(a, b, engine_a, engine_b)
     if not message:
         assert not rows
         return
@@ -126,9 +122,7 @@ def test_numbers_of_impulses_are_compared(
     pytest.importorskip("pybullet")
     a = written(tmp_path, "a.urdf", LEG)
     b = written(tmp_path, "b.urdf", LEG, (old, new))
-    comparison = compared(a, b, "pybullet", "pybullet", floating=True)
-    assert comparison.outcome is Outcome.DIFFERS
-    (row,) = result(comparison).laws or ()
+    (row,) = laws(a, b, "pybullet", "pybullet", floating=True)
     assert row.message == message
     assert row.effect
     assert row.where_a is not None

@@ -69,12 +69,6 @@ def test_a_base_that_touches_its_first_link_is_no_difference_of_two_engines(
     assert "not compared: limits of position, collision geometry (2)" in result(found).notes
 
 
-def test_the_kuka_agrees_in_both_engines() -> None:
-    path = robots("kuka_iiwa/model.urdf")
-    found = agrees(compared(path, path, "pybullet", "mujoco"))
-    assert "not compared: limits of position (7), collision geometry (8)" in result(found).notes
-
-
 def test_meshes_that_are_not_there_are_not_looked_for(tmp_path: Path) -> None:
     path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[0]))
     agrees(compared(path, path, "pybullet", "mujoco"))
@@ -211,13 +205,12 @@ def test_joints_of_other_names_and_order_are_paired_by_geometry(tmp_path: Path) 
     }
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
-def test_a_joint_without_a_partner_is_named_and_held(tmp_path: Path, engine: str) -> None:
+def test_a_joint_without_a_partner_is_named_and_held(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     spring = URDF[URDF.index('<gazebo reference="reach">') :].partition("</robot>")[0]
     locked = ('"reach" type="prismatic"', '"reach" type="fixed"'), (spring, "")
     b = written(tmp_path, "arm.urdf", URDF, *locked)
-    for one, other, engines in ((a, b, (None, engine)), (b, a, (engine, None))):
+    for one, other, engines in ((a, b, (None, "pybullet")), (b, a, ("mujoco", None))):
         found = agrees(compared(one, other, *engines))
         label, of = ("A", "B") if one == a else ("B", "A")
         assert f"joint reach of {label} has no partner in {of}: held at 0" in result(found).notes
@@ -235,7 +228,7 @@ def test_a_frame_of_one_name_is_held_against_its_namesake(tmp_path: Path) -> Non
     site = ('<inertial pos="0.015 -0.01 -0.06"', '<site name="tip" pos="0 0 -0.1"/>'
             '<inertial pos="0.015 -0.01 -0.06"')  # fmt: skip
     a = written(tmp_path, "arm.xml", MJCF, site)
-    for z, turn in (("-0.1", "0"), ("-0.12", "0.1")):
+    for z, turn, engine in (("-0.1", "0", "pybullet"), ("-0.12", "0.1", "mujoco")):
         tip = (
             f'<link name="tip">{NOTHING}</link>'
             '<joint name="weld" type="fixed"><parent link="hand"/>'
@@ -243,15 +236,14 @@ def test_a_frame_of_one_name_is_held_against_its_namesake(tmp_path: Path) -> Non
             '<joint name="shoulder"'
         )
         b = written(tmp_path, "arm.urdf", URDF, ('<joint name="shoulder"', tip))
-        for engine in ("mujoco", "pybullet"):
-            found = agrees(compared(a, b, engine_b=engine))
-            messages = [one for one in idle(found) if one.startswith("frame tip")]
-            if z == "-0.1":
-                assert messages == []
-            else:
-                (sentence,) = messages
-                assert "in B 0.02 m away" in sentence
-                assert "turned by 0.1 rad" in sentence
+        found = agrees(compared(a, b, engine_b=engine))
+        messages = [one for one in idle(found) if one.startswith("frame tip")]
+        if z == "-0.1":
+            assert messages == []
+        else:
+            (sentence,) = messages
+            assert "in B 0.02 m away" in sentence
+            assert "turned by 0.1 rad" in sentence
 
 
 def test_actuators_are_held_against_each_other(tmp_path: Path) -> None:
@@ -305,7 +297,6 @@ def test_actuators_of_other_dynamics_and_those_of_one_file_alone_differ(
     assert found.outcome is Outcome.DIFFERS
     assert moving(found) == [said]
     assert max(trial.explained or 0 for trial in result(found).differences) == 1.0
-    agrees(compared(a, a))
 
 
 def test_a_filter_that_is_exact_agrees_with_itself_under_rk4(tmp_path: Path) -> None:
@@ -318,12 +309,11 @@ def test_a_filter_that_is_exact_agrees_with_itself_under_rk4(tmp_path: Path) -> 
 def test_actuators_are_paired_by_name_then_by_joint(tmp_path: Path) -> None:
     servo = '<position name="{}" joint="reach" kp="300"/>'
     a = driven(tmp_path, "a", MOTOR.format("") + servo.format("push"))
-    swapped = driven(tmp_path, "swapped", servo.format("push") + MOTOR.format(""))
-    assert result(agrees(compared(a, swapped))).differences == ()
-    renamed = driven(
-        tmp_path, "renamed", servo.format("other") + MOTOR.format("").replace("drive", "turn")
-    )
-    found = agrees(compared(a, renamed))
+    third = '<motor name="lift" joint="shoulder" gear="3"/><motor name="low" joint="shoulder"/>'
+    a = driven(tmp_path, "a", MOTOR.format("") + servo.format("push") + third)
+    turned = third.partition("/>")[2] + third.partition("/>")[0] + "/>"
+    others = servo.format("other") + MOTOR.format("").replace("drive", "turn")
+    found = agrees(compared(a, driven(tmp_path, "b", turned + others)))
     assert [note for note in result(found).notes if note.startswith("actuator ")] == [
         "actuator drive of A is turn of B: by joint",
         "actuator push of A is other of B: by joint",
@@ -339,18 +329,12 @@ def test_sites_without_names_are_no_partners_of_each_other(tmp_path: Path) -> No
     assert result(agrees(compared(path, path))).properties == ()
 
 
-@pytest.mark.parametrize(
-    ("joints", "one", "other"),
-    [(MIXED, "-1 4", "-1 5"), ('<joint joint="reach" coef="1"/>', "-0.2 0.15", "-0.2 0.2")],
-)
-def test_a_spring_with_play_is_drawn_taut(
-    tmp_path: Path, joints: str, one: str, other: str
-) -> None:
+def test_a_spring_with_play_is_drawn_taut(tmp_path: Path) -> None:
+    one, other = "-1 4", "-1 5"
     a, b = (
-        written(tmp_path, f"{name}.xml", MJCF, ("</mujoco>", TENDON.format(rest, joints)
-                                                + "</mujoco>"))
-        for name, rest in (("a", one), ("b", other))
-    )  # fmt: skip
+        written(tmp_path, f"{i}.xml", MJCF, ("</mujoco>", TENDON.format(rest, MIXED) + "</mujoco>"))
+        for i, rest in enumerate((one, other))
+    )
     found = compared(a, b)
     assert found.outcome is Outcome.DIFFERS
     assert moving(found) == [f"rest of tendon cord: {one} in A, {other} in B"]
@@ -372,7 +356,6 @@ def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
     text = MJCF.replace(hinge, '<freejoint name="base"/>')
     a = written(tmp_path, "a.xml", text)
     b = written(tmp_path, "b.xml", text, ('mass="1.7"', 'mass="1.7000017"'))
-    agrees(compared(a, a))
     found = compared(a, b)
     assert found.outcome is Outcome.DIFFERS
     assert moving(found) == ["link upper: mass 1.7 in A, 1.7000017 in B (+1.0e-06)"]
@@ -422,35 +405,26 @@ def single(found: ComparisonResult) -> FileDifference:
     return trial
 
 
-@pytest.mark.parametrize(("mass", "engine"), [
-    ("1.8000018", "mujoco"), ("1.818", "mujoco"), ("0.3", "pybullet"),
-])  # fmt: skip
-def test_a_mass_of_the_kuka_is_named(tmp_path: Path, mass: str, engine: str) -> None:
-    text = robots("kuka_iiwa/model.urdf").read_text()
-    a = written(tmp_path, "a.urdf", text)
-    b = written(tmp_path, "b.urdf", text, ('"1.8"', f'"{mass}"'))
-    found = compared(a, b, engine, engine)
+def test_a_mass_far_off_is_named(tmp_path: Path) -> None:
+    """In PyBullet, and of six times its value; smaller faults are those of two formats above."""
+    a = written(tmp_path, "a.urdf", URDF)
+    b = written(tmp_path, "b.urdf", URDF, ('mass value="0.9"', 'mass value="0.15"'))
+    found = compared(a, b, "pybullet", "pybullet")
     assert found.outcome is Outcome.DIFFERS
     (message,) = moving(found)
-    assert message.startswith(f"link lbr_iiwa_link_6: mass 1.8 in A, {mass} in B")
+    assert message.startswith("link fore: mass 0.9 in A, 0.15 in B")
     assert result(found).terms == ()
-    line = text[: text.index('"1.8"')].count("\n") + 1
     (edit,) = single(found).edits
-    assert (edit.where_a.line, single(found).explained) == (line, 1.0)
+    assert (edit.where_a.line, single(found).explained) == (13, 1.0)
 
 
-@pytest.mark.parametrize(("name", "old", "new", "joints"), [
-    ("reacher.xml", 'damping="1" limited', 'damping="1.000001" limited', 2),
-    ("half_cheetah.xml", 'armature=".1"', 'armature=".101"', 6),
-])  # fmt: skip
-def test_a_literal_of_a_default_class_is_named(
-    tmp_path: Path, name: str, old: str, new: str, joints: int
-) -> None:
-    text = gymnasium(name).read_text()
-    a, b = written(tmp_path, "a.xml", text), written(tmp_path, "b.xml", text, (old, new))
+def test_a_literal_of_a_default_class_is_named(tmp_path: Path) -> None:
+    text, old = gymnasium("reacher.xml").read_text(), 'damping="1" limited'
+    a = written(tmp_path, "a.xml", text)
+    b = written(tmp_path, "b.xml", text, (old, 'damping="1.000001" limited'))
     found = compared(a, b)
     assert found.outcome is Outcome.DIFFERS
-    assert len(moving(found)) == joints
+    assert len(moving(found)) == 2
     (edit,) = single(found).edits
     assert edit.what.startswith("default/joint@")
     assert edit.where_a.line == text[: text.index(old)].count("\n") + 1
@@ -461,7 +435,7 @@ def test_a_literal_of_a_default_class_is_named(
 def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> None:
     """MuJoCo drops the moments of a link without mass."""
     path = robots("franka_panda/panda.urdf")
-    found = compared(path, path, "pybullet", "mujoco")
+    found = compared(path, path, "pybullet", "mujoco", own_files=True)
     assert found.outcome is Outcome.DIFFERS
     assert result(found).properties == ()
     assert result(found).explained is not None
@@ -491,14 +465,13 @@ def test_equations_are_held_against_ends_that_have_no_limit() -> None:
     assert (here or 0.0) < 1e-9 < (there or 0.0)
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
-def test_a_urdf_floats_beside_an_mjcf_that_floats(tmp_path: Path, engine: str) -> None:
+def test_a_urdf_floats_beside_an_mjcf_that_floats(tmp_path: Path) -> None:
     hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
     a = written(tmp_path, "arm.xml", MJCF.replace(hinge, '<freejoint name="root"/>'))
     start, end = URDF.index('<joint name="shoulder"'), URDF.index('<joint name="elbow"')
     floating = URDF[:start].replace('<link name="ground"/>', "") + URDF[end:]
     b = written(tmp_path, "arm.urdf", floating)
-    found = agrees(compared(a, b, engine_b=engine))
+    found = agrees(compared(a, b, engine_b="pybullet"))
     assert "the root link of B moves freely, as that of A" in result(found).notes
     assert len(result(found).joints) == 8
 

@@ -115,14 +115,16 @@ def sketches() -> Iterator[tuple[str, str]]:
     yield "sketch without a place", json.dumps(replaced(EXAMPLE, (*shape, "center"), [0.5]))
 
 
-FILES: dict[str, bytes] = {
-    name: text.encode()
-    for some in (
+def texts() -> dict[str, str]:
+    """By name: what is text."""
+    kinds = (
         truncated, wrong_types, missing_keys, extra_keys, numbers, twice, other_files, unequal,
         sketches,
-    )
-    for name, text in some()
-} | {
+    )  # fmt: skip
+    return {name: text for some in kinds for name, text in some()}
+
+
+BYTES = {
     "no UTF-8": TEXT.encode().replace(b'"created": "a"', b'"created": "\xff"'),
     "overlong UTF-8": TEXT.encode().replace(b'"created": "a"', b'"created": "\xc0\xaf"'),
     "half a surrogate": TEXT.encode().replace(b'"created": "a"', b'"created": "\xed\xa0\x80"'),
@@ -132,10 +134,6 @@ FILES: dict[str, bytes] = {
     "zeros": bytes(1000),
     "noise": bytes(range(256)),
 }  # fmt: skip
-
-
-def test_there_are_many() -> None:
-    assert len(FILES) > 600
 
 
 def test_the_example_itself_is_read(tmp_path: Path) -> None:
@@ -149,8 +147,9 @@ def test_each_is_refused_in_one_sentence_that_names_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "results.json"
-    wrong = []
-    for name, data in FILES.items():
+    wrong, files = [], {name: text.encode() for name, text in texts().items()} | BYTES
+    assert len(files) > 600
+    for name, data in files.items():
         path.write_bytes(data)
         code = main(["report", str(path)])
         told = capsys.readouterr()

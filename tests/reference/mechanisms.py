@@ -21,9 +21,6 @@ from physics_crosscheck.reference.load import load_system
 
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = sorted(path.parent.name for path in MODELS.glob("*/system.py"))
-SCENARIOS = [
-    (name, scenario.name) for name in NAMES for scenario in load_system(MODELS / name).scenarios
-]
 LINEAR = {"anchored_pair", "free_pair", "mass_spring_damper", "torsional_disc"}
 """Said, not derived, while tests are collected; tests/reference/test_integration.py holds it."""
 EPS = 2.0**-52
@@ -33,6 +30,9 @@ EPS = 2.0**-52
 def built_in(name: str) -> System:
     """Return the built-in system of that name, loaded once."""
     return load_system(MODELS / name)
+
+
+SCENARIOS = [(name, scenario.name) for name in NAMES for scenario in built_in(name).scenarios]
 
 
 @cache
