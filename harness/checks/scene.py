@@ -21,6 +21,7 @@ from physics_crosscheck.harness.modelfiles.mesh_files import (
     MeshError,
     decimated_mesh,
     locate_mesh,
+    unread_meshes,
 )
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.numerics.stepping import StepDefects
@@ -61,7 +62,7 @@ DIGITS = 7
 
 SIZE_DIGITS = 5
 
-FACES, LEAST_FACES, MOST_FACES = 40_000, 120, 2500
+FACES, LEAST_FACES, MOST_FACES = 16_000, 120, 2500
 """Triangles of all meshes of a scene together, and of each mesh at least and at most."""
 
 VISIBLE = 1e-3
@@ -96,6 +97,7 @@ def scene_record(
         accelerations=tuple(rounded(row, DIGITS) for row in accelerations.tolist()),
         length=number(_length(tree, coordinates)),
         meshes=meshes.records,
+        unread=unread_meshes(filter(_is_mesh, shapes)),
     )
 
 

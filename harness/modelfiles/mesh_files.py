@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
+from physics_crosscheck.harness.modelfiles.robot import PlacedShape
+from physics_crosscheck.harness.records.scene import MeshProblem, UnreadMesh
 from physics_crosscheck.reference.mechanism.rotations import Array
 
 MAX_MESH_BYTES = 40_000_000
@@ -47,6 +49,26 @@ def locate_mesh(model: Path, name: str) -> Path | None:
     the environment, then in the folders above the model.
     """
     return next((path for path in _places(model, name) if path.is_file()), None)
+
+
+def unread_meshes(shapes: Iterable[PlacedShape]) -> tuple[UnreadMesh, ...]:
+    """Return the meshes of shapes whose files are missing, empty or can't be read, each once."""
+    problems = {
+        PurePosixPath(name).name: problem
+        for file, name in dict.fromkeys((one.file, one.mesh) for one in shapes if one.mesh)
+        if (problem := _problem(locate_mesh(file, name)))
+    }
+    return tuple(UnreadMesh(name=name, problem=problem) for name, problem in problems.items())
+
+
+def _problem(file: Path | None) -> MeshProblem | None:
+    if file is None:
+        return "missing"
+    try:
+        read_mesh(file)
+    except MeshError:
+        return "unreadable" if file.stat().st_size else "empty"
+    return None
 
 
 def _places(model: Path, name: str) -> Iterator[Path]:

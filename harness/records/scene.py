@@ -44,6 +44,21 @@ class SceneMesh(Record, frozen=True, kw_only=True):
     faces: str
 
 
+MeshProblem = Literal["missing", "empty", "unreadable"]
+
+
+class UnreadMesh(Record, frozen=True, kw_only=True):
+    """A mesh that the picture lacks.
+
+    Attributes:
+        name: Name of its file, without folders.
+        problem: Problem of the file.
+    """
+
+    name: str
+    problem: MeshProblem
+
+
 class SceneBody(Record, frozen=True, kw_only=True):
     """A body of the file.
 
@@ -89,6 +104,7 @@ class Scene(Record, frozen=True, kw_only=True):
         accelerations: Mean accelerations by the equations, from each state on.
         length: Largest distance of a joint from the origin, m.
         meshes: Meshes of the shapes.
+        unread: Meshes that can't be drawn.
     """
 
     bodies: tuple[SceneBody, ...]
@@ -98,6 +114,7 @@ class Scene(Record, frozen=True, kw_only=True):
     accelerations: Rows
     length: Number
     meshes: tuple[SceneMesh, ...] = ()
+    unread: tuple[UnreadMesh, ...] = ()
 
     def __post_init__(self) -> None:
         if any(not -1 <= joint.parent < i for i, joint in enumerate(self.joints)):

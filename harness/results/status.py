@@ -9,6 +9,7 @@ from enum import StrEnum
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.scene import UnreadMesh
 
 
 class TestStatus(StrEnum):
@@ -103,3 +104,14 @@ def duration(seconds: float) -> str:
             value = float(f"{seconds / size:.2g}")
             return f"{round(seconds / size) if value >= 100 else f'{value:g}'} {unit}"
     raise AssertionError("every time has a unit")
+
+
+def unread_words(meshes: Sequence[UnreadMesh]) -> str:
+    """Return meshes in words by problem: `a.stl and 3 more are missing; c.stl is empty`."""
+    problems: dict[str, list[str]] = {}
+    for mesh in meshes:
+        problems.setdefault(mesh.problem, []).append(mesh.name)
+    return "; ".join(
+        f"{listed(names, 3)} {'is' if len(names) == 1 else 'are'} {problem}"
+        for problem, names in problems.items()
+    )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
@@ -17,9 +18,10 @@ from physics_crosscheck.harness.modelfiles.mesh_files import decimated_mesh, rea
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.harness.render.html import render, write_report
 from tests.report.chromium import Browser, Tab
 from tests.report.sample_acting import arm_results, write_arm
+from tests.report.samples import results
 from tests.report.steps import needs_browser, sound
 from tests.report.test_scene import BOX, DRAWN
 
@@ -64,7 +66,7 @@ def test_meshes_inertias_and_forces_are_drawn(arm_tab: Tab, arm: tuple[Path, Res
     acting = case.whole_step.acting
     assert acting is not None
     # The file's mesh, not an ellipsoid.
-    forms = arm_tab.run(f"{BOX}.viewer.lines.map((points) => [0, 1, 2].map((i) => "
+    forms = arm_tab.run(f"{BOX}.viewer.around.map((points) => [0, 1, 2].map((i) => "
                         "Math.max(...points.map((point) => point[i]))))")  # fmt: skip
     assert np.allclose(forms[1], (0.05, 0.05, 0.4), atol=1e-5)
     # The engine's inertia differs, so that it is shown and named.
@@ -102,7 +104,7 @@ def test_all_bodies_are_inside_the_first_picture(arm_tab: Tab, size: tuple[int, 
       viewer.fitted = ""; viewer.draw();
       const project = viewer.camera.projection(canvas.clientWidth, canvas.clientHeight);
       const points = viewer.poses().flatMap((poses) => poses.flatMap((pose, body) =>
-        viewer.lines[body].map((point) => project(placed(pose, point)))));
+        viewer.around[body].map((point) => project(placed(pose, point)))));
       const [width, height] = [canvas.clientWidth, canvas.clientHeight];
       return points.filter(([x, y]) => !(x > 0 && x < width && y > 0 && y < height)).length;
       function placed([x, y, z, w, i, j, k], p) {
@@ -146,7 +148,7 @@ def test_a_placeholder_larger_than_the_robot_shows_on_request(
         select = f"[...{BOX}.querySelectorAll('select')][1]"
         tab.run(f"{select}.value = 'differing', {select}.dispatchEvent(new Event('change')), null")
         tab.until(f"{BOX}.viewer.camera.distance > 2 * {near}")
-        assert tab.run(f"{BOX}.viewer.lines[1].length")
+        assert tab.run(f"{BOX}.viewer.around[1].length")
         labels = f"[...{BOX}.querySelectorAll('.label')].map((one) => one.getBoundingClientRect())"
         tops = sorted(tab.run(f"{labels}.map(({{ top, bottom }}) => [top, bottom])"))
         assert len(tops) == 2
@@ -183,11 +185,22 @@ def test_a_reduced_mesh_keeps_its_size_and_closes(tmp_path: Path) -> None:
     assert len(decimated_mesh(tmp_path / "part.obj", 92).faces) == len(whole.faces) == 92
 
 
-def test_a_missing_mesh_leaves_the_ellipsoid(tmp_path: Path) -> None:
+@pytest.mark.parametrize("problem", ["missing", "empty", "unreadable"])
+def test_a_mesh_without_content_leaves_the_ellipsoid_and_is_named(
+    tmp_path: Path, problem: str
+) -> None:
     file = tmp_path / "two.urdf"
     file.write_text(PLAIN_URDF)
-    scene = prepare_tree(file).record.scene
+    if problem != "missing":
+        (tmp_path / "gone.stl").write_text("solid" if problem == "unreadable" else "")
+    note = next(one for one in plausibility_findings(read_robot(file)) if one.severity == "note")
+    assert f"gone.stl is {problem}" in note.message
+    record = prepare_tree(file).record
+    scene = record.scene
     assert scene is not None
+    case = replace(results(1).cases[0], folder=record.folder)
+    page = render(replace(results(1), systems=(record,), models=(), cases=(case,)))
+    assert f"Not drawn: gone.stl is {problem}." in page
     assert not scene.meshes
     link = scene.bodies[1]
     assert not link.shapes

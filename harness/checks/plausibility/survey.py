@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from physics_crosscheck.harness.checks.findings import finding
 from physics_crosscheck.harness.checks.plausibility.facts import RobotFacts
 from physics_crosscheck.harness.checks.plausibility.kinds import advise
+from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.results.status import unread_words
 
 
 def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
@@ -30,14 +34,17 @@ def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
         )
         for one in advice
     )
-    unread = any(body.has_mesh and body.hull is None for body in facts.bodies)
-    return (*findings, _UNREAD) if unread else findings
+    return (*findings, *_uncompared(facts))
 
 
-_UNREAD = finding(
-    "unresolved",
-    ("meshes",),
-    "some meshes are missing or not read, and not compared with masses and inertias; COLLADA"
-    " files need `pip install 'physics-crosscheck[meshes]'`",
-    severity="note",
-)
+def _uncompared(facts: RobotFacts) -> Iterator[AuditFinding]:
+    """Yield a note if the hull of a body with meshes is unknown."""
+    bodies = [body for body in facts.bodies if body.has_mesh and body.hull is None]
+    if not bodies:
+        return
+    unread = unread_meshes(shape for body in bodies for shape in body.shapes)
+    why = unread_words(unread) or "some have no volume, or axes that some programs turn"
+    collada = any(one.problem == "unreadable" and one.name.endswith(".dae") for one in unread)
+    hint = ". COLLADA files need `pip install 'physics-crosscheck[meshes]'`" if collada else ""
+    message = f"meshes are not compared with masses and inertias: {why}{hint}"
+    yield finding("unresolved", ("meshes",), message, severity="note")

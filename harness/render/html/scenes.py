@@ -43,11 +43,13 @@ class SceneView:
         scene: id of the pack with the bodies.
         states: id of the pack with the errors of a case; empty without any.
         about: description in words.
+        unread: meshes that are not drawn, in words; empty without any.
     """
 
     scene: str
     states: str
     about: str
+    unread: str
 
 
 @dataclass(frozen=True, kw_only=True)

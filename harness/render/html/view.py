@@ -57,7 +57,7 @@ from physics_crosscheck.harness.render.html.systems import SystemView, system_vi
 from physics_crosscheck.harness.render.html.text import quantity, shown, slug
 from physics_crosscheck.harness.render.terminal.table import summary
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT, run_again
-from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.status import counted, unread_words
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,12 @@ class Content:
             content = case_states(system.scene, case, case.by_state, model)
             states, about = f"pack-states-{place}", scene_about(system.scene, content.lit)
             self._store_pack(Pack(states), (), **vars(content))
-        return SceneView(scene=self._scene_packs[case.folder], states=states, about=about)
+        return SceneView(
+            scene=self._scene_packs[case.folder],
+            states=states,
+            about=about,
+            unread=shown(unread_words(system.scene.unread)),
+        )
 
     def system_pack(self, folder: str) -> str:
         """Return the pack id of a folder's system."""
