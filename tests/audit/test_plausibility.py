@@ -100,6 +100,16 @@ def test_a_mass_denser_than_lead_is_noted(tmp_path: Path) -> None:
     assert one.expected == pytest.approx(4.0)
 
 
+def test_a_mass_below_that_of_a_box_of_paper_is_noted_and_a_box_of_cardboard_is_not(
+    tmp_path: Path,
+) -> None:
+    cube = '<geometry><box size="1 1 1"/></geometry>'  # 6 m^2
+    for mass, kinds in ((0.4, ["density"]), (1.0, [])):
+        moments = (mass / 6,) * 3
+        found = advice(tmp_path, link("a", mass, moments, shape=cube), joint("a"))
+        assert [one.kind for one in found] == kinds
+
+
 EFFORT = 'lower="-1" upper="1" effort="1000" velocity="1"'
 
 

@@ -27,6 +27,7 @@ class Hull:
         points: its corners, m, (n, 3).
         planes: unit normals that point outwards, and offsets, m, (m, 4).
         volume: m^3.
+        area: m^2.
         center: of volume, m, (3,).
         tensor: moments of inertia about the center at uniform density, per kg, m^2, (3, 3).
     """
@@ -34,6 +35,7 @@ class Hull:
     points: Array
     planes: Array
     volume: float
+    area: float
     center: Array
     tensor: Array
 
@@ -76,7 +78,8 @@ def hull_of(points: Array) -> Hull | None:
     second += np.einsum("t,tp,tq->pq", volumes, sums, sums)
     second = second / 20 / volume - np.outer(center, center)
     tensor = np.trace(second) * np.eye(3) - second
-    return Hull(corners, np.array(hull.equations), volume, middle + center, tensor)
+    planes = np.array(hull.equations)
+    return Hull(corners, planes, volume, float(hull.area), middle + center, tensor)
 
 
 def extreme_points(points: Array) -> Array:

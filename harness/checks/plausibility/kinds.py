@@ -42,8 +42,8 @@ MIN_OUTSIDE, OUTSIDE_SHARE = 0.005, 0.1
 MAX_DENSITY = 12000.0
 """Density of lead and above, kg/m^3; a hull has at least the volume of its body."""
 
-MIN_DENSITY = 3.0
-"""Density of a hull below which not even an empty box of plastic sheet stays, kg/m^3."""
+MIN_DENSITY, MIN_SKIN = 3.0, 0.08
+"""Density of a hull below that of foam, kg/m^3; mass per area of a hull of paper, kg/m^2."""
 
 MARKER_MASS = 1e-6
 """Mass of a body that only marks a place, kg."""
@@ -224,7 +224,8 @@ def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | 
         subject=(body.name,),
         message=f"the center of mass of {_named(body)} is {1e3 * distance:.3g} mm outside its "
         f"shapes of {1e3 * hull.diagonal:.3g} mm; their middle is at "
-        f"{_vector(_in_link(body, hull.center))}. Check the origin of its inertia",
+        f"{_vector(_in_link(body, hull.center))}. Check the origin of its inertia, and the "
+        "places of its shapes",
         line=facts.inertial_line(body.name),
         expected=0.0,
         actual=distance,
@@ -235,15 +236,17 @@ def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | 
 def implausible_density(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
     """Return advice about a mass that the volume of the shapes excludes."""
     density = body.inertia.mass / hull.volume
-    if MIN_DENSITY <= density <= MAX_DENSITY or body.inertia.mass < MARKER_MASS:
-        return None
     heavy, usual = density > MAX_DENSITY, 1000.0 * hull.volume
+    light = density < MIN_DENSITY and body.inertia.mass < MIN_SKIN * hull.area
+    if not (heavy or light) or body.inertia.mass < MARKER_MASS:
+        return None
+    what = "more than lead" if heavy else "less than an empty box of paper"
     return Advice(
         kind="density",
         subject=(body.name,),
         message=f"{_named(body)} has {body.inertia.mass:.3g} kg in {hull.volume:.2g} m^3, "
-        f"{density:.2g} kg/m^3, which is {'more than lead' if heavy else 'less than any solid'}; "
-        f"as water it has {usual:.2g} kg. Check its mass and the size of its shapes",
+        f"{density:.2g} kg/m^3, which is {what}; as water "
+        f"it has {usual:.2g} kg. Check its mass and the size of its shapes",
         line=facts.inertial_line(body.name),
         expected=usual,
         actual=body.inertia.mass,
