@@ -83,9 +83,15 @@ class Tab:
         self.mouse("mouseReleased", *end, button="left", clickCount=1)
 
     def key(self, key: str, code: int) -> None:
-        for kind in ("keyDown", "keyUp"):
+        typed = {"text": "\r"} if key == "Enter" else {}
+        for kind, more in (("keyDown", typed), ("keyUp", {})):
             self.send(
-                "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=key,
+                windowsVirtualKeyCode=code,
+                **more,
             )
 
     def heard(self, method: str, params: Any) -> None:

@@ -53,3 +53,32 @@ def look(tab: Tab) -> None:
         tab.until("document.querySelector('.view.current figure:has(.plot)')")
         tab.run("document.querySelector('.view.current .plot').scrollIntoView()")
         tab.until("document.querySelector('.view.current [data-drawn]')")
+
+
+STOP = """((wanted) => {
+  const at = document.activeElement, box = at.getBoundingClientRect(), style = getComputedStyle(at);
+  const far = parseFloat(style.outlineOffset) + parseFloat(style.outlineWidth) / 2;
+  const sides = (clip) => [box.left - far >= clip.left, box.right + far <= clip.right,
+    box.top - far >= clip.top, box.bottom + far <= clip.bottom].filter(Boolean).length;
+  const clips = [];
+  for (let above = at.parentElement; above; above = above.parentElement) {
+    if (getComputedStyle(above).overflowX !== "visible") clips.push(above.getBoundingClientRect());
+  }
+  const seen = style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0
+    && box.width > 0 && clips.every((clip) => sides(clip) > 1);
+  return { name: at.outerHTML.slice(0, 160), found: at.matches(wanted), seen };
+})"""
+"""The element with the focus: whether it is the wanted one, and whether its outline is seen."""
+
+
+def tab_to(tab: Tab, wanted: str, most: int = 60) -> None:
+    """Press Tab until an element has the focus; each one on the way must show it."""
+    names = []
+    for _ in range(most):
+        tab.key("Tab", 9)
+        stop = tab.run(f"{STOP}({wanted!r})")
+        names.append(stop["name"])
+        assert stop["seen"], f"no outline: {stop['name']}"
+        if stop["found"]:
+            return
+    raise AssertionError(f"no stop {wanted} in {names}")

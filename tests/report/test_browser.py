@@ -20,6 +20,7 @@ from tests.report.steps import (
     needs_browser,
     rows,
     shown,
+    tab_to,
 )
 
 pytestmark = needs_browser
@@ -189,6 +190,21 @@ def test_tabs_are_chosen_by_keys_and_stay_chosen_in_the_next_case(tab: Tab, addr
     tab.go(BOTH)
     tab.until(BUILT)
     assert tab.run(PANELS) == ["Error"]
+
+
+def test_keys_alone_lead_from_the_overview_to_the_tabs_of_a_case(tab: Tab, address: str) -> None:
+    tab.open(address)
+    tab_to(tab, f"#overview a[href='#{CASE}']", 120)
+    tab.key("Enter", 13)
+    tab.until(BUILT)
+    tab_to(tab, "[role=tab]")
+    tab.key("ArrowRight", 39)
+    assert tab.run(PANELS) == ["Error"]
+    tab_to(tab, "[role=tabpanel]", 1)
+    # The heading of a case is no button that would fold it.
+    assert tab.run("document.querySelector('.view.current summary').tabIndex") == -1
+    tab.run("document.querySelector('.view.current summary').click()")
+    assert tab.run("document.querySelector('.view.current').open")
 
 
 def test_one_legend_hides_a_curve_in_every_plot_of_its_tab(tab: Tab, address: str) -> None:

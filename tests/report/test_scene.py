@@ -19,7 +19,7 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments
 from tests.report.chromium import Browser, Tab
 from tests.report.sample_scene import STATES, WORST, WRONG, humanoid, humanoid_results
-from tests.report.steps import needs_browser, sound
+from tests.report.steps import needs_browser, sound, tab_to
 from tests.report.test_first_screen import VISIBLE
 
 CASE = "case-system_0/humanoid.xml/mujoco/states"
@@ -164,6 +164,40 @@ def test_the_heat_map_and_the_sliders_work_by_mouse_and_by_keyboard(
     scene_tab.run(f"{BOX}.querySelector('canvas').focus()")
     scene_tab.key("ArrowRight", 39)
     assert scene_tab.run(f"{BOX}.viewer.camera.yaw") < yaw
+
+
+@needs_browser
+def test_keys_alone_lead_to_the_wrong_link_its_line_and_all_controls(
+    scene_tab: Tab, planted: Planted
+) -> None:
+    viewer = f"{BOX}.viewer"
+    tab_to(scene_tab, "#overview a[href^='#case-']")
+    scene_tab.key("Enter", 13)
+    scene_tab.until(f"document.querySelector('.view.current').id === '{CASE}'")
+    scene_tab.until(DRAWN)
+    tab_to(scene_tab, "canvas")
+    yaw = scene_tab.run(f"{viewer}.camera.yaw")
+    scene_tab.key("ArrowRight", 39)
+    assert scene_tab.run(f"{viewer}.camera.yaw") < yaw
+    for label, value, change in (
+        ("Time", "time", -1), ("State", "state", -1), ("Amplify the error", "power", -1)
+    ):  # fmt: skip
+        tab_to(scene_tab, f"[aria-label='{label}']")
+        before = scene_tab.run(f"{viewer}.{value}")
+        scene_tab.key("ArrowLeft", 37)
+        assert change * (scene_tab.run(f"{viewer}.{value}") - before) > 0, label
+    # The first link to choose is the one that the cause names.
+    tab_to(scene_tab, "[aria-label='Link']")
+    scene_tab.key("ArrowDown", 40)
+    scene_tab.until(f"{viewer}.data.bodies[{viewer}.chosen]?.name === '{WRONG}'")
+    tab_to(scene_tab, ".editor")
+    names = list(planted[1].frames)
+    first = body_lines(humanoid(), "humanoid.xml", names)[names.index(WRONG)][0][0]
+    assert scene_tab.run("document.activeElement.href").endswith(f"humanoid.xml:{first}")
+    tab_to(scene_tab, ".heat")
+    state = scene_tab.run(f"{viewer}.state")
+    scene_tab.key("ArrowRight", 39)
+    assert scene_tab.run(f"{viewer}.state") == state + 1
 
 
 @needs_browser

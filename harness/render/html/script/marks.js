@@ -7,7 +7,8 @@ class Marks {
   /** Draw the marks of a state; none without one. */
   draw(camera, acting, frames, joints, chosen) {
     const { canvas, pen } = this, ratio = devicePixelRatio || 1;
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    canvas.hidden = !acting; // which saves laying it over the picture
+    const [width, height] = acting ? [canvas.clientWidth, canvas.clientHeight] : [1, 1];
     Object.assign(canvas, { width: width * ratio, height: height * ratio });
     if (!acting) return;
     pen.scale(ratio, ratio);

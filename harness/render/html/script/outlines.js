@@ -32,11 +32,11 @@ function meshOf(packed) {
   if (triangles.has(packed)) return triangles.get(packed);
   const { low, extent, points, faces } = packed;
   const [shares, corners] = [points, faces].map((text) => {
-    const view = new DataView(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+    const view = new DataView(bytesOf(text).buffer);
     return Array.from({ length: view.byteLength / 2 }, (_, i) => view.getUint16(2 * i, true));
   });
   const threes = (values) => Array.from({ length: values.length / 3 }, (_, i) => values.slice(3 * i, 3 * i + 3));
-  const mesh = { faces: threes(corners), points: threes(shares.map((share, i) => low[i % 3] + (share / 65535) * extent[i % 3])) };
+  const mesh = { low, extent, faces: threes(corners), points: threes(shares.map((share, i) => low[i % 3] + (share / 65535) * extent[i % 3])) };
   mesh.normals = mesh.faces.map((face) => {
     const [a, b, c] = face.map((i) => mesh.points[i]);
     return crossed(b.map((value, i) => value - a[i]), c.map((value, i) => value - a[i]));
@@ -95,6 +95,11 @@ function inertias(scene, states) {
   if (states?.inertias.length) return states.inertias.map(({ body, stated, ellipsoid, differs }) => ({ body, differs, stated: oval(stated), engine: oval(ellipsoid) }));
   return scene.bodies.map((body, i) => ({ body: i, differs: false, stated: inertiaOf(body), engine: [] }));
 }
+
+/** Return points around forms, in their body's frame: of a mesh, the corners of its box. */
+const surroundings = (forms) => forms.flatMap(({ kind, size, place }) => (kind === "mesh" ? [0, 1, 2, 3, 4, 5, 6, 7]
+  .map((corner) => size.low.map((low, i) => low + ((corner >> i) & 1) * size.extent[i])) : OUTLINES[kind](size).flat())
+  .map((point) => placedPoint(place, point)));
 
 /** Return the polylines of forms, in their body's frame. */
 const outlines = (forms) => forms.flatMap(({ kind, size, place }) => OUTLINES[kind](size)
@@ -175,7 +180,7 @@ const dot = ([a, b, c], [x, y, z]) => a * x + b * y + c * z;
 
 /** A drawn projection, for browsers without WebGL. */
 class Projection {
-  constructor(canvas, scene, states, colours) {
+  constructor(scene, states, colours, { canvas }) {
     Object.assign(this, { canvas, colours, pen: canvas.getContext("2d") });
     this.lines = scene.bodies.map((_, i) => outlines(formsOf(scene, i)));
   }

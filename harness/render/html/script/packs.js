@@ -16,8 +16,15 @@ async function pack(id) {
   return packs.get(id);
 }
 
+/** Return the bytes of a text in base64. */
+function bytesOf(text) {
+  const letters = atob(text), bytes = new Uint8Array(letters.length);
+  for (let i = 0; i < letters.length; i += 1) bytes[i] = letters.charCodeAt(i);
+  return bytes;
+}
+
 async function unpack(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const bytes = bytesOf(text);
   const gzip = new DecompressionStream("gzip");
   const writer = gzip.writable.getWriter();
   writer.write(bytes);

@@ -39,7 +39,12 @@ async function route() {
     for (const box of other.querySelectorAll("[data-scene]")) endScene(box);
   }
   view.classList.add("current");
-  if (view instanceof HTMLDetailsElement) view.open = true;
+  if (view instanceof HTMLDetailsElement) {
+    view.open = true;
+    const summary = view.querySelector("summary");
+    summary.tabIndex = -1; // folding it would leave an empty page
+    summary.onclick = (event) => { if (!event.target.closest("a")) event.preventDefault(); };
+  }
   const heading = view.querySelector("h1, h2, .name");
   document.title = `crosscheck: ${heading.textContent.trim()}`;
   if (to === view) scrollTo(0, 0); else to.scrollIntoView();

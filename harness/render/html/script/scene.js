@@ -10,12 +10,12 @@ class Viewer {
     this.mechanism = new Mechanism(scene, states);
     this.lit = new Set(states?.lit ?? []);
     this.hovered = new Set();
-    this.ovals = inertias(scene, states).map((oval) => ({ ...oval, points: outlines([...oval.stated, ...oval.engine]).flat() }));
+    this.ovals = inertias(scene, states).map((oval) => ({ ...oval, points: surroundings([...oval.stated, ...oval.engine]) }));
     this.forces = true;
     this.camera = new Camera();
-    this.lines = scene.bodies.map((_, body) => outlines(formsOf(scene, body)).flat());
+    this.around = scene.bodies.map((_, body) => surroundings(formsOf(scene, body)));
     // A placeholder larger than the robot would hide it.
-    const whole = this.mechanism.poses(0).flatMap((pose, body) => this.lines[body].map((point) => placedPoint(pose, point)));
+    const whole = this.mechanism.poses(0).flatMap((pose, body) => this.around[body].map((point) => placedPoint(pose, point)));
     const unlike = this.ovals.filter(({ differs }) => differs);
     this.differs = unlike.length > 0;
     this.inertia = this.differs && unlike.every(({ points }) => extent(points) < 1.5 * extent(whole)) ? "differing" : "";
@@ -67,7 +67,7 @@ class Viewer {
     if (!width || !height || this.fitted === fitted) return;
     this.fitted = fitted;
     const layers = [mechanism.poses(state), ...(this.poses().length > 1 ? [mechanism.poses(state, horizon), mechanism.poses(state, horizon, 10 ** power)] : [])];
-    const points = layers.flatMap((poses) => poses.flatMap((pose, body) => this.lines[body].map((point) => placedPoint(pose, point))));
+    const points = layers.flatMap((poses) => poses.flatMap((pose, body) => this.around[body].map((point) => placedPoint(pose, point))));
     for (const { body, points: oval } of this.shown) points.push(...oval.map((point) => placedPoint(layers[0][body], point)));
     this.camera.fit(points.length ? points : [[0, 0, 0]], width, height);
   }
@@ -79,7 +79,7 @@ class Viewer {
     const [expected, engine] = this.poses();
     const layers = [{ poses: expected, ghost: false, glow, tone: (body) => mark(body) ?? "body" }];
     if (engine) layers.push({ poses: engine, ghost: true, glow, tone: (body) => mark(body) ?? "engine" });
-    this.drawing.draw(this.camera, layers, this.shown);
+    this.drawing.draw(this.camera, layers, this.shown, this.playing);
     const acting = this.forces ? this.acting : null;
     this.marks?.draw(this.camera, acting, acting ? this.mechanism.frames(this.state, this.time) : [], this.data.joints, this.data.bodies[this.chosen]?.joint);
     this.#label(expected);
@@ -111,7 +111,7 @@ class Viewer {
     const project = this.camera.projection(canvas.clientWidth, canvas.clientHeight);
     let [best, least] = [-1, 30];
     this.poses()[0].forEach((pose, body) => {
-      const seen = this.lines[body].map((point) => project(placedPoint(pose, point)));
+      const seen = this.around[body].map((point) => project(placedPoint(pose, point)));
       if (!seen.length) return;
       const [left, right, top, bottom] = [Math.min(...seen.map(([u]) => u)), Math.max(...seen.map(([u]) => u)), Math.min(...seen.map(([, v]) => v)), Math.max(...seen.map(([, v]) => v))];
       const outside = Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
@@ -148,11 +148,11 @@ async function buildScene(box) {
   const scene = withDots((await pack(box.dataset.scene)).scene, states);
   const style = getComputedStyle(box);
   const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
-  const canvas = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
+  const plain = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
+  const solid = (await three()) && graphics(plain), canvas = solid?.canvas ?? plain;
+  const drawing = new (solid ? Solids : Projection)(scene, states, colours, solid ?? { canvas });
   const over = make("canvas", { class: "marks", "aria-hidden": "true" });
   const picture = make("div", { class: "picture" }, canvas, over);
-  const solid = await three();
-  const drawing = new (solid ? Solids : Projection)(canvas, scene, states, colours);
   const viewer = new Viewer(picture, scene, states, drawing);
   if (viewer.mechanism.acting) viewer.marks = new Marks(over, colours);
   for (const body of viewer.lit) picture.append(make("span", { class: "label", "data-body": body }, scene.bodies[body].name));
@@ -237,7 +237,9 @@ function sceneControls(viewer) {
   const time = slider("Time", { min: 0, max: 1000, step: 1 }, (value) => viewer.set({ playing: false, time: (value / 1000) * viewer.horizon }));
   const state = slider("State", { min: 1, max: mechanism.count, step: 1 }, (value) => viewer.open(value - 1));
   const power = slider("Amplify the error", { min: 0, max: 6, step: 0.5 }, (value) => viewer.set({ power: value }));
-  const link = make("select", {}, make("option", { value: -1 }, "–"), ...data.bodies.map(({ name }, i) => make("option", { value: i }, name)));
+  const links = data.bodies.map(({ name }, i) => make("option", { value: i }, name));
+  const link = make("select", { "aria-label": "Link" }, make("option", { value: -1 }, "–"),
+    ...links.filter((_, i) => viewer.lit.has(i)), ...links.filter((_, i) => !viewer.lit.has(i)));
   link.addEventListener("change", () => viewer.set({ chosen: Number(link.value) }));
   const inertia = make("select", {}, ...[["", "none"], ...(viewer.differs ? [["differing", "that differs"]] : []), ["all", "all"]].map(([value, text]) => make("option", { value }, text)));
   inertia.addEventListener("change", () => viewer.set({ inertia: inertia.value }));
