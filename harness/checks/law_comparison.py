@@ -311,15 +311,15 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
                 self.laws.solve(posture, state.controls, state.activations, (), start)
             ))  # fmt: skip
 
-    def eased(self, state: WholeState) -> WholeState:
-        """Return a state with other positions and velocities, which ease drives at limits."""
-        posture, laws = next(self.postures([state])), self.laws
-        moved, sped = eased(laws.laws, posture, laws.weights.path_accelerations, state.controls,
-                            state.activations)  # fmt: skip
-        z, m = state.z.copy(), state.m.copy()
-        z[self.order] += moved
-        m[self.order] += sped
-        return state._replace(z=z, m=m)
+    def eased(self, states: Sequence[WholeState]) -> Iterator[WholeState]:
+        """Yield states with other positions and velocities, which ease drives at limits."""
+        laws, scale = self.laws.laws, self.laws.weights.path_accelerations
+        for state, posture in self._with_postures(states):
+            moved, sped = eased(laws, posture, scale, state.controls, state.activations)
+            z, m = state.z.copy(), state.m.copy()
+            z[self.order] += moved
+            m[self.order] += sped
+            yield state._replace(z=z, m=m)
 
     def at_limit(self, state: WholeState, part: Part, share: float, speed: float) -> WholeState:
         """Return a state beyond a limit of a joint, by a share of its range, moving outward."""
@@ -333,10 +333,14 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         m[place] = part.way * speed
         return state._replace(z=z, m=m)
 
-    def held(self, state: WholeState) -> WholeState:
-        """Return a state whose drives balance the other forces along their paths."""
-        posture, laws = next(self.postures([state])), self.laws
-        return state.driven_by(*holding(laws.laws, posture, laws.weights.path_accelerations))
+    def held(self, states: Sequence[WholeState]) -> Iterator[WholeState]:
+        """Yield states whose drives balance the other forces along their paths."""
+        for state, posture in self._with_postures(states):
+            scale = self.laws.weights.path_accelerations
+            yield state.driven_by(*holding(self.laws.laws, posture, scale))
+
+    def _with_postures(self, states: Sequence[WholeState]) -> Iterator[tuple[WholeState, Posture]]:
+        return zip(states, self.postures(states), strict=True) if states else iter(())
 
     def outward_speed(self, state: WholeState, outwards: Array) -> Array:
         """Return the speeds at which the reference of each limit resists the free acceleration."""

@@ -16,9 +16,11 @@ from physics_crosscheck.harness.checks.law_comparison import (
 )
 from physics_crosscheck.harness.engines.protocol import (
     Array,
+    ModelSpec,
     WholeModel,
     WholeState,
 )
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.reference.laws.soft import Part
 from physics_crosscheck.reference.laws.step import LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
@@ -93,12 +95,41 @@ def evaluated_states(comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]
     return evaluated
 
 
+class KeptSteps:
+    """A model and its whole steps at drawn states, for all checks of a file in one worker."""
+
+    def __init__(self) -> None:
+        self._key: tuple[str, ModelSpec] | None = None
+        self._model: WholeModel | None = None
+        self._evaluated: list[Evaluated[LawSolution]] | None = None
+
+    def __reduce__(self) -> tuple[type[KeptSteps], tuple[()]]:
+        return KeptSteps, ()  # other processes have their own
+
+    def model(self, engine: str, spec: ModelSpec) -> WholeModel | None:
+        """Return the loaded model; errors as of `Engine.load_whole`."""
+        if self._key != (engine, spec):
+            model = engines()[engine].load_whole(spec)
+            if model is None or model.rules is not None:  # its process may load others since
+                return model
+            self._key, self._model, self._evaluated = (engine, spec), model, None
+        return self._model
+
+    def evaluated(self, comparison: LawComparison) -> list[Evaluated[LawSolution]]:
+        """Return the evaluated states of a comparison with the last model."""
+        if comparison.model is not self._model:
+            return evaluated_states(comparison)
+        if self._evaluated is None:
+            self._evaluated = evaluated_states(comparison)
+        return self._evaluated
+
+
 def _acting_states(
     comparison: LawComparison, evaluated: Sequence[Evaluated[LawSolution]]
 ) -> Iterator[WholeState]:
     """Yield states at which parts of the laws act that don't elsewhere, most of them first."""
     missing = comparison.missing_parts(evaluated)
-    states = tuple(_candidates(comparison, missing))
+    states = _candidates(comparison, missing)
     sets = list(comparison.acting(states)) if states else []
     for _ in range(min(ADDED, len(states))):
         best = max(range(len(sets)), key=lambda k: len(sets[k] & missing))
@@ -110,8 +141,9 @@ def _acting_states(
         sets[best] = set()
 
 
-def _candidates(comparison: LawComparison, parts: Set[Part]) -> Iterator[WholeState]:
-    """Yield states at which some parts are likely to act, at slow and fast velocities."""
+def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]:
+    """Return states at which some parts are likely to act, at slow and fast velocities."""
+    states, eased, held = list[WholeState](), list[int](), list[int]()
     model, rng = comparison.model, np.random.default_rng(SEED + 1)
     starts, kinds = list(model.starts), {part.kind for part in parts}
     limits = sorted(part for part in parts if part.kind == "limit")
@@ -119,18 +151,26 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> Iterator[WholeSt
         state = _driven(model, rng, starts[k % len(starts)], k)
         fast = state._replace(m=state.m * FASTEST ** rng.uniform(-0.5, 1))
         if limits:
-            yield _beyond(comparison, rng, fast._replace(z=_anywhere(model, rng, state.z)), k)
+            moved = fast._replace(z=_anywhere(model, rng, state.z))
+            states.append(_beyond(comparison, rng, moved, k))
         if kinds & {"force", "joint force"}:
-            yield fast._replace(z=_anywhere(model, rng, state.z))
+            states.append(fast._replace(z=_anywhere(model, rng, state.z)))
         if "control" in kinds:
-            yield comparison.eased(state)
+            eased.append(len(states))
+            states.append(state)
         if kinds & {"dry friction", "equality"}:
             near = SMALL ** rng.uniform(1, 2) * rng.normal(size=len(state.z))
-            yield comparison.held(state._replace(z=state.z + near, m=SMALL**2 * state.m))
+            held.append(len(states))
+            states.append(state._replace(z=state.z + near, m=SMALL**2 * state.m))
     for part in limits:
         for start in (starts[0], starts[0]._replace(z=_anywhere(model, rng, starts[0].z))):
             share, speed = DEEPEST * rng.uniform(0.1, 1), MAX_OUTWARD ** rng.uniform(-1, 1)
-            yield comparison.held(comparison.at_limit(start, part, share, speed))
+            held.append(len(states))
+            states.append(comparison.at_limit(start, part, share, speed))
+    for places, change in ((eased, comparison.eased), (held, comparison.held)):
+        for i, changed in zip(places, change([states[i] for i in places]), strict=True):
+            states[i] = changed
+    return states
 
 
 def _usable(model: WholeModel, state: WholeState) -> bool:

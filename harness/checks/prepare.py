@@ -25,6 +25,7 @@ from physics_crosscheck.harness.checks.findings import (
     sidecar_beside,
 )
 from physics_crosscheck.harness.checks.followers import Followers
+from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.checks.system_record import system_record, tree_record
@@ -332,6 +333,7 @@ class PreparedTree(Prepared):
         lines: line of each link of the file, by name.
         placed: shapes and sites of the file.
         smooth: whether whole steps, with limits, friction, contacts and drives, are left out.
+        steps: whole steps of the file.
     """
 
     system: TreeSystem
@@ -346,6 +348,7 @@ class PreparedTree(Prepared):
     lines: Mapping[str, int] = field(default_factory=dict)
     placed: tuple[PlacedShape, ...] = ()
     smooth: bool = False
+    steps: KeptSteps = field(default_factory=KeptSteps)
 
     @property
     def tree(self) -> Tree:

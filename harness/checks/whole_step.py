@@ -24,7 +24,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     S,
     WholeStepComparison,
 )
-from physics_crosscheck.harness.checks.law_states import evaluated_states
+from physics_crosscheck.harness.checks.law_states import KeptSteps, evaluated_states
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
 from physics_crosscheck.harness.checks.scene import acting_state
 from physics_crosscheck.harness.checks.task import ModelTask
@@ -171,11 +171,12 @@ def case_whole_step(
     usual = {*engine.switches, *engine.settings_for(target.place.suffix), "floating", "model"}
     if set(task.spec.settings) - usual:
         return None  # the laws are those of the file as it is shipped
-    return check_whole_step(target.place, task.spec, task.engine, task.resolution)
+    steps = target.steps if task.spec.path == target.place else None
+    return check_whole_step(target.place, task.spec, task.engine, task.resolution, steps)
 
 
 def check_whole_step(
-    file: Path, spec: ModelSpec, engine: str, resolution: float
+    file: Path, spec: ModelSpec, engine: str, resolution: float, steps: KeptSteps | None = None
 ) -> WholeStepCheck | None:
     """Compare whole steps of a file; None if the engine has no documented law for it.
 
@@ -184,20 +185,24 @@ def check_whole_step(
         spec: what the engine loads: the same file, or a changed copy, with its settings.
         engine: name of the engine.
         resolution: relative discrepancy to resolve.
+        steps: keeps what other checks need too.
     """
+    steps = steps or KeptSteps()
     try:
         # With its shapes for contacts, whose files the smooth forces do not need.
-        model = engines()[engine].load_whole(spec)
+        model = steps.model(engine, spec)
         if model is None:
             return None
         if model.rules is not None:
             return _check_rules(file, spec, model, model.rules, resolution)
-        return _check_laws(file, model, resolution)
+        return _check_laws(file, model, resolution, steps)
     except (TreeError, EngineError) as error:
         return WholeStepCheck.skipped([str(error)])
 
 
-def _check_laws(file: Path, model: WholeModel, resolution: float) -> WholeStepCheck:
+def _check_laws(
+    file: Path, model: WholeModel, resolution: float, steps: KeptSteps
+) -> WholeStepCheck:
     """Compare steps by convex laws, and the numbers of these with the text of the file."""
     reader = compiler(file.suffix)
     assert reader is not None  # it read the file before
@@ -213,7 +218,8 @@ def _check_laws(file: Path, model: WholeModel, resolution: float) -> WholeStepCh
             format_omission(Omission(what=what, count=count, where=()))
             for what, count in compiled.besides
         )
-        check = _check(LawComparison(laws, model), covered, resolution)
+        comparison = LawComparison(laws, model)
+        check = _check(comparison, steps.evaluated(comparison), covered, resolution)
     return _with_reading(check, reading)
 
 
@@ -239,23 +245,27 @@ def _check_rules(
     if isinstance(rules, NearRigidRules):
         limited = near_rigid_model(robot, rules)
         if limited is not None:
-            return _check(LawComparison(limited, model), IMPULSES[:1], resolution)
+            comparison = LawComparison(limited, model)
+            return _check(comparison, evaluated_states(comparison), IMPULSES[:1], resolution)
     else:
         laws = impulse_model(robot, rules)
         if laws is not None:
-            return _check(ImpulseComparison(laws, model), IMPULSES, resolution)
+            impulses = ImpulseComparison(laws, model)
+            return _check(impulses, evaluated_states(impulses), IMPULSES, resolution)
     return WholeStepCheck.skipped()
 
 
 def _check(
-    comparison: WholeStepComparison[M, S], covered: tuple[str, ...], resolution: float
+    comparison: WholeStepComparison[M, S],
+    evaluated: Sequence[Evaluated[S]],
+    covered: tuple[str, ...],
+    resolution: float,
 ) -> WholeStepCheck:
-    """Compare steps at drawn states.
+    """Compare steps at evaluated states.
 
     Raises:
         EngineError: if no state is comparable.
     """
-    evaluated = evaluated_states(comparison)
     if not evaluated:
         raise EngineError("no drawn state has a finite step that converges, with few contacts")
     compared, model = comparison.compare(evaluated), comparison.model

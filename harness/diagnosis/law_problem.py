@@ -24,7 +24,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     applied,
 )
 from physics_crosscheck.harness.checks.law_engine import LawEngine
-from physics_crosscheck.harness.checks.law_states import evaluated_states
+from physics_crosscheck.harness.checks.law_states import KeptSteps, evaluated_states
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import (
@@ -415,14 +415,18 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem
     numbers = numbers or robot_numbers(task.target.place, task.spec.settings)
     if not isinstance(numbers, CompiledNumbers | UrdfNumbers):
         return None
+    steps = task.target.steps if task.spec.path == task.target.place else KeptSteps()
     try:
-        model = engines()[task.engine].load_whole(task.spec)
+        model = steps.model(task.engine, task.spec)
         if model is None:
             return None
         if isinstance(numbers, UrdfNumbers):
             return _ruled_problem(task, numbers, model)
         laws = numbers.laws({})
-        return None if laws is None else _problem(task, numbers, LawComparison(laws, model))
+        if laws is None:
+            return None
+        comparison = LawComparison(laws, model)
+        return _problem(task, numbers, comparison, steps.evaluated(comparison))
     except (TreeError, EngineError):
         return None
 
@@ -432,19 +436,27 @@ def _ruled_problem(task: TreeTask, numbers: UrdfNumbers, model: WholeModel) -> A
     if isinstance(model.rules, NearRigidRules):
         limited = near_rigid_numbers(numbers, model.rules)
         laws = limited.laws({})
-        return None if laws is None else _problem(task, limited, LawComparison(laws, model))
+        if laws is None:
+            return None
+        comparison = LawComparison(laws, model)
+        return _problem(task, limited, comparison, evaluated_states(comparison))
     if model.rules is None:
         return None
     hard = impulse_numbers(numbers, model.rules)
     impulses = hard.laws({})
-    return None if impulses is None else _problem(task, hard, ImpulseComparison(impulses, model))
+    if impulses is None:
+        return None
+    other = ImpulseComparison(impulses, model)
+    return _problem(task, hard, other, evaluated_states(other))
 
 
 def _problem(
-    task: TreeTask, numbers: LawNumbers[M], comparison: WholeStepComparison[M, S]
+    task: TreeTask,
+    numbers: LawNumbers[M],
+    comparison: WholeStepComparison[M, S],
+    evaluated: Sequence[Evaluated[S]],
 ) -> LawProblem[M, S] | None:
     """Compare a file with its law; None if nothing is comparable."""
-    evaluated = evaluated_states(comparison)
     if not evaluated:
         return None
     compared = comparison.compare(evaluated)

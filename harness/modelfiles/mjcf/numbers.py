@@ -7,6 +7,7 @@ of a number is found by changing it. Numbers of visuals or contacts are changed 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property, partial
@@ -36,13 +37,14 @@ class _Compiled:
     Attributes:
         read_tree: returns the tree of its bodies, or None.
         read_laws: returns its laws, or None.
-        same_laws, same_shapes: whether laws with their paths, and shapes, are as in the original.
+        same_laws: whether laws with their paths are as in the original.
+        moved_shapes: number of shapes unlike those of the original; -1 if these are others.
     """
 
     read_tree: Callable[[], Tree | None]
     read_laws: Callable[[], LawModel | None]
     same_laws: bool = True
-    same_shapes: bool = True
+    moved_shapes: int = 0
 
     @cached_property
     def tree(self) -> Tree | None:
@@ -122,7 +124,7 @@ class CompiledNumbers:
         if compiled is None or source is None or original is None:
             return None
         read = self._reread(compiled, source, original)
-        return replace(read, same_shapes=_alike(source.placed, compiled.placed))
+        return replace(read, moved_shapes=_moved_shapes(source.placed, compiled.placed))
 
     def _reread(
         self, compiled: CompiledTree, source: CompiledTree, original: _Compiled
@@ -250,15 +252,35 @@ class CompiledNumbers:
 
     def placing(self, candidates: Collection[int]) -> frozenset[int]:
         """Return those numbers that shapes and sites depend on: where they are, or their sizes."""
-
-        def acts(group: Sequence[int]) -> bool:
-            other = self._nudged(group)
-            return other is not None and not other.same_shapes
-
         groups = [[i for i in group if i in candidates] for group in self._groups.values()]
         # A group that is refused as a whole may act.
-        acting = (group for group in groups if self._nudged(group) is None or acts(group))
-        return frozenset(i for group in acting for i in group if acts([i]))
+        acting = (i for group in groups if self._moved_by(group) for i in group)
+        rounds: dict[int, list[int]] = {}
+        others, count = list[int](), Counter[int]()
+        for i in acting:
+            number = self.numerals[i]
+            if _OWN_SHAPE.fullmatch(number.path):
+                rounds.setdefault(count[id(number.element)], []).append(i)
+                count[id(number.element)] += 1
+            else:
+                others.append(i)
+        placed = (i for group in rounds.values() for i in self._placing(group))
+        return frozenset((*placed, *(i for i in others if self._moved_by([i]))))
+
+    def _placing(self, group: Sequence[int]) -> Iterator[int]:
+        """Yield those numbers that their shapes depend on; each of another element."""
+        moved = self._moved_by(group)
+        if moved == len(group) or (moved and len(group) == 1):
+            yield from group
+        elif moved != 0 and len(group) > 1:
+            half = len(group) // 2
+            yield from self._placing(group[:half])
+            yield from self._placing(group[half:])
+
+    def _moved_by(self, group: Sequence[int]) -> int | None:
+        """Return how many shapes nudged numbers move; None if they are refused."""
+        other = self._nudged(group)
+        return None if other is None else other.moved_shapes
 
     def _reason(self, number: Number) -> str:
         kinds = self._engine.non_physical.items()
@@ -322,15 +344,23 @@ PLACED = 1e-9
 """Smallest change of a shape's place or size that counts, relative to its largest number."""
 
 
-def _alike(first: Sequence[CompiledShape], second: Sequence[CompiledShape]) -> bool:
-    """Return whether all shapes have the same names, bodies, places and sizes."""
+_OWN_SHAPE = re.compile(r"(?!.*(default|replicate|composite|flexcomp)).*/(geom|site)@\w+")
+"""Paths of the numbers that only one shape can depend on."""
+
+
+def _moved_shapes(first: Sequence[CompiledShape], second: Sequence[CompiledShape]) -> int:
+    """Return how many shapes have other places or sizes; -1 for other names or bodies."""
     if len(first) != len(second):
-        return False
+        return -1
     pairs = [pair for pair in zip(first, second, strict=True) if pair[0] is not pair[1]]
     if any(_kind(one) != _kind(two) for one, two in pairs):
-        return False
-    numbers, others = (np.array([x for pair in pairs for x in _extent(pair[i])]) for i in (0, 1))
-    return bool(np.all(np.abs(numbers - others) <= PLACED * np.maximum(1e-3, np.abs(numbers))))
+        return -1
+    moved = 0
+    for before, after in pairs:
+        numbers = np.array(_extent(before))
+        by = np.abs(numbers - np.array(_extent(after)))
+        moved += bool(np.any(by > PLACED * np.maximum(1e-3, np.abs(numbers))))
+    return moved
 
 
 def _kind(shape: CompiledShape) -> tuple[str, int, int]:
