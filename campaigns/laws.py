@@ -310,6 +310,21 @@ NOT_DYNAMIC = re.compile(
 """Numbers that are no dynamics by their kind."""
 
 
+GROUPS = {
+    "equalities": r".*/equality/.*|.*@(polycoef|anchor|relpose|torquescale)",
+    "dry friction": r".*@(frictionloss|solreffriction|solimpfriction)",
+    "limits of joints and tendons": r".*/(joint|fixed|spatial|tendon)@(\w*limit|range|margin)",
+    "limits of drives": r".*@(ctrl|force|act|actuatorfrc|length)range",
+    "drives": r".*/actuator/.*|.*@(kp|kv|gear|\w+prm|dampratio|timeconst)",
+    "contact parameters": r".*/(geom|pair)@(friction|sol\w+|condim|margin|gap|priority|con\w+)"
+    r"|.*@(impratio|o_\w+)",
+    "shapes": r".*/(geom|mesh|hfield|vertex)@.*",
+    "sites": r".*/site@.*",
+    "bodies, joints and forces": r".*",
+}
+"""Kinds of numbers, by the first pattern that their paths match."""
+
+
 def kind_of(path: str) -> str:
     """Return the element and attribute of a number, such as `joint@range`."""
     return path.rpartition("/")[2]
@@ -320,7 +335,7 @@ def tested(paths: Iterable[Path]) -> None:
 
     An overwritten default, or the position of a joint along its axis, has no effect at all.
     """
-    totals: dict[str, Counter[str]] = {}
+    totals, groups = dict[str, Counter[str]](), {name: Counter[str]() for name in GROUPS}
     for path in paths:
         began = time.process_time()
         try:
@@ -337,12 +352,17 @@ def tested(paths: Iterable[Path]) -> None:
             word = "tested" if seen else one.effect.value
             file[word] += 1
             totals.setdefault(kind_of(one.path), Counter())[word] += 1
+            group = next(name for name, kind in GROUPS.items() if re.fullmatch(kind, one.path))
+            groups[group][word] += 1
         seconds = time.process_time() - began
         print(f"{path.parent.name}/{path.name}: {dict(file)}, {seconds:.0f} s", flush=True)
     for kind, count in sorted(totals.items(), key=lambda item: -item[1].total()):
         rest = {word: number for word, number in count.items() if word != "tested"}
         print(f"{kind:30} {count['tested']:6} of {count.total():6}  {rest or ''}")
     whole = sum(totals.values(), Counter[str]())
+    for name, count in groups.items():
+        untested = 100 * (count.total() - count["tested"]) / whole.total()
+        print(f"{name:30} {count['tested']:6} of {count.total():6}  {untested:.2f} % untested")
     print(f"{whole['tested']} of {whole.total()}: {100 * whole['tested'] / whole.total():.1f} %")
     print(dict(whole))
 

@@ -81,6 +81,12 @@ class XmlElement:
             return None, None
         return self.source.file, self.source.line(self.start)
 
+    def attribute_place(self, key: str) -> tuple[Path | None, int | None]:
+        """Return the file and line of an attribute that the file states."""
+        if self.source is None:
+            return None, None
+        return self.source.file, self.source.line(attribute_span(self, key, self.source)[0])
+
     def get(self, key: str, default: str = "") -> str:
         """Return an attribute, or the default."""
         return self.attributes.get(key, default)

@@ -15,7 +15,8 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 TETRAHEDRON = "0 0 0  0.3 0 0  0 0.2 0  0 0 0.1"
 MJCF = f"""<mujoco><compiler angle="radian"/>
-<default><default class="pad"><geom type="box" size="0.03 0.02 0.01"/></default></default>
+<default><default class="pad"><geom type="box"
+ size="0.03 0.02 0.01"/></default></default>
 <asset><mesh name="wedge" vertex="{TETRAHEDRON}"/></asset>
 <worldbody>
 <geom name="floor" type="plane" size="2 2 0.1" pos="0 0 -1"/>
@@ -50,15 +51,15 @@ def test_shapes_and_sites_agree(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "words", "line"), [
-    ('pos="0 0.04 0"', 'pos="0 0.04000001 0"', "geom:#2 (geom:#2): off by up to 1e-08 m", 11),
-    ('pos="0 0 0.2"', 'pos="0 0 0.20000001"', "geom:#3 (geom:#3): off by up to 1e-08 m", 12),
-    ('pos="0 0 -0.15"', 'pos="0 0 -0.15000001"', "site:grasp", 13),
-    ('euler="0 0.2 0"', 'euler="0 0.200001 0"', "its axes are turned by 5.73e-05 degrees", 11),
-    ("0 0 0 0 0 -0.7", "0 0 0 0 0.0000001 -0.7", "geom:bone (geom:bone)", 14),
-    ('size="2 2 0.1" pos="0 0 -1"', 'size="2 2 0.1" pos="0 0 -1.00000001"', "geom:floor", 5),
+    ('pos="0 0.04 0"', 'pos="0 0.04000001 0"', "geom:#2 (geom:#2): off by up to 1e-08 m", 12),
+    ('pos="0 0 0.2"', 'pos="0 0 0.20000001"', "geom:#3 (geom:#3): off by up to 1e-08 m", 13),
+    ('pos="0 0 -0.15"', 'pos="0 0 -0.15000001"', "site:grasp", 14),
+    ('euler="0 0.2 0"', 'euler="0 0.200001 0"', "its axes are turned by 5.73e-05 degrees", 12),
+    ("0 0 0 0 0 -0.7", "0 0 0 0 0.0000001 -0.7", "geom:bone (geom:bone)", 15),
+    ('size="2 2 0.1" pos="0 0 -1"', 'size="2 2 0.1" pos="0 0 -1.00000001"', "geom:floor", 6),
     ('"0.03 0.02 0.01"', '"0.03 0.02 0.01000001"',
-     "geom:#2: its size is 0.03 0.02 0.01 in the file and 0.03 0.02 0.01000001 in the engine", 2),
-    ('size="0.006"', 'size="0.0060001"', "site:grasp: its size is 0.006 in the file", 13),
+     "geom:#2: its size is 0.03 0.02 0.01 in the file and 0.03 0.02 0.01000001 in the engine", 3),
+    ('size="0.006"', 'size="0.0060001"', "site:grasp: its size is 0.006 in the file", 14),
 ])  # fmt: skip
 def test_a_moved_or_scaled_shape_differs_at_its_line(
     old: str, new: str, words: str, line: int, tmp_path: Path

@@ -93,19 +93,15 @@ def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, ShapeLines]:
 
 def _lines(classes: StatedClasses, path: Path, element: XmlElement, inherited: str) -> ShapeLines:
     chain = classes.chain(element, inherited, (element.tag,)).elements
-    stating = next((one for one in reversed(chain) if "size" in one.attributes), element)
-    file, line = _place(element, path)
-    return ShapeLines(file=file, line=line, size=_place(stating, path))
+    stated = (one.attribute_place("size") for one in reversed(chain) if "size" in one.attributes)
+    size_file, size_line = next(stated, element.place)
+    file, line = element.place
+    return ShapeLines(file=file or path, line=line or 0, size=(size_file or path, size_line or 0))
 
 
 def _fits(row: _Inherited, place: str) -> bool:
     name = place.partition(":")[2]
     return row[0].get("name", name) == name
-
-
-def _place(element: XmlElement, path: Path) -> tuple[Path, int]:
-    file, line = element.place
-    return file or path, line or 0
 
 
 def _shapes(root: XmlElement, path: Path) -> Iterator[_Inherited]:
