@@ -193,14 +193,15 @@ class _Reading:
         self._values: dict[str, Any] = {}
 
     def __getattr__(self, name: str) -> Any:
-        if name in self._values:
-            return self._values[name]
+        kept: Any
         value = getattr(self._source, name)
         if callable(value):  # returns an element by index, of which only the name is read
             self._values.update((key, getattr(self._source, key)) for key in _names())
-            return lambda i: SimpleNamespace(name=value(i).name)
-        self._values[name] = _Reading(value) if name == "opt" else value
-        return self._values[name]
+            kept = lambda i: SimpleNamespace(name=value(i).name)  # noqa: E731
+        else:
+            kept = self._values[name] = _Reading(value) if name == "opt" else value
+        self.__dict__[name] = kept  # read here once: these reads are a quarter of the time
+        return kept
 
     def is_equal(self, other: Any) -> bool:
         """Return whether the values that were read are equal in another model, to the last bit."""
