@@ -1,4 +1,4 @@
-"""Folders with faults, and the command line run on them: its own process, real workers."""
+"""Folders with faults, run by real workers."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import pytest
+
+from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.planning.options import Selection
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.run import Options, run
 
 ROOT = Path(__file__).parents[2]
 KNOWN_ANSWER = ROOT / "tests" / "known_answer"
@@ -69,12 +75,10 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from physics_crosscheck.harness.records.write import encoded, write_whole
-from physics_crosscheck.harness.planning.options import Selection
 from physics_crosscheck.harness.run import Options, run
 from physics_crosscheck.harness.jobs.limits import Limits
-out, limit, alone, *folders = sys.argv[1:]
-selection = Selection(models=None) if alone == "verdicts" else None
-options = Options(jobs=2, limits=Limits(seconds=float(limit)), selection=selection)
+out, limit, *folders = sys.argv[1:]
+options = Options(jobs=2, limits=Limits(seconds=float(limit)))
 found = run([Path(f) for f in folders], options, lambda *_: None)
 write_whole(Path(out), encoded(found.results))
 """
@@ -93,11 +97,20 @@ def run_folders(
     first_on_path: Iterable[Path] = (),
     verdicts: bool = False,
 ) -> Results:
-    """Run every case of the folders in a process of its own with two workers; its results.
+    """Run every case of the folders with two workers; its results, written and read again.
 
-    `verdicts`: those alone, no audit, linearization or diagnosis.
+    `first_on_path`: for a process of its own. `verdicts`: those alone, no audit, linearization or
+    diagnosis.
     """
-    wanted = [str(out), str(limit), "verdicts" if verdicts else "all", *map(str, folders)]
+    if not first_on_path:
+        selection = Selection(models=None) if verdicts else None
+        options = Options(jobs=2, limits=Limits(seconds=limit), selection=selection)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("CI", "1")
+            patch.syspath_prepend(str(KNOWN_ANSWER))
+            write_whole(out, encoded(run([*folders], options, lambda *_: None).results))
+        return read_results(out)
+    wanted = [str(out), str(limit), *map(str, folders)]
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, *wanted],
         capture_output=True,

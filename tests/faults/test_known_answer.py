@@ -95,7 +95,6 @@ def outcomes(ran: Results, name: str) -> list[Outcome]:
     return [case.outcome for case in cases(ran, name)]
 
 
-@pytest.mark.slow
 def test_a_right_model_agrees_to_a_thousandth_of_the_resolution(ran: Results) -> None:
     for case in cases(ran, "good"):
         assert case.outcome == "AGREES"

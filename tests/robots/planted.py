@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.case import judge, run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
@@ -34,10 +34,10 @@ class Checked:
         return case.outcome, case.reason
 
     def differs(self, old: str, new: str) -> Outcome:
-        """What a run says of the file with another number."""
+        """What the motions say of the file with another number."""
         text = self._write(old, new)
         try:
-            return run_case(self.task).outcome
+            return judge(self.task).outcome
         finally:
             self.file.write_text(text)
 
@@ -47,7 +47,7 @@ class Checked:
         (which,) = [i for i, (a, b) in enumerate(zip(words, others, strict=True)) if a != b]
         text = self._write(old, new)
         try:
-            assert run_case(self.task).outcome is Outcome.DIFFERS
+            assert judge(self.task).outcome is Outcome.DIFFERS
             found = diagnose_robot(self.task, is_reference=False)
         finally:
             self.file.write_text(text)

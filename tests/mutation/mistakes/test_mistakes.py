@@ -35,6 +35,7 @@ from tests.mutation.mistakes.mistakes import (
     Edits,
     Mistake,
 )
+from tests.physics import physics
 from tests.standing import standing_only
 
 Edited = Callable[[Mistake, Edits], Sidecar]
@@ -59,15 +60,16 @@ def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
 
 
 @cache
-def prepared(folder: Path) -> PreparedSystem:
+def prepared_copy(folder: Path) -> PreparedSystem:
     return prepare_system(folder, described=False)
 
 
 def physics_of(mistake: Mistake, sidecar: Sidecar) -> PreparedSystem:
     """The built-in folder's, or that of the copy where its equations are edited too."""
     files = {file for file, _, _ in (*mistake.needs, *mistake.edits)}
-    folder = sidecar.model.parent if SYSTEM in files else builtin() / mistake.system
-    return prepared(folder)
+    if SYSTEM not in files:
+        return physics(mistake.system)
+    return prepared_copy(sidecar.model.parent)
 
 
 @pytest.fixture
@@ -89,14 +91,14 @@ def edited(tmp_path: Path) -> Edited:
 
 def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
     """Of the second scenario, which has a known force."""
-    physics = physics_of(mistake, sidecar)
-    name = list(physics.motions)[1]
-    motion = physics.motions[name]
-    model, coordinates = load(physics.system, sidecar, mistake.engine)
+    prepared = physics_of(mistake, sidecar)
+    name = list(prepared.motions)[1]
+    motion = prepared.motions[name]
+    model, coordinates = load(prepared.system, sidecar, mistake.engine)
     claimed, _ = model.exponents(motion.varying)
     some = motion.pick(motion.informative(FEW))
     found = extrapolate(model, coordinates, some, resolution=1e-9)
-    return judge(found.limit, some, physics.components, claimed, 1e-9).outcome
+    return judge(found.limit, some, prepared.components, claimed, 1e-9).outcome
 
 
 @pytest.mark.parametrize("mistake", cases(MISTAKES))
@@ -105,10 +107,10 @@ def test_a_mistake_is_caught_and_named(
 ) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", FEW)
     sidecar = edited(mistake, (*mistake.needs, *mistake.edits))
-    physics = physics_of(mistake, sidecar)
+    prepared = physics_of(mistake, sidecar)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS
-    motions = dict(list(physics.motions.items())[:SCENARIOS])
-    task = model_task(physics, mistake.engine, sidecar).with_target(motions=motions)
+    motions = dict(list(prepared.motions.items())[:SCENARIOS])
+    task = model_task(prepared, mistake.engine, sidecar).with_target(motions=motions)
     ranking = ranked(task)
     first = ranking.fits[0]
     named = {str(cause) for cause in (*first.causes, *first.tied_with)}
@@ -129,13 +131,13 @@ def test_what_an_engine_leaves_out_still_agrees(change: Mistake, edited: Edited)
 
 def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
     """The second scenario as `run` tells it, in short: two seconds."""
-    physics = physics_of(mistake, sidecar)
-    scenario = physics.system.scenarios[1]
+    prepared = physics_of(mistake, sidecar)
+    scenario = prepared.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
     motion = replace(
-        solve(derive(physics.system), short), scale=physics.motions[scenario.name].scale
+        solve(derive(prepared.system), short), scale=prepared.motions[scenario.name].scale
     )
-    task = model_task(physics, mistake.engine, sidecar, scenario=scenario.name)
+    task = model_task(prepared, mistake.engine, sidecar, scenario=scenario.name)
     case = run_case(task.with_target(motions={scenario.name: motion}))
     assert case.full_run is not None
     return case.outcome, case.full_run
