@@ -294,10 +294,11 @@ class LawProblem(Generic[M, S]):
         model = comparison.laws
         if laws.tree is not model.tree or not same_rule(model.laws, laws.laws):
             return self._solved(laws)
-        rows = []
-        for sample in self.evaluated:
+        rows = list[Array]()
+        for sample, expected in zip(self.evaluated, self._expected, strict=True):
             acceleration, law = changed_step(model, laws, sample.solution)
-            rows.append(comparison.predict(law, acceleration, sample.engine))
+            same = law is sample.solution.law
+            rows.append(expected if same else comparison.predict(law, acceleration, sample.engine))
         return self._change(rows)
 
     def _solved(self, laws: M) -> Array:

@@ -23,6 +23,8 @@ T = TypeVar("T")
 def changed_step(model: LawModel, other: LawModel, solved: LawSolution) -> tuple[Array, LawStep]:
     """Return accelerations and the step under other numbers on the same tree, to first order.
 
+    They are those of `solved` where nothing that differs acts.
+
     Args:
         model: the laws that `solved` solves.
         other: the same tree under other laws.
@@ -38,6 +40,8 @@ def changed_step(model: LawModel, other: LawModel, solved: LawSolution) -> tuple
             problem = rows.problem(given.mass, given.free, given.loads)
             force += sign * problem.jacobian.T @ problem.forces(solved.acceleration)[0]
     driven = solved.law.driven
+    if not second.drives and not force.any():
+        return solved.acceleration, solved.law
     if second.drives:
         accelerations = model.weights.path_accelerations
         driven = drive(second, solved.posture, accelerations, solved.controls, solved.states)
