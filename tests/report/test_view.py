@@ -6,9 +6,10 @@ import pytest
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
 from physics_crosscheck.harness.render.html import render
 from physics_crosscheck.harness.render.html.cases import CaseView
 from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
@@ -324,8 +325,17 @@ def test_changes_since_the_baseline_lead_to_their_cases(seen: Report) -> None:
     assert seen.changes is not None
     (change,) = seen.changes
     assert (change.kind, change.message) == ("changed", "it agreed to 11.9 digits")
-    assert change.id == "case-system_0/mujoco.xml/mujoco/free"
+    assert [id_ for id_, _ in change.cases] == ["case-system_0/mujoco.xml/mujoco/free"]
     assert report(results(1)).changes is None
+
+
+def test_equal_changes_of_several_cases_are_one(seen: Report) -> None:
+    """A first run against an old baseline would repeat one sentence for each new case."""
+    found = results(1)
+    same = tuple(bare_diff(case.id, Status.NEW, ("not in it",)) for case in found.cases[:2])
+    found = replace(found, baseline=BaselineChanges(name="main", changes=same))
+    (change,) = report(found).changes or ()
+    assert [name for _, name in change.cases] == [str(case.id) for case in found.cases[:2]]
 
 
 def test_what_the_step_costs_is_one_sentence_with_steps(seen: Report) -> None:

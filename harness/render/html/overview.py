@@ -60,12 +60,16 @@ class IssueView:
 
 @dataclass(frozen=True, kw_only=True)
 class ChangeView:
-    """A case that differs from the baseline."""
+    """Cases that differ from the baseline in the same way.
 
-    id: str
+    Attributes:
+        kind, message: the change.
+        cases: id on the page, empty without one, and name of each.
+    """
+
     kind: str
-    name: str
     message: str
+    cases: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,16 +281,15 @@ def verdict(results: Results, collect_issues: Sequence[IssueView]) -> str:
 
 
 def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[ChangeView, ...]:
-    """Return the changes since the baseline, in the order of the record."""
+    """Return the changes since the baseline, in the order of the record, equal ones as one."""
     ids = {case.id: view.id for case, view in pairs}
+    cases: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for change in baseline.changes:
+        what = shown(change.label), shown("; ".join(change.messages))
+        cases.setdefault(what, []).append((ids.get(change.id, ""), shown(change.id)))
     return tuple(
-        ChangeView(
-            id=ids.get(change.id, ""),
-            kind=shown(change.label),
-            name=shown(change.id),
-            message=shown("; ".join(change.messages)),
-        )
-        for change in baseline.changes
+        ChangeView(kind=kind, message=message, cases=tuple(names))
+        for (kind, message), names in cases.items()
     )
 
 

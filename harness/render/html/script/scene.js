@@ -266,9 +266,14 @@ function sceneControls(viewer) {
     make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, "Inertia ", inertia),
       ...(acting ? [make("label", {}, toggle("forces"), " Contacts, limits, drives")] : []))];
   const solid = viewer.states?.inertias.length;
-  const keys = ["body", ...(mechanism.differs ? ["engine"] : []), "inertia", ...(solid ? ["solid"] : []), ...(acting ? ["contact", "limit", "drive"] : [])];
+  const keys = ["body", ...(mechanism.differs ? ["engine"] : []), ...(acting ? ["contact", "limit", "drive"] : []), "inertia", ...(solid ? ["solid"] : [])];
   const names = { body: "equations", engine: "engine", inertia: "inertia by the equations", solid: "inertia in the engine", contact: "contact", limit: "beyond a limit", drive: "drive; thick: at its limit" };
-  return make("div", { class: "steering" }, ...rows, make("p", { class: "keys" }, ...keys.map((key) => make("span", { class: `key ${key}` }, names[key])),
+  const shown = new Map(keys.map((key) => [key, make("span", { class: `key ${key}` }, names[key])]));
+  viewer.listeners.add(() => {
+    for (const key of ["inertia", "solid"]) shown.get(key)?.toggleAttribute("hidden", !viewer.inertia);
+    for (const key of ["contact", "limit", "drive"]) shown.get(key)?.toggleAttribute("hidden", !viewer.acting || !viewer.forces);
+  });
+  return make("div", { class: "steering" }, ...rows, make("p", { class: "keys" }, ...shown.values(),
     ...(viewer.lit.size ? [make("span", { class: "key lit" }, "named by the cause")] : [])), words, ...unlikeInertias(viewer));
 }
 
