@@ -166,14 +166,12 @@ class Trials:
         self._texts = {file: file.read_bytes() for file in files}
         self._end = time.process_time() + PATIENCE
 
-    def nudge(self, numbers: Sequence[int], together: int) -> None:
-        """Nudge numbers; change those that the engine rejects to the next whole number.
+    def nudge(self, groups: Iterable[Sequence[int]]) -> None:
+        """Nudge each group's numbers in one copy, and if that has an effect, in smaller groups.
 
-        Args:
-            together: how many to nudge first in one copy.
+        Change numbers that the engine rejects to the next whole number.
         """
-        for first in range(0, len(numbers), together):
-            group = numbers[first : first + together]
+        for group in groups:
             self._halve(group, lambda i: _moved(self._numbers[i], i))
 
     def flip(self, group: Iterable[int]) -> None:
@@ -194,10 +192,12 @@ class Trials:
         if effect is NumberEffect.NONE:
             self.effects.update(dict.fromkeys(group, NumberEffect.NONE))
         elif len(group) > 1:
-            first, second = group[: len(group) // 2], group[len(group) // 2 :]
-            self._halve(first, words)
-            still = all(self.effects.get(i) is NumberEffect.NONE for i in first)
-            self._halve(second, words, acts=still)
+            size = 1 if len(group) <= SMALL_GROUP else (len(group) + 1) // 2
+            for first in range(0, len(group), size):
+                before, part = group[:first], group[first : first + size]
+                rest = first + size >= len(group)
+                still = rest and all(self.effects.get(i) is NumberEffect.NONE for i in before)
+                self._halve(part, words, acts=still)
         else:
             for other in words(group[0])[1:]:
                 if effect is not NumberEffect.REFUSED:
@@ -239,8 +239,9 @@ def _moved(literal: Literal, i: int) -> tuple[str, ...]:
 STATES = 24
 """States at which a model is evaluated, in addition to each component's extremes."""
 
-TOGETHER = 20
-"""Numbers that are changed together first, if most of them have no effect."""
+SMALL_GROUP = 6
+"""Largest group whose numbers are tried one by one if they have an effect together. Numbers of
+elements of one kind mostly all have one, or none."""
 
 MAX_EXAMPLES = 3
 """Maximum number of examples of a reason."""
@@ -280,11 +281,16 @@ def count_numbers(task: SystemTask) -> Coverage:
         trials = Trials(task.declared, numbers, probe, base, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
         tried = [i for i, choice in enumerate(chosen) if not choice]
-        trials.nudge([i for i in tried if reasons[i]], together=max(1, len(numbers)))
+        trials.nudge([[i for i in tried if reasons[i]]])
         others = [i for i in tried if not reasons[i]]
         # Most bound numbers have an effect, so that groups of them save no time.
-        trials.nudge([i for i in others if _place(numbers[i]) in bound], together=1)
-        trials.nudge([i for i in others if _place(numbers[i]) not in bound], together=TOGETHER)
+        trials.nudge([i] for i in others if _place(numbers[i]) in bound)
+        alike: dict[tuple[str, str], list[int]] = {}
+        for i in others:
+            if _place(numbers[i]) not in bound:
+                file, _ = _place(numbers[i])
+                alike.setdefault((file, numbers[i].path.partition("@")[0]), []).append(i)
+        trials.nudge(alike.values())
         trials.flip([i for i, one in enumerate(numbers) if _DIRECTION.fullmatch(one.path)])
     effects = {**dict.fromkeys(range(len(numbers)), NumberEffect.UNTRIED), **trials.effects}
     effects |= {i: NumberEffect.CHOICE for i, choice in enumerate(chosen) if choice}
