@@ -293,10 +293,12 @@ def newton_track(scene: CanonicalScene, h: float) -> Track:
         speed = np.zeros((1, 6), dtype=np.float32)
         speed[0, 0] = scene.speed
         one.body_qd.assign(speed)
+        pipeline = newton.CollisionPipeline(model)
+        contacts = pipeline.contacts()
         rows = []
         for _ in range(round(scene.duration / h)):
             one.clear_forces()
-            contacts = model.collide(one)
+            pipeline.collide(one, contacts)
             solver.step(one, two, None, contacts, h)
             one, two = two, one
             q, v = one.body_q.numpy()[0], one.body_qd.numpy()[0]
@@ -499,6 +501,35 @@ def sapien_pendulum(h: float) -> Track:
     return _rows(step, h)
 
 
+def newton_pendulum(h: float) -> Track:
+    """Swing to the limit in Newton with its XPBD solver."""
+    import newton
+    import warp as wp
+
+    with wp.ScopedDevice("cpu"):
+        builder = newton.ModelBuilder()
+        inertia = wp.mat33(*(POINT * np.eye(3)).ravel().tolist())
+        link = builder.add_link(mass=MASS, com=(0.0, 0.0, -LENGTH), inertia=inertia)
+        joint = builder.add_joint_revolute(
+            -1, link, axis=(0.0, -1.0, 0.0), limit_lower=-3.0, limit_upper=LIMIT
+        )
+        builder.add_articulation([joint])
+        builder.joint_q[0] = RELEASE
+        model = builder.finalize()
+        solver = newton.solvers.SolverXPBD(model)
+        states = [model.state(), model.state()]
+        newton.eval_fk(model, model.joint_q, model.joint_qd, states[0])
+
+        def step() -> tuple[float, float]:
+            states[0].clear_forces()
+            solver.step(*states, None, None, h)
+            states.reverse()
+            q, v = states[0].body_q.numpy()[0], states[0].body_qd.numpy()[0]
+            return -2 * math.atan2(q[4], q[6]), -v[4]
+
+        return _rows(step, h)
+
+
 ENGINES: Mapping[str, tuple[Callable[[CanonicalScene, float], Track], float]] = {
     "mujoco": (mujoco_track, 1 / 500),
     "mjx": (mjx_track, 1 / 500),
@@ -569,6 +600,7 @@ PROBLEMS: Mapping[str, tuple[CanonicalScene, Measure, Callable[[float], str]]] =
 PENDULUMS: Mapping[str, Callable[[float], Track]] = {
     "mujoco": mujoco_pendulum,
     "mjx": mjx_pendulum,
+    "newton": newton_pendulum,
     "drake": drake_pendulum,
     "dart": dart_pendulum,
     "sapien": sapien_pendulum,

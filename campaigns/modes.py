@@ -135,12 +135,14 @@ def mechanism(seed: int, faults: int, index: int) -> list[Both]:
         return found
 
 
-def robot(file: Path, engine: str) -> list[Both]:
-    """Judge a robot file, sound and with each number wrong in turn."""
-    task = model_task(prepare_tree(file), engine)
+def robot(file: Path, engine: str, sample: int, floating: bool) -> list[Both]:
+    """Judge a robot file, sound and with numbers wrong in turn: at most `sample`, evenly spread."""
+    task = model_task(prepare_tree(file, floating=floating), engine)
     numbers = robot_numbers(file, task.spec.settings)
     found = [both(f"{file.name} [{engine}]", 0.0, task)]
-    for index in numbers.relevant_numbers:
+    count = len(numbers.relevant_numbers)
+    for place in np.linspace(0, count - 1, min(sample, count)).astype(int):
+        index = numbers.relevant_numbers[place]
         one = numbers.numerals[index]
         for size in ROBOT_SIZES:
             value = one.value + size * (abs(one.value) if abs(one.value) > SMALL else one.scale)
@@ -176,7 +178,8 @@ def _jobs(chosen: argparse.Namespace) -> Iterator[Any]:
     for target in chosen.targets:
         if target.is_file():
             for engine in engines_to_run(target.suffix):
-                yield partial(_call, robot, target), engine.name
+                call = partial(_call, robot, target, engine.name, chosen.sample)
+                yield call, chosen.floating
             continue
         for given in model_files(target):
             if not isinstance(given, UnreadModel):
@@ -224,6 +227,8 @@ def main(given: Iterable[str] | None = None) -> int:
     parser.add_argument("--mechanisms", type=int, default=0)
     parser.add_argument("--faults", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--sample", type=int, default=10**9, help="numbers of a robot file")
+    parser.add_argument("--floating", action="store_true", help="the root link of a URDF is free")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
     chosen = parser.parse_args(None if given is None else list(given))

@@ -60,7 +60,7 @@ def _rungs_of(segments: Segments, rungs: tuple[int, ...]) -> tuple[int, ...]:
     Raises:
         MisplacedEventError: if an event is elsewhere in a segment than in its middle.
     """
-    if not segments.events:
+    if not segments.events or all(rung % 2 for rung in rungs):
         return rungs
     odd = ODD_RUNGS[: len(rungs)]
     check_events(segments, min(odd))
@@ -122,6 +122,7 @@ class Observable:
             values must be finite.
         initial: initial values of all starts, (K + 2P, C), for an engine with fewer digits than
             doubles; its rounding is added to them.
+        centred: whether segments have events in their middle.
         where: describes a start, by its segment and the rung, for a message.
     """
 
@@ -132,6 +133,7 @@ class Observable:
     scale: Array | None
     origin: Array | None = None
     initial: Array | None = None
+    centred: bool = False
     where: Callable[[int, int], str]
 
 
@@ -221,25 +223,32 @@ def climb(
         alike = o.starts.last_digits(values if o.initial is None else values - o.initial)
         judged = partial(
             limits,
-            finite_values,
-            rungs[:count],
-            o.exponents,
-            scale,
-            size,
-            rounding,
-            alike,
-            o.starts.epsilon,
+            exponents=o.exponents,
+            scale=scale,
+            rounding_scale=size,
+            rounded_alike=alike,
+            epsilon=o.starts.epsilon,
         )
-        limit = judged()
+        limit = judged(finite_values, rungs[:count], observed_rounding=rounding)
         if resolution is not None and suffices(limit, previous, count, scale, resolution):
             break
     assert limit is not None
     assert scale is not None
+    if resolution is not None and o.centred:
+        # An engine may meet an event some steps early or late, more than a coarse rung has.
+        for first in range(1, count - FIRST_JUDGED + 1):
+            if not _coarse(limit, scale, resolution):
+                break
+            other = judged(
+                finite_values[first:], rungs[first:count], observed_rounding=rounding[first:]
+            )
+            if _coarse(other, scale, resolution) < _coarse(limit, scale, resolution):
+                limit = other
     worst = largest(limit.uncertainty / scale)
     if resolution is not None and worst > resolution and o.origin is None:
         # Where rounding dominates, other weights of the same rungs amplify it less. If they do not
         # help, the cause is different, such as a motion that is not smooth.
-        other = judged(least=True)
+        other = judged(finite_values, rungs[:count], observed_rounding=rounding, least=True)
         finite = np.isfinite(other.uncertainty).all()
         if finite and largest(other.uncertainty / scale) <= resolution:
             limit = other
@@ -248,6 +257,11 @@ def climb(
     return Extrapolated(
         limit=limit, raw=np.stack(raw), rungs=used, steps=sum(used) * len(o.starts.rows)
     )
+
+
+def _coarse(limit: ExtrapolatedLimit, scale: Array, resolution: float) -> int:
+    """Return the number of segments whose uncertainty is above the resolution."""
+    return int(np.sum((limit.uncertainty / scale > resolution).any(axis=1)))
 
 
 def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
@@ -293,6 +307,7 @@ def _ends(
         rounding_scale=coordinates.rounding_scale(starts.z[:size], starts.w[:size]),
         scale=segments.scale,
         initial=initial,
+        centred=bool(segments.events),
         where=where,
     )
 

@@ -336,7 +336,9 @@ def _step_to_event(
 ) -> float:
     """Return a length that goes little beyond the next event, where formulas may be singular."""
     soon = SOON_SHARE * step
-    later = hybrid.end(mode, time, state, soon)
+    # An Euler step suffices, since only the length of a step follows from it.
+    rates = field_of(mode.equations, hybrid.signal)
+    later = state + soon * rates(np.array([time]), state[None])[0]
     now, then = hybrid.evaluate(
         mode.guards, np.array([time, time + soon]), np.stack([state, later])
     )

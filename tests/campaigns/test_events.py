@@ -7,7 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from campaigns.events import EVENTS, PEER_TESTS, Tally, compare, drawn, peer_row, planted_edits
+from campaigns.events import (
+    EVENTS,
+    PEER_TESTS,
+    RESOLUTION,
+    Tally,
+    compare,
+    drawn,
+    judged,
+    peer_row,
+    planted_edits,
+)
+from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.load import load_system
 
@@ -43,3 +54,15 @@ def test_numbers_of_contacts_and_laws_are_planted_and_masses_are_not(
     sidecar = read_sidecar(EVENTS / f"{model}.toml")
     edits = planted_edits(load_system(sidecar.model.parent), sidecar)
     assert {address for address, _, _ in edits} == numbers
+
+
+def test_a_drive_that_leaves_its_limit_some_steps_early_is_resolved() -> None:
+    # The ladder's coarsest rung has one step before the event; finer ones leave two steps early.
+    folder = EVENTS / "saturated_servo"
+    constants = {"m": 0.74384823821388705, "kp": 65.07412584242924, "kd": 5.618584911875705,
+                 "F": 8.6691978778863561, "target": 0.4592167831077551}  # fmt: skip
+    system = at_constants(load_system(folder), constants)
+    sidecar = read_sidecar(folder / "space.py.toml")
+    _, error, total = judged(system, sidecar, "pymunk", system.scenarios[0])
+    assert np.all(error < total)
+    assert total.max() < RESOLUTION
