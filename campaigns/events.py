@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -259,12 +260,12 @@ def peer_row(test: PeerTest) -> str:
     )
 
 
-def main(arguments: Mapping[str, int]) -> int:
+def main(arguments: Mapping[str, Any]) -> int:
     """Draw, compare and print; return the exit code."""
     random, tally = np.random.default_rng(arguments["seed"]), Tally()
     models = [
         path
-        for path in sorted(EVENTS.glob("*/*.toml"))
+        for path in sorted(EVENTS.glob(f"{arguments['models']}.toml"))
         if f"{path.parent.name}/{path.stem}" not in WITHOUT_LIMIT
     ]
     if arguments["peers"]:
@@ -293,6 +294,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draws", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--models", default="*/*", help="a pattern of FOLDER/FILE")
     parser.add_argument("--planted", action="store_true")
     parser.add_argument("--peers", action="store_true")
     sys.exit(main(vars(parser.parse_args())))
