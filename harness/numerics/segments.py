@@ -234,29 +234,55 @@ def climb(
             break
     assert limit is not None
     assert scale is not None
-    if resolution is not None and o.centred:
-        # An engine may meet an event some steps early or late, more than a coarse rung has.
-        for first in range(1, count - FIRST_JUDGED + 1):
-            if not _coarse(limit, scale, resolution):
-                break
-            other = judged(
-                finite_values[first:], rungs[first:count], observed_rounding=rounding[first:]
-            )
-            if _coarse(other, scale, resolution) < _coarse(limit, scale, resolution):
-                limit = other
-    worst = largest(limit.uncertainty / scale)
-    if resolution is not None and worst > resolution and o.origin is None:
-        # Where rounding dominates, other weights of the same rungs amplify it less. If they do not
-        # help, the cause is different, such as a motion that is not smooth.
-        other = judged(finite_values, rungs[:count], observed_rounding=rounding, least=True)
-        finite = np.isfinite(other.uncertainty).all()
-        if finite and largest(other.uncertainty / scale) <= resolution:
-            limit = other
+
+    def judge(first: int, least: bool) -> ExtrapolatedLimit:
+        return judged(
+            finite_values[first:],
+            rungs[first:count],
+            observed_rounding=rounding[first:],
+            least=least,
+        )
+
+    if resolution is not None:
+        limit = _reweighted(o, limit, judge, scale, resolution)
     limit.uncertainty[~alive] = np.inf
     used = rungs[: len(raw)]
     return Extrapolated(
         limit=limit, raw=np.stack(raw), rungs=used, steps=sum(used) * len(o.starts.rows)
     )
+
+
+def _reweighted(
+    o: Observable,
+    limit: ExtrapolatedLimit,
+    judge: Callable[[int, bool], ExtrapolatedLimit],
+    scale: Array,
+    resolution: float,
+) -> ExtrapolatedLimit:
+    """Return a limit, or one of the same runs that resolves more segments.
+
+    Args:
+        o: the observable.
+        limit: from all rungs.
+        judge: returns the limit without the first rungs, or with least-variance weights.
+        scale: unit of relative errors, per component, (C,).
+        resolution: of the uncertainty, in units of `scale`.
+    """
+    # An engine may meet an event some steps early or late, more than a coarse rung has.
+    for first in range(1, len(limit.increments) + 2 - FIRST_JUDGED) if o.centred else ():
+        if not _coarse(limit, scale, resolution):
+            break
+        other = judge(first, False)
+        if _coarse(other, scale, resolution) < _coarse(limit, scale, resolution):
+            limit = other
+    if largest(limit.uncertainty / scale) > resolution and o.origin is None:
+        # Where rounding dominates, other weights of the same rungs amplify it less. If they do not
+        # help, the cause is different, such as a motion that is not smooth.
+        other = judge(0, True)
+        finite = np.isfinite(other.uncertainty).all()
+        if finite and largest(other.uncertainty / scale) <= resolution:
+            limit = other
+    return limit
 
 
 def _coarse(limit: ExtrapolatedLimit, scale: Array, resolution: float) -> int:
