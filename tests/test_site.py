@@ -17,29 +17,7 @@ from tests.report.steps import needs_browser
 ROOT = Path(__file__).parents[1]
 
 
-def build(place: Path, *, notebooks: bool) -> Path:
-    """Build strictly: a link to a page or a heading that is not there is an error."""
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(place)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"NO_MKDOCS_2_WARNING": "1", "EXECUTE_NOTEBOOKS": str(notebooks).lower()},
-    )
-    assert done.returncode == 0, done.stderr
-    return place
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(tmp_path_factory.mktemp("site"), notebooks=False)
-
-
-def test_notebooks_are_pages_with_their_code(site: Path) -> None:
-    for path in (ROOT / "examples").glob("*.ipynb"):
-        page = (site / "examples" / f"{path.stem}.html").read_text()
-        assert "physics_crosscheck" in page, path.name
+pytestmark = pytest.mark.slow  # a build takes most of a minute, with the notebooks executed
 
 
 def sources() -> list[Path]:
@@ -48,14 +26,28 @@ def sources() -> list[Path]:
     return sorted(path for path in paths if "__pycache__" not in path.parts)
 
 
-@pytest.mark.slow
-def test_notebooks_show_pictures_tables_and_formulas(tmp_path: Path) -> None:
-    before = sources()
-    site = build(tmp_path, notebooks=True)
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build strictly: a link to a page or a heading that is not there is an error."""
+    place, before = tmp_path_factory.mktemp("site"), sources()
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(place)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1", "EXECUTE_NOTEBOOKS": "true"},
+    )
+    assert done.returncode == 0, done.stderr
     assert sources() == before
+    return place
+
+
+def test_notebooks_show_pictures_tables_and_formulas(site: Path) -> None:
     pages = {path.stem: path.read_text() for path in (site / "examples").glob("*.html")}
     assert pages.keys() == {path.stem for path in (ROOT / "examples").glob("*.ipynb")}
     for name, page in pages.items():
+        assert "physics_crosscheck" in page, name
         assert 'src="data:image/png;base64,' in page, name
         assert "<table" in page, name
         assert tempfile.gettempdir() + "/" not in page, name
@@ -76,7 +68,6 @@ def test_the_site_is_searched_from_disk(site: Path, tmp_path: Path) -> None:
         assert tab.problems == []
 
 
-@pytest.mark.slow
 def test_every_page_is_in_the_site(site: Path) -> None:
     pages = {
         path.relative_to(ROOT / "docs").with_suffix(".html")

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
-from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case, CheckedStep
+from tests.physics import physics
 from tests.records.made import case, full_run, verdict
 
 FOLDERS = sorted(path.parent for path in builtin().glob("*/system.py"))
@@ -51,14 +51,14 @@ def test_make_test_runs_them_as_tests() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_the_engines_linearizations_are_taylors(folder: Path) -> None:
-    physics = prepare_system(folder)
+    prepared = physics(folder.name)
     known = engines()
     for sidecar in sidecars(folder):
         for engine in sidecar.engines:
             if known[engine].version() is None:
                 pytest.skip(f"{engine} is not installed")
-            found = run_linearizations(model_task(physics, engine, sidecar))
-            assert len(found) == len(physics.equilibria)
+            found = run_linearizations(model_task(prepared, engine, sidecar))
+            assert len(found) == len(prepared.equilibria)
             for one in found:
                 assert one.a_error is not None
                 assert one.a_error <= 1e-8

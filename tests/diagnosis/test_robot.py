@@ -266,7 +266,7 @@ def test_what_an_engine_does_on_its_own_is_named() -> None:
     """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
     file = _data() / "aliengo" / "aliengo.urdf"
     task = model_task(prepare_tree(file), "pybullet")
-    assert run_case(task).outcome is Outcome.DIFFERS
+    assert judge(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(task, is_reference=True)
     assert found.explained
     (one,) = found.explanations
@@ -283,7 +283,7 @@ def test_axes_that_are_no_unit_vectors_are_named(tmp_path: Path) -> None:
         ARM.replace('xyz="0.1 0 1"', 'xyz="0 0 1"').replace("0 1 0.2", "0 0.6 0.800001")
     )
     task = model_task(prepare_tree(file), "pybullet")
-    assert run_case(task).outcome is Outcome.DIFFERS
+    assert judge(task).outcome is Outcome.DIFFERS
     causes = diagnose_robot(task, is_reference=True).explanations[0].causes
     assert "length of the axes of lift, up to 8.0e-07 off 1" in "".join(map(str, causes))
     both = task.with_settings(unit_axes=True, exact_axes=True)
@@ -299,7 +299,7 @@ def test_a_mass_that_mujoco_takes_to_be_at_its_bodys_origin_is_named(tmp_path: P
     file = tmp_path / "near.xml"
     file.write_text(NEARLY.format("9e-7"))
     task = model_task(prepare_tree(file), "mujoco")
-    assert run_case(task).outcome is Outcome.DIFFERS
+    assert judge(task).outcome is Outcome.DIFFERS
     (one,) = diagnose_robot(task, is_reference=True).explanations
     assert "frames within 1e-6" in str(one.causes[0])
     exact = task.with_settings(exact_frames=True)
@@ -322,7 +322,7 @@ def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_r
     file.write_text(TURNED.format("0", "0"))
     task = model_task(prepare_tree(file), "mujoco")
     file.write_text(TURNED.format("0", "5e-7"))
-    assert run_case(task).outcome is Outcome.DIFFERS
+    assert judge(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(task, is_reference=False)
     assert found.explained
     number, hidden = found.explanations[0].causes
@@ -366,7 +366,7 @@ def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
     file.write_text(text)
     prepared = prepare_tree(file)
     task = model_task(prepared, "mujoco")
-    assert run_case(task).outcome is Outcome.DIFFERS
+    assert judge(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(task, is_reference=True)
     assert found.explained
     (explanation,) = found.explanations

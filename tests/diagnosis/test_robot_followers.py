@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
@@ -57,7 +57,7 @@ def check_named(file: Path, engine: str, address: str, share: float) -> None:
     (file.parent / "wrong").mkdir()
     copy = copy_with_texts(file, numbers.texts({index: one.value + share}), file.parent / "wrong")
     task = model_task(prepared, engine).with_file(copy)
-    assert run_case(task).outcome is Outcome.DIFFERS
+    assert judge(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(task, is_reference=False)
     assert found.explained
     (cause,) = found.explanations[0].causes

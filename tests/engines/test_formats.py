@@ -39,7 +39,7 @@ def test_literals_of_such_a_file_are_bound_moved_and_hypotheses(
 ) -> None:
     path = folder / "good.known.toml"
     path.write_text(path.read_text() + f'[bindings]\n"{STIFFNESS}" = "k"\n')
-    sidecar, physics = read_sidecar(path), prepare_system(folder)
+    sidecar, physics = read_sidecar(path), prepare_system(folder, described=False)
     (bound,) = bindings(physics.system, sidecar)
     assert bound.exact
     moved = with_literals(sidecar, {STIFFNESS: 48.0}, tmp_path / "copy")
@@ -55,7 +55,10 @@ def test_where_it_does_not_say_causes_are_numbers_of_the_equations_alone(
 ) -> None:
     like: Mapping[str, str] = {}
     monkeypatch.setattr(KnownEngine, "syntax", like)
-    sidecar, physics = read_sidecar(folder / "good.known.toml"), prepare_system(folder)
+    sidecar, physics = (
+        read_sidecar(folder / "good.known.toml"),
+        prepare_system(folder, described=False),
+    )
     with pytest.raises(LocationError, match="numbers can be located in"):
         numbers(sidecar.model, ".*")
     assert line_of(sidecar.model, STIFFNESS) is None

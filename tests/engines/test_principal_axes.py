@@ -77,7 +77,7 @@ def hinge(tmp_path_factory: pytest.TempPathFactory) -> PreparedSystem:
     (folder / "system.py").write_text(SYSTEM)
     (folder / "body.urdf").write_text(URDF)
     (folder / "body.urdf.toml").write_text(SIDECAR)
-    return prepare_system(folder)
+    return prepare_system(folder, described=False)
 
 
 @pytest.fixture(scope="module")

@@ -1,23 +1,38 @@
-"""Every command of README, tutorial and other pages, in its order, from the wheel alone."""
+"""Every command of README, tutorial and other pages, in its order.
+
+Those of README and tutorial run from the wheel alone. On other pages `crosscheck` runs in this
+process where a line is nothing else: a process of its own would import everything again.
+"""
 
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 from pathlib import Path
 
 import pytest
 
+from tests.commands import crosscheck
 from tests.installed.conftest import Installed
 from tests.installed.documents import ROOT, check_shown, commands
 
+HERE = re.compile(r"crosscheck (?!engines)[^|;&$<>\n]*")
+"""Lines that run in this process, which may know of further engines."""
 
-def follow(document: str, installed: Installed, place: Path) -> None:
+
+def follow(document: str, installed: Installed, place: Path, *, wheel: bool = False) -> None:
     """Run a document's commands in a folder, `cd` included."""
     run, _ = commands((ROOT / document).read_text())
     assert run
     here = place
     for command in run:
+        if not wheel and HERE.fullmatch(command.text):
+            words = shlex.split(command.text)[1:]
+            done = crosscheck(*words, cwd=here, CI=None, COLUMNS=None)
+            assert done.returncode == command.code, f"{command.text}\n{done.stdout}{done.stderr}"
+            check_shown(command, done.stdout)
+            continue
         done = installed.shell(f"{command.text}\ncode=$?; pwd >&2; exit $code", here)
         said = done.stdout + done.stderr
         assert done.returncode == command.code, f"{command.text}\n{said}"
@@ -27,7 +42,7 @@ def follow(document: str, installed: Installed, place: Path) -> None:
 
 @pytest.mark.slow
 def test_the_tutorial_does_what_it_says(installed: Installed, tmp_path: Path) -> None:
-    follow("docs/tutorial.md", installed, tmp_path)
+    follow("docs/tutorial.md", installed, tmp_path, wheel=True)
 
 
 @pytest.mark.slow
@@ -56,7 +71,7 @@ def test_the_commands_of_the_readme_work(installed: Installed, tmp_path: Path) -
     shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
     data = Path(pytest.importorskip("pybullet_data").getDataPath())
     shutil.copy(data / "franka_panda" / "panda.urdf", tmp_path)
-    follow("README.md", installed, tmp_path)
+    follow("README.md", installed, tmp_path, wheel=True)
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/tutorial.md"])
