@@ -15,6 +15,7 @@ from physics_crosscheck.harness.numerics.accelerations import (
     RESOLVED_SHARE,
     Accelerations,
     Estimate,
+    force_of,
 )
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import OperatingPoint
@@ -151,30 +152,32 @@ class Compiled:
         )
         speeds = np.concatenate([going[None], going + more, going - more])
         # Measure inertia in motion: static friction would hold the model at rest.
-        ends = np.concatenate([speeds, -speeds])
-        rest = np.hstack([places, np.tile(still, (len(places), 1))])
-        states = np.concatenate(
-            [
-                np.hstack([places, np.tile(going, (len(places), 1))]),
-                np.hstack([np.tile(position, (len(ends), 1)), ends]),
-            ]
-        )
-        masses, forces = self._reference(
-            states, np.zeros((len(states), len(self.task.target.push)))
-        )
+        k, ends = len(places), np.concatenate([speeds, -speeds])
+        moving = np.hstack([places, np.tile(going, (k, 1))])
+        rest = np.hstack([places, np.tile(still, (k, 1))])
+        driven = np.hstack([np.tile(position, (len(ends), 1)), ends])
+        none = np.zeros((len(driven), len(self.task.target.push)))
+        masses, _ = self._reference(moving, none[:k])
+        _, forces = self._reference(driven, none)
         sizes = (
             np.abs(np.diagonal(masses[0])) * self.accelerations.speed * self.accelerations.fastest
         )
-        mass, force = self.accelerations.mechanics(states, sizes)
-        k = len(places)
-        forward, backward = slice(k, 2 * k), slice(2 * k, 3 * k)
+        mass, _ = self.accelerations.mechanics(moving, sizes)
         yield from self._entries(
             "inertia", equilibrium.name, masses[0], mass.value[0], mass.uncertainty[0]
         )
+        # Inertia does not depend on the velocity: `_anywhere` compares accelerations at others.
+        force = self._times(
+            driven,
+            Estimate(
+                value=np.repeat(mass.value[:1], 2 * k, axis=0),
+                uncertainty=np.repeat(mass.uncertainty[:1], 2 * k, axis=0),
+            ),
+        )
         # Odd in the velocity: damping, and a constant that only changes its sign.
-        odd = (force.value[forward] - force.value[backward]) / 2
-        odd_error = (force.uncertainty[forward] + force.uncertainty[backward]) / 2
-        wanted = (forces[forward] - forces[backward]) / 2
+        odd = (force.value[:k] - force.value[k:]) / 2
+        odd_error = (force.uncertainty[:k] + force.uncertainty[k:]) / 2
+        wanted = (forces[:k] - forces[k:]) / 2
         miss, miss_error = odd - wanted, odd_error + 16 * EPSILON * np.abs(wanted)
         slope = -_slopes(miss, np.diag(more))
         slope_error = _slope_errors(miss_error, np.diag(more))
@@ -275,14 +278,10 @@ class Compiled:
     def _times(self, states: Array, mass: Estimate) -> Estimate:
         """Compute forces at states from the accelerations there and the known inertias."""
         none = np.zeros((len(states), len(self.task.target.push)))
-        accelerations = self.accelerations.measure(
-            states, none, np.zeros((len(states), len(self.names)))
+        return force_of(
+            mass,
+            self.accelerations.measure(states, none, np.zeros((len(states), len(self.names)))),
         )
-        with np.errstate(invalid="ignore"):
-            force = np.einsum("bij,bj->bi", mass.value, accelerations.value)
-            error = np.einsum("bij,bj->bi", np.abs(mass.value), accelerations.uncertainty)
-            error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(accelerations.value))
-        return Estimate(value=force, uncertainty=np.where(np.isnan(error), np.inf, error))
 
     def _entries(
         self, kind: AuditKind, equilibrium: str, expected: Array, measured: Array, error: Array
