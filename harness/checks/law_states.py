@@ -90,8 +90,7 @@ def evaluated_states(comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]
     """Evaluate drawn states, and a few more at which parts of the laws act that never did."""
     evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
     if evaluated and isinstance(comparison, LawComparison):
-        more = tuple(_acting_states(comparison, evaluated))
-        evaluated += comparison.evaluate(more) if more else []
+        evaluated += tuple(_acting_states(comparison, evaluated))
     return evaluated
 
 
@@ -126,19 +125,21 @@ class KeptSteps:
 
 def _acting_states(
     comparison: LawComparison, evaluated: Sequence[Evaluated[LawSolution]]
-) -> Iterator[WholeState]:
+) -> Iterator[Evaluated[LawSolution]]:
     """Yield states at which parts of the laws act that don't elsewhere, most of them first."""
     missing = comparison.missing_parts(evaluated)
     states = _candidates(comparison, missing)
     sets = list(comparison.acting(states)) if states else []
-    for _ in range(min(ADDED, len(states))):
+    added = 0
+    while added < ADDED and any(acts & missing for acts in sets):
         best = max(range(len(sets)), key=lambda k: len(sets[k] & missing))
-        if not sets[best] & missing:
-            return
-        if _usable(comparison.model, states[best]):
-            missing = missing - sets[best]
-            yield states[best]
         sets[best] = set()
+        if not _usable(comparison.model, states[best]):
+            continue
+        for sample in comparison.evaluate([states[best]]):  # contacts may push a limit back
+            if acting := missing & set(comparison.laws.acting(sample.solution)):
+                missing, added = missing - acting, added + 1
+                yield sample
 
 
 def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]:
