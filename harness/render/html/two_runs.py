@@ -70,7 +70,7 @@ def render_two_runs(runs: RunDiff, place: Path, folders: tuple[Path, Path]) -> s
     page = TwoRunsPage(
         title=f"{moved} of {counted(len(rows), 'case')} changed",
         headline=shown(headline(runs)),
-        reports=((shown(runs.before), before), (shown(runs.after), after)),
+        reports=((_time(runs.before), before), (_time(runs.after), after)),
         versions=tuple((shown(a), shown(b), shown(c)) for a, b, c in runs.versions),
         fixed=tuple(map(shown, runs.fixed)),
         broken=tuple(map(shown, runs.broken)),
@@ -102,6 +102,11 @@ def _row(case: Diff, before: str, after: str) -> RunRow:
         steps=(_seconds(case.time_steps[0]), _seconds(case.time_steps[1])),
         reason=shown(case.after.reason if case.after else ""),
     )
+
+
+def _time(created: str) -> str:
+    """Return the time of a run to the minute."""
+    return f"{shown(created)[:16].replace('T', ' ')} UTC"
 
 
 def _symbol(outcome: Outcome | None) -> str:
