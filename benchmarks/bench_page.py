@@ -1,20 +1,21 @@
 """What a page's picture costs in a headless browser: first drawing, and each frame.
 
 `python -m benchmarks.bench_page PAGE [FRAGMENT]` opens a page that `crosscheck run` wrote. Headless
-browsers draw by software: `script` is the time of the page's own code, `raster` that of drawing.
+browsers draw by software. `script` and `raster` are processor times, of the page and of drawing.
 """
 
 from __future__ import annotations
 
-import statistics
 import sys
 import tempfile
 from pathlib import Path
 
-from tests.report.chromium import Tab, running
+import numpy as np
 
-OPENINGS, SECONDS = 5, 3.0
-"""Number of openings, and time for which frames are counted."""
+from tests.report.chromium import Browser, Tab, running
+
+OPENINGS, FRAMES, SECONDS = 5, 30, 3.0
+"""Number of openings and of drawn frames, and time for which frames are counted."""
 
 BOX = "document.querySelector('.view.current .scene')"
 
@@ -24,18 +25,16 @@ FIRST = """new MutationObserver((_, watch) => {
   watch.disconnect();
 }).observe(document, { subtree: true, attributes: true, attributeFilter: ["data-frames"] });"""
 
-COSTS = f"""(() => {{
-  const {{ viewer }} = {BOX}, rows = [], context = viewer.drawing.renderer?.getContext();
-  for (let i = 0; i < 20; i += 1) {{
-    const began = performance.now();
-    viewer.time = (viewer.horizon * i) / 20;
+FRAME = f"""(async () => {{
+  const {{ viewer }} = {BOX}, context = viewer.drawing.renderer?.getContext();
+  viewer.playing = true;
+  for (let i = 0; i < {FRAMES}; i += 1) {{
+    viewer.time = (viewer.horizon * i) / {FRAMES};
     for (const listener of viewer.listeners) listener();
     viewer.draw();
-    const script = performance.now() - began;
     context?.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, new Uint8Array(4));
-    rows.push([script, performance.now() - began - script]);
   }}
-  return rows;
+  viewer.playing = false;
 }})()"""
 
 PLAYED = f"""(async () => {{
@@ -58,23 +57,38 @@ def opened(tab: Tab, address: str) -> float:
     return float(tab.run("window.drawn"))
 
 
+def seconds(browser: Browser) -> tuple[float, float]:
+    """Return the processor time of the processes that run scripts, and of the one that draws."""
+    found = browser.send("SystemInfo.getProcessInfo")["processInfo"]
+    script, raster = (
+        sum(one["cpuTime"] for one in found if one["type"] == kind) for kind in ("renderer", "GPU")
+    )
+    return script, raster
+
+
 def main(page: str, fragment: str = "") -> None:
     address = Path(page).absolute().as_uri() + (f"#{fragment}" if fragment else "")
+    rows = []
     with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as browser:
-        times = []
         for _ in range(OPENINGS):
             with browser.tab() as tab:
-                times.append(opened(tab, address))
+                began = seconds(browser)
+                first = opened(tab, address)
                 tab.run(f"{BOX}.viewer.set({{ playing: false }})")
-                script, raster = map(statistics.median, zip(*tab.run(COSTS)[2:], strict=True))
+                drawn = seconds(browser)
+                tab.run(FRAME)
+                frames = seconds(browser)
+                rows.append((first, *np.subtract(drawn, began), *np.subtract(frames, drawn)))
         with browser.tab() as tab:
             opened(tab, address)
-            frames = tab.run(PLAYED)
+            rate = tab.run(PLAYED)
             bodies = tab.run(f"{BOX}.viewer.data.bodies.length")
-    first, rest = times[0], statistics.median(times[1:])
+    first, *costs = np.median(rows, axis=0)
+    start, drawing, script, raster = 1e3 * np.array(costs)
     print(f"{page}: {Path(page).stat().st_size / 1e6:.2f} MB, {bodies} bodies")
-    print(f"first drawing {first:.0f} ms in a new browser, {rest:.0f} ms later")
-    print(f"a frame: script {script:.1f} ms, raster {raster:.1f} ms; {frames:.1f} frames/s")
+    print(f"first drawing: {first:.0f} ms; script {start:.0f} ms, raster {drawing:.0f} ms")
+    print(f"a frame: script {script / FRAMES:.1f} ms, raster {raster / FRAMES:.1f} ms")
+    print(f"in motion: {rate:.1f} frames/s")
 
 
 if __name__ == "__main__":
