@@ -192,6 +192,7 @@ def limits(
     rounded_alike: Array | float = 0.0,
     epsilon: float = EPSILON,
     least: bool = False,
+    apart: Array | None = None,
 ) -> ExtrapolatedLimit:
     """Extrapolate raw values of the rungs and judge the result.
 
@@ -224,6 +225,8 @@ def limits(
             increments do not contain it, and weights do not amplify it.
         epsilon: relative rounding of the engine's numbers.
         least: whether to use least-variance weights, as always for numbers coarser than doubles.
+        apart: whether each segment is unlike its neighbours, as one with an event, (K,); the
+            uncertainty of the others does not depend on it. None: all are alike.
     """
     least = least or epsilon > EPSILON
     stack = np.stack(values)
@@ -232,6 +235,9 @@ def limits(
     steps = [np.abs(b - a) for a, b in pairwise(estimates)]
     increments = np.array([float(np.max(step / scale)) for step in steps])
     smooth = [_neighbourhood(step) for step in steps]
+    if apart is not None:
+        alike = [_neighbourhood(np.where(apart[:, None], 0.0, step)) for step in steps]
+        smooth = [np.where(apart[:, None], *both) for both in zip(smooth, alike, strict=True)]
     best: tuple[float, int, Array, Array] | None = None
     for m in range(first, len(each)):
         here, before, earlier = smooth[m - 1], smooth[m - 2], smooth[m - 3]

@@ -122,7 +122,7 @@ class Observable:
             values must be finite.
         initial: initial values of all starts, (K + 2P, C), for an engine with fewer digits than
             doubles; its rounding is added to them.
-        centred: whether segments have events in their middle.
+        centred: whether each start has an event in the middle of its segment, (K,); None: none has.
         where: describes a start, by its segment and the rung, for a message.
     """
 
@@ -133,7 +133,7 @@ class Observable:
     scale: Array | None
     origin: Array | None = None
     initial: Array | None = None
-    centred: bool = False
+    centred: Array | None = None
     where: Callable[[int, int], str]
 
 
@@ -228,6 +228,7 @@ def climb(
             rounding_scale=size,
             rounded_alike=alike,
             epsilon=o.starts.epsilon,
+            apart=o.centred,
         )
         limit = judged(finite_values, rungs[:count], observed_rounding=rounding)
         if resolution is not None and suffices(limit, previous, count, scale, resolution):
@@ -269,7 +270,8 @@ def _reweighted(
         resolution: of the uncertainty, in units of `scale`.
     """
     # An engine may meet an event some steps early or late, more than a coarse rung has.
-    for first in range(1, len(limit.increments) + 2 - FIRST_JUDGED) if o.centred else ():
+    omitted = len(limit.increments) + 1 - FIRST_JUDGED if o.centred is not None else 0
+    for first in range(1, omitted + 1):
         if not _coarse(limit, scale, resolution):
             break
         other = judge(first, False)
@@ -323,6 +325,11 @@ def _ends(
         return f"from the segment{when}{scenario}, in {rung} steps of {length / rung:.3g} s"
 
     size = starts.count
+    middle = segments.t + segments.lengths / 2
+    centred = None
+    if segments.events:
+        offset = np.abs(np.array(segments.events)[:, None] - middle).min(axis=0)
+        centred = offset <= CENTRED * segments.lengths
     initial = None
     if starts.epsilon > EPSILON:
         initial = coordinates.from_engine(starts.z, starts.w, segments.start[starts.rows])
@@ -333,7 +340,7 @@ def _ends(
         rounding_scale=coordinates.rounding_scale(starts.z[:size], starts.w[:size]),
         scale=segments.scale,
         initial=initial,
-        centred=bool(segments.events),
+        centred=centred,
         where=where,
     )
 

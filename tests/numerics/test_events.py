@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.numerics.ladder import ODD_RUNGS, RUNGS
+from physics_crosscheck.harness.numerics.ladder import ODD_RUNGS, RUNGS, limits
 from physics_crosscheck.harness.numerics.segments import MisplacedEventError, check_events
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import solve_events
@@ -41,3 +41,14 @@ def test_every_rung_meets_a_centred_event_in_the_middle_of_a_step() -> None:
     assert all(rung % 2 for rung in ODD_RUNGS)
     assert not all(rung % 2 for rung in RUNGS)
     assert np.all(np.diff(ODD_RUNGS) > 0)
+
+
+def test_an_event_off_its_middle_leaves_the_other_segments_their_limit() -> None:
+    apart = np.arange(7) == 3
+    rungs, one = ODD_RUNGS, np.ones(1)
+    # A wrong limit of a force: its event is met at another phase of each rung's steps.
+    ends = [np.where(apart, n * 0.37 % 1 / n, 1 + 1 / n)[:, None] for n in rungs]
+    for mask, resolved in ((apart, 6), (None, 2)):
+        limit = limits(ends, rungs, (1, 1), one, one, apart=mask)
+        assert np.sum(limit.uncertainty < 1e-9) == resolved
+        assert limit.uncertainty[3] > 1e-3
