@@ -269,18 +269,19 @@ class Problem:
         for _ in range(MAX_ITERATIONS):
             gradient = self.gradient(a)
             now = float(np.linalg.norm(gradient))
-            if now >= size / 2 and size <= self._negligible(a):
-                break
+            done = now >= size / 2 and size <= self._negligible(a)
             size = min(size, now)
             slope = self.forces(a)[1]
             hessian = self.mass + self.jacobian.T @ slope @ self.jacobian
             direction = np.asarray(np.linalg.solve(hessian, -gradient), dtype=np.float64)
             direction -= np.linalg.solve(hessian, hessian @ direction + gradient)
             whole = a + direction
+            if done:  # the rounding of large components hides small ones
+                return whole
             if np.linalg.norm(self.gradient(whole)) < now / 2:
                 a = whole
             elif now <= self._negligible(a):
-                break
+                return whole
             else:
                 a = a + self._line_search(a, direction) * direction
         return a
