@@ -12,6 +12,8 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.checks.acting import DRIVE_CLAMPED, FORCE_UNITS, LARGEST, NAMED
 from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
@@ -50,24 +52,35 @@ def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ..
     try:
         robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
         laws = impulse_model(robot, model.rules)
-        rows = ActingImpulses(ImpulseComparison(laws, model)).quantities() if laws else ()
-        return tuple(rows)
+        if laws is None:
+            return ()
+        # A fixed root meets the floor of a setting only.
+        floor = laws.laws.root is not None or bool(spec.settings.get("floor"))
+        links = read_urdf(Document(robot.file)).links.items() if floor else ()
+        grounded = frozenset(name for name, one in links if one.element.find("collision"))
+        return tuple(ActingImpulses(ImpulseComparison(laws, model), grounded).quantities())
     except TreeError:
         return ()
 
 
 @dataclass(frozen=True, eq=False)
 class ActingImpulses:
-    """The impulses of a file, in its drawn configuration at rest; one row for each subject."""
+    """The impulses of a file, in its drawn configuration at rest; one row for each subject.
+
+    Attributes:
+        comparison: the file in the engine, and by its laws.
+        grounded: links whose shapes meet the floor.
+    """
 
     comparison: ImpulseComparison
+    grounded: frozenset[str]
 
     def quantities(self) -> Iterator[ActingQuantity]:
         """Yield all quantities: contacts with the ground, joint limits, drives."""
         laws = self._laws
-        if laws.root is not None:  # only a floating root meets the floor
-            floor, *surfaces = laws.surfaces
-            for name, surface in zip(laws.rules.bodies[1:], surfaces, strict=True):
+        floor, *surfaces = laws.surfaces
+        for name, surface in zip(laws.rules.bodies[1:], surfaces, strict=True):
+            if name in self.grounded:
                 yield from self._contact(f"ground with {name}", floor, surface)
         rule = "unless linearDamping and angularDamping are set to 0, as here"
         yield _quantity("all links", DRAG, laws.rules.drag, "1/s", rule)

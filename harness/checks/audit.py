@@ -85,12 +85,16 @@ def audit_acting(task: TreeTask) -> Audit:
     Raises:
         EngineError: if the file cannot be compiled.
     """
+    return Audit(findings=(), acting=_file_quantities(task))
+
+
+def _file_quantities(task: TreeTask | SystemTask) -> tuple[ActingQuantity, ...]:
     engine = engines()[task.engine]
     if task.file.suffix in engine.compiles:
-        return Audit(findings=(), acting=acting_quantities(engine.compiled(task.file)))
+        return acting_quantities(engine.compiled(task.file))
     rows = merged(impulse_quantities(task.spec, task.engine))
     # Default damping is the same for all files, and off here.
-    return Audit(findings=(), acting=tuple(row for row in rows if row.quantity != DRAG))
+    return tuple(row for row in rows if row.quantity != DRAG)
 
 
 def audit_declared(task: SystemTask) -> Audit:
@@ -125,10 +129,7 @@ def _acting(task: SystemTask, model: LoadedModel) -> tuple[ActingQuantity, ...]:
     rows = planar_quantities(task.spec, task.engine, model)
     if not task.target.system.interactions:
         return rows
-    engine = engines()[task.engine]
-    if task.file.suffix in engine.compiles:
-        rows = acting_quantities(engine.compiled(task.file))
-    return (*rows, *declared_quantities(task.target.system))
+    return (*(rows or _file_quantities(task)), *declared_quantities(task.target.system))
 
 
 def _compiled(

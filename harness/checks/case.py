@@ -36,13 +36,14 @@ from physics_crosscheck.harness.checks.verdict import (
     judged,
     with_dynamics,
     with_full_runs,
+    with_lost_contact,
     with_spread,
 )
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.event_runs import phase_spread, study_events
+from physics_crosscheck.harness.numerics.event_runs import lost_contact, phase_spread, study_events
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison,
 )
@@ -458,10 +459,14 @@ def _judge_segments(
 def _with_spread(
     task: ModelTask[Prepared], followed: Followed, verdict: CaseJudgement
 ) -> CaseJudgement:
-    """Report a spread where the state after an event has no limit as the time step falls."""
+    """Report a contact that is lost from step to step, or a spread without a limit."""
     motion = task.target.segments(task.scenario)
     if verdict.outcome is Outcome.AGREES or not isinstance(motion, Motion):
         return verdict
+    if verdict.outcome is Outcome.UNRESOLVED:
+        lost = lost_contact(followed.model, followed.map, motion, verdict.time)
+        if lost is not None:
+            return with_lost_contact(verdict, lost)
     spread = phase_spread(followed.model, followed.map, motion, verdict.time)
     return verdict if spread is None else with_spread(verdict, spread, task.target.components)
 

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from physics_crosscheck.harness.numerics import judgement
-from physics_crosscheck.harness.numerics.event_runs import PhaseSpread
+from physics_crosscheck.harness.numerics.event_runs import LostContact, PhaseSpread
 from physics_crosscheck.harness.numerics.forward_dynamics import EQUALITIES, AccelerationComparison
 from physics_crosscheck.harness.numerics.full_run import SampledRun, follows
 from physics_crosscheck.harness.numerics.judgement import (
@@ -273,6 +273,16 @@ def with_spread(
         reason=values if differs else f"no limit as the time step falls: {values}",
         kind="motion" if differs else "not smooth",
     )
+
+
+def with_lost_contact(verdict: CaseJudgement, lost: LostContact) -> CaseJudgement:
+    """Return the verdict on a motion whose contact opens and closes at every step size."""
+    shares = " and ".join(
+        f"after {100 * share:.0f} % of the steps of {step:.2g} s"
+        for share, step in zip(lost.open, lost.steps, strict=True)
+    )
+    why = f"the engine loses the contact {lost.name} between steps: it is open {shares}"
+    return replace(verdict, reason=f"{why}; {verdict.reason}", kind="not smooth")
 
 
 def _coarse(limit: ExtrapolatedLimit, uncertainty: float, requested: float) -> str:

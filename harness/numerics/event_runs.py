@@ -58,6 +58,16 @@ SHRINKS = 0.5
 """Largest ratio of two spreads, at nine times the steps, of a motion that has a limit."""
 
 
+CONTACT_RUNGS = 81, 243
+"""Numbers of steps of a segment in which contacts are watched."""
+
+FEW_OPEN = 0.02
+"""Share of steps that counts as none."""
+
+OPEN = 1e-13
+"""Smallest gap of an open contact, m: above rounding."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PhaseSpread:
     """The state after an event whose place in a step differs: one component.
@@ -117,6 +127,53 @@ def phase_spread(
         off=float(off[component]),
         shrinks=shrinks,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LostContact:
+    """A contact that opens and closes from step to step, though the motion keeps it pressed.
+
+    Attributes:
+        name: of the contact.
+        steps: two step sizes, s.
+        open: shares of the steps after which it is open.
+    """
+
+    name: str
+    steps: tuple[float, float]
+    open: tuple[float, float]
+
+
+def lost_contact(
+    model: LoadedModel, coordinates: CoordinateMap, motion: Motion, time: float
+) -> LostContact | None:
+    """Return a contact that is lost in the segment at a time, at two step sizes; None if none is.
+
+    Engines that move along a tangent lift a contact off by the square of the step.
+    """
+    row = max(int(np.searchsorted(motion.t, time, side="right")) - 1, 0)
+    start, length = float(motion.t[row]), float(motion.lengths[row])
+    segment = motion.pick(np.array([row]))
+    starts = coordinates.to_engine(segment.start)
+    runs = []
+    for rung in CONTACT_RUNGS:
+        h = length / rung
+        force = coordinates.force(segment.step_inputs(np.zeros(1, dtype=np.intp), rung))
+        z, w = model.rollout(*starts, h, rung, force, 1)
+        ends = np.repeat(segment.end, rung, axis=0)
+        runs.append((start + h * np.arange(1, rung + 1), coordinates.from_engine(z[0], w[0], ends)))
+    for one in motion.pressed:
+        shares = []
+        for t, states in runs:
+            inside = (t > one.start) & (t < one.stop)
+            if inside.any():
+                q, v = np.split(states[inside], 2, axis=1)
+                gaps = one.gap(q, v, motion.inputs(t[inside]), t[inside, None])[:, 0]
+                shares.append(float(np.mean(gaps > OPEN)))
+        if shares and min(shares) > FEW_OPEN and max(shares) < 1 - FEW_OPEN:
+            first, second = (length / rung for rung in CONTACT_RUNGS)
+            return LostContact(name=one.name, steps=(first, second), open=(shares[0], shares[-1]))
+    return None
 
 
 def study_events(

@@ -145,6 +145,11 @@ class Model(Record, frozen=True, kw_only=True):
         return self.folder, self.model, self.engine
 
     @property
+    def declares(self) -> bool:
+        """Whether its system declares what its contacts, limits and friction are to act as."""
+        return any(row.declared for row in self.acting)
+
+    @property
     def findings(self) -> tuple[AuditFinding, ...]:
         """Findings without motion, except notes.
 

@@ -9,7 +9,7 @@ Segments are laid by the events: each is free of events, or has one in its middl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 
@@ -42,6 +42,7 @@ from physics_crosscheck.reference.solving.integrate import (
 from physics_crosscheck.reference.solving.segments import (
     EventMark,
     Motion,
+    PressedContact,
     Segments,
     Span,
     chebyshev_nodes,
@@ -451,21 +452,34 @@ def _check_single(time: float, part: Contacting, other: Contacting | None) -> No
 def _impulse(
     mass: Array, normal: Array, across: Array, approach: float, slip: float, *, mu: float, e: float
 ) -> Array:
-    """Return the generalized impulse of one impact, (n,)."""
-    if mu > 0 and np.any(across):
-        both = np.stack([normal, across])
-        sticking = np.linalg.solve(
-            both @ np.linalg.solve(mass, both.T), [-(1 + e) * approach, -slip]
-        )
-        if abs(sticking[1]) <= mu * sticking[0]:
-            return np.asarray(both.T @ sticking)
-        direction = normal + np.sign(sticking[1]) * mu * across
+    """Return the generalized impulse of one impact, (n,).
+
+    Friction is inside the cone of the whole normal impulse, as in impulse engines. Without coupling
+    between both directions, Poisson's compression and restitution give the same impulse.
+
+    Raises:
+        EventError: if the impact jams, or gains energy.
+    """
+    both, before = np.stack([normal, across]), np.array([approach, slip])
+    mobility = both @ np.linalg.solve(mass, both.T)
+    wanted = -(1 + e) * approach
+    rough = mu > 0 and bool(np.any(across))
+    sticking = np.linalg.solve(mobility, [wanted, -slip]) if rough else np.zeros(2)
+    if rough and abs(sticking[1]) <= mu * sticking[0]:
+        impulse = sticking
     else:
-        direction = normal
-    share = normal @ np.linalg.solve(mass, direction)
-    if share <= 0:
-        raise EventError("an impact against friction jams (a Painleve configuration)")
-    return np.asarray(-(1 + e) * approach / share * direction)
+        direction = np.array([1.0, np.sign(sticking[1]) * mu])
+        share = mobility[0] @ direction
+        if share <= 0:
+            raise EventError("an impact against friction jams (a Painleve configuration)")
+        impulse = wanted / share * direction
+    gain = impulse @ (before + mobility @ impulse / 2)
+    if gain > TOUCH * abs(impulse[0] * approach):
+        raise EventError(
+            f"an impact at {approach:.3g} m/s gains energy, by restitution {e:g} and friction "
+            f"{mu:g} at a slanted contact; Newton's restitution has no meaning here; lower one"
+        )
+    return np.asarray(both.T @ impulse)
 
 
 def lay_segments(
@@ -489,7 +503,18 @@ def lay_segments(
         motions.append(_smooth(hybrid, stretch, graded(*bounds, (2 * first, 2 * last), usual)))
         if k < len(events):
             motions.append(_centred(hybrid, stretch, stretches[k + 1], events[k], halves[k]))
-    return _chained(motions, [event.mark for event in events], fastest)
+    motion = _chained(motions, [event.mark for event in events], fastest)
+    return replace(motion, pressed=tuple(_pressed(hybrid, stretches)))
+
+
+def _pressed(hybrid: Hybrid, stretches: Sequence[Stretch]) -> Iterator[PressedContact]:
+    """Yield the contacts of each stretch."""
+    for i, part in enumerate(hybrid.parts):
+        there = [stretch for stretch in stretches if stretch.mode.modes[i] != FREE]
+        if isinstance(part, Contacting) and there:
+            gap = hybrid.equations.compile([part.gap])
+            for one in there:
+                yield PressedContact(name=part.name, start=one.start, stop=one.stop, gap=gap)
 
 
 def graded(

@@ -230,6 +230,22 @@ class EventMark:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PressedContact:
+    """A contact that is pressed from one event to another.
+
+    Attributes:
+        name: its name.
+        start, stop: s.
+        gap: its gap, of (q, v, u, (t,)).
+    """
+
+    name: str
+    start: float
+    stop: float
+    gap: NumericFunction
+
+
+@dataclass(frozen=True, kw_only=True)
 class Motion(Segments):
     """A solved scenario: segments that join.
 
@@ -241,6 +257,7 @@ class Motion(Segments):
         spans: tiling of the duration by segments.
         method: how the states were computed and checked.
         marks: the events; None if the equations never change.
+        pressed: contacts between events.
         halves: nodes before and after an event, (2, NODES, 2n), by the row of its segment.
     """
 
@@ -250,6 +267,7 @@ class Motion(Segments):
     spans: tuple[Span, ...]
     method: str
     marks: tuple[EventMark, ...] | None = None
+    pressed: tuple[PressedContact, ...] = ()
     halves: Mapping[int, Array] = field(default_factory=dict)
 
     @staticmethod

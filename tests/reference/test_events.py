@@ -353,6 +353,39 @@ def test_a_rod_that_jams_is_refused() -> None:
     assert solve_events(derive(dragged), back).events == ()
 
 
+@pytest.mark.parametrize(("mu", "spin"), [(0.1, 0.0), (0.4, 0.0), (0.4, -9.0), (0.0, 3.0)])
+def test_friction_at_an_impact_is_that_of_compression_and_restitution(
+    mu: float, spin: float
+) -> None:
+    """Catch friction of the compression alone, and a slip that goes on beyond sticking."""
+    e, fall = 0.5, np.sqrt(2 * 9.81 * 0.1)
+    # A disc: impulses act on the normal direction by 1, and on the slip by 1 + 1 / J.
+    slip, normal, across = 1.0 - spin, 0.0, 0.0
+    for part in (fall, e * fall):
+        needed = -(slip + 4 * across) / 4
+        normal, across = normal + part, across + float(np.clip(needed, -mu * part, mu * part))
+    start = Scenario("thrown", "falls on its rim", q={x: 0, y: 1.1, angle: 0},
+                     v={x: 1.0, y: 0, angle: spin}, inputs={}, duration=0.2)  # fmt: skip
+    rim = Contact("rim", gap=y.q - HALF, slip=x.v - HALF * angle.v, mu=mu, e=e)
+    thrown = solve_events(derive(planar((rim,), start)), start)
+    (impact,) = thrown.events
+    assert_close(thrown.end[-1][3:], [1 + across, normal - fall - 9.81 * (0.2 - impact),
+                                      spin - 3 * across])  # fmt: skip
+
+
+def test_an_impact_that_gains_energy_is_refused() -> None:
+    """Newton's restitution 1 of a rod that slips little: friction would add to its energy."""
+    tip = y.q - HALF * sp.sin(angle.q)
+    slip = x.v + HALF * sp.sin(angle.q) * angle.v
+    start = Scenario("hit", "falls on its tip", q={x: 0, y: 0.76, angle: sp.pi / 4},
+                     v={x: 0.2, y: 0, angle: 0}, inputs={}, duration=0.2)  # fmt: skip
+    rod = planar((Contact("tip", gap=tip, slip=slip, mu=0.8, e=1),), start)
+    with pytest.raises(EventError, match="gains energy"):
+        solve_events(derive(rod), start)
+    softer = planar((Contact("tip", gap=tip, slip=slip, mu=0.8, e=0.5),), start)
+    assert len(solve_events(derive(softer), start).events) == 1
+
+
 def test_simultaneous_impacts_are_refused() -> None:
     ends = [
         Contact(f"end {sign}", gap=y.q + sign * HALF * sp.sin(angle.q), slip=0, mu=0, e=0.5)

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.records.case import (
     Verdict,
     WholeStep,
 )
+from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import ReferenceMotion
 from physics_crosscheck.harness.render.html.scenes import SceneView
@@ -106,6 +107,7 @@ def case_view(
     pack: str,
     scene: SceneView | None,
     scenario: ReferenceMotion | None,
+    model: Model | None,
 ) -> CaseView:
     """Return the view of one case.
 
@@ -115,6 +117,7 @@ def case_view(
         pack: id of its numbers and plots; empty without series.
         scene: its bodies; None for declared energies.
         scenario: the system's record of its scenario; None if the system could not be read.
+        model: the record of its model in its engine; None if it did not run.
     """
     verdict, full_run = case.verdict, case.full_run
     judged = is_judged(case)
@@ -129,6 +132,7 @@ def case_view(
         ("One step", () if case.stepping is None else _one_step(case.stepping)),
         ("Whole steps", () if case.whole_step is None else _whole_step(case.whole_step)),
         ("Events", () if full_run is None else tuple(_event_facts(full_run))),
+        ("Acts as", () if model is None else tuple(_acting_facts(model))),
         ("Other steps", () if full_run is None else tuple(_steps(full_run))),
         ("Run", tuple(_run(case, scenario))),
     )
@@ -346,6 +350,13 @@ def _event_facts(full_run: FullRun) -> Iterator[Fact]:
         if event.in_run is not None:
             delay = f"{quantity(event.in_run - event.time, 's', 2)} later at dt"
         yield f"{shown(event.part)}, {event.change}", f"{quantity(event.time, 's', 6)}, {delay}"
+
+
+def _acting_facts(model: Model) -> Iterator[Fact]:
+    """Yield what the numbers of a model act as, if its system declares what they are to act as."""
+    for row in model.acting if model.declares else ():
+        rule = f" ({shown(row.rule)})" if row.rule else ""
+        yield f"{shown(row.subject)}: {row.quantity}", f"{quantity(row.value, row.unit)}{rule}"
 
 
 def _steps(full_run: FullRun) -> Iterator[Fact]:

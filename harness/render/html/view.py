@@ -401,7 +401,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     ids = _Ids()
     content = Content(results, history)
     pages = {folder: ids.new(f"system-{slug(name)}") for folder, (name, _) in names.items()}
-    views = _views(results.cases, systems, ids, content)
+    views = _views(results, systems, ids, content)
     pairs = list(zip(results.cases, views, strict=True))
     diagnoses = _diagnoses(results.models, pairs, ids, content)
     worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
@@ -507,13 +507,14 @@ class _Ids:
 
 
 def _views(
-    cases: Sequence[Case], systems: Mapping[str, SystemResult], ids: _Ids, content: Content
+    results: Results, systems: Mapping[str, SystemResult], ids: _Ids, content: Content
 ) -> list[CaseView]:
     scenarios = {
         (folder, scenario.name): scenario
         for folder, system in systems.items()
         for scenario in system.scenarios
     }
+    models = {model.key: model for model in results.models}
     return [
         case_view(
             case,
@@ -521,8 +522,9 @@ def _views(
             content.case_pack(place),
             content.scene(place),
             scenarios.get((case.folder, case.scenario)),
+            models.get(case.key),
         )
-        for place, case in enumerate(cases)
+        for place, case in enumerate(results.cases)
     ]
 
 

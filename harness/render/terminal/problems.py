@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -161,15 +161,22 @@ def _of_trouble(issue: Issue, results: Results, short: bool, details: bool) -> P
         name = counted(len(cases), "case")
         return PrintedProblem(outcome=case.outcome, code=case.code, name=name, headline=headline)
     name = _engine_name(cases) if short else _case_name(case)
-    notes = () if short or not issue.others else (("", _others(cases, details)),)
+    notes = [] if short or not issue.others else [("", _others(cases, details))]
+    notes += _acting_notes(results.model_of(case))
     return PrintedProblem(
         outcome=case.outcome,
         code=case.code,
         name=name,
         headline=headline,
-        notes=notes,
+        notes=tuple(notes),
         output=tuple(_printed(case)[-OUTPUT_LINES:]),
     )
+
+
+def _acting_notes(model: Model | None) -> Iterator[Note]:
+    """Yield what the numbers of a file act as, if its system declares what they are to act as."""
+    if model is not None and model.declares:
+        yield from acting_texts(model.acting)
 
 
 def _printed(case: Case) -> list[str]:
@@ -209,7 +216,7 @@ def _difference(
     for alike in groups:
         named = f" [{', '.join(one.engine for one in alike)}]" if len(groups) > 1 else ""
         notes += _cause_notes(alike[0], named, details)
-        notes += acting_texts(alike[0].acting) if is_declared(alike[0]) else ()
+        notes += _acting_notes(alike[0])
     engines = list(dict.fromkeys(case.engine for case in cases))
     name = ", ".join(engines) if short else f"{worst.system}/{worst.model} [{', '.join(engines)}]"
     place = [one for one in results.cases if (one.folder, one.model) == (worst.folder, worst.model)]
@@ -224,11 +231,6 @@ def _difference(
     return PrintedProblem(
         outcome=worst.outcome, code=code, name=name, headline=headline, notes=tuple(notes)
     )
-
-
-def is_declared(model: Model) -> bool:
-    """Return whether a system declares what the contacts of a model are to act as."""
-    return any(row.declared for row in model.acting)
 
 
 def _explaining_codes(model: Model) -> list[str]:

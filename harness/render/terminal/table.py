@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -29,7 +29,6 @@ from physics_crosscheck.harness.render.terminal.models_table import (
 )
 from physics_crosscheck.harness.render.terminal.problems import (
     MAX_PROBLEMS,
-    is_declared,
     is_single_file,
     print_problems,
 )
@@ -265,11 +264,8 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         line := coverage_summary(results.models)
     ):
         print_wrapped(console, f"{line}; --details lists the rest")
-        differing = {case.key for case in results.cases if case.outcome is not Outcome.AGREES}
-        for model in results.models:
-            if is_declared(model) and model.key not in differing:
-                for label, text in acting_texts(model.acting):
-                    print_wrapped(console, f"{model.id} {label}: {text}", indent=2)
+        for line in _acting_lines(results):
+            print_wrapped(console, line, indent=2)
     lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
     for line in lines:
         print_wrapped(console, line)
@@ -293,7 +289,17 @@ def _print_details(console: Console, results: Results) -> None:
     accepted = [c for c in results.cases if c.outcome is not Outcome.AGREES and c.accepted]
     lines = [f"{case.id}: {WORDS[case.outcome]}, {case.accepted}" for case in accepted]
     _print_list(console, "accepted", lines)
+    _print_list(console, "acting", list(_acting_lines(results)))
     _print_list(console, "coverage", coverage_lines(results.models))
+
+
+def _acting_lines(results: Results) -> Iterator[str]:
+    """Yield what the numbers of agreeing files act as, if their systems declare it."""
+    problems = {case.key for case in results.cases if case.outcome is not Outcome.AGREES}
+    for model in results.models:
+        if model.declares and model.key not in problems:
+            for label, text in acting_texts(model.acting):
+                yield f"{model.id} {label}: {text}"
 
 
 def _print_list(console: Console, title: str, lines: Sequence[str]) -> None:

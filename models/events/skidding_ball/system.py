@@ -31,5 +31,6 @@ system = System(
                  v={x: 1.0, z: 0, theta: -30.0}, inputs={}, duration=0.8),
     ),
     published=(),
-    interactions=(Contact("floor", gap=z.q, slip=x.v - R * theta.v, mu=mu, e=0),),
+    # A soft contact acts halfway between the surfaces; z is zero in a rigid one.
+    interactions=(Contact("floor", gap=z.q, slip=x.v - (R + z.q / 2) * theta.v, mu=mu, e=0),),
 )  # fmt: skip

@@ -34,5 +34,6 @@ system = System(
                  v={x: -2.0, z: 0, theta: 0}, inputs={}, duration=1.0),
     ),
     published=(),
-    interactions=(Contact("slope", gap=z.q, slip=x.v - R * theta.v, mu=mu, e=0),),
+    # A soft contact acts halfway between the surfaces; z is zero in a rigid one.
+    interactions=(Contact("slope", gap=z.q, slip=x.v - (R + z.q / 2) * theta.v, mu=mu, e=0),),
 )  # fmt: skip

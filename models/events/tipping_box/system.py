@@ -24,13 +24,14 @@ TILT = 0.1  # rad
 def edge(side):
     """Return the contact of an edge of the bottom: 1 downhill, -1 uphill."""
     depth = side * b * sin(theta.q) + h * cos(theta.q)  # of the edge below the centre
-    name = "downhill edge" if side > 0 else "uphill edge"
-    return Contact(name, gap=z.q - depth, slip=x.v - depth * theta.v, mu=mu, e=0)
+    name, gap = "downhill edge" if side > 0 else "uphill edge", z.q - depth
+    # A soft contact acts halfway between the surfaces; the gap of a rigid one is zero.
+    return Contact(name, gap=gap, slip=x.v - (depth + gap / 2) * theta.v, mu=mu, e=0)
 
 
-def tilted(side):
-    """Return the position of the box on an edge, with its centre over x = 0 of the slope."""
-    return {x: 0, z: b * sin(TILT) + h * cos(TILT), theta: side * TILT}
+def tilted(side, place):
+    """Return the position of the box on an edge, with its centre over a place of the slope."""
+    return {x: place, z: b * sin(TILT) + h * cos(TILT), theta: side * TILT}
 
 
 system = System(
@@ -47,9 +48,9 @@ system = System(
     equilibria=(),
     scenarios=(
         Scenario("tip", "released beyond the lower edge, about which it turns",
-                 q=tilted(1), v={x: 0, z: 0, theta: 0}, inputs={}, duration=0.2),
+                 q=tilted(1, 0), v={x: 0, z: 0, theta: 0}, inputs={}, duration=0.2),
         Scenario("rock", "released on its upper edge; it lands on the lower one and tips on",
-                 q=tilted(-1), v={x: 0, z: 0, theta: 0}, inputs={}, duration=0.25),
+                 q=tilted(-1, 1), v={x: 0, z: 0, theta: 0}, inputs={}, duration=0.25),
     ),
     published=(),
     interactions=(edge(-1), edge(1)),

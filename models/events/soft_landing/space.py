@@ -1,0 +1,22 @@
+"""A ball that drops on a floor, and stays there."""
+
+import pymunk
+
+MASS = 0.35  # kg
+RADIUS = 0.1  # m
+GRAVITY = 9.81  # m/s^2
+
+
+def build():
+    """Build the space, seen from the side."""
+    space = pymunk.Space()
+    space.gravity = (0, -GRAVITY)
+
+    # The floor is 1e-12 m above zero, so that rounding never parts it from a ball at rest; Chipmunk
+    # leaves an overlap below `collision_slop`, 0.1 m, as it is.
+    floor = pymunk.Segment(space.static_body, (-50, 1e-12), (50, 1e-12), 0)
+
+    ball = pymunk.Body(MASS, pymunk.moment_for_circle(MASS, 0, RADIUS))
+    ball.position = (0, RADIUS)
+    space.add(floor, ball, pymunk.Circle(ball, RADIUS))
+    return space, {"ball": ball}
