@@ -171,7 +171,7 @@ class Contacting:
 
         def guards(multipliers: list[sp.Expr], a: sp.Matrix) -> list[sp.Expr]:
             # Beyond touch it stays free while the law would pull.
-            pulls = (self.rate.row * a)[0] + self.rate.bias - target
+            pulls = (self.rate.row * a)[0] - target
             return [_larger(self.gap, pulls)]
 
         return ModeTerms(guards=guards)
@@ -214,16 +214,16 @@ class Contacting:
         soft = share * self.weight / self.law.points
         sideways = soft / sp.sympify(self.law.friction_ratio)
         row, sign = self.rate.row, SLIPS.get(mode, 0)
+        # The law is one of J a, without J-dot v.
         contribution = ModeTerms()
         if self.slip is not None and sign:
             row = row - sign * self.mu * self.slip.row
-            bias = self.rate.bias - sign * self.mu * self.slip.bias
-            target = normal - sign * self.mu * across - bias
+            target = normal - sign * self.mu * across
             contribution.add(row, row.T, target, soft + self.mu**2 * sideways)
         else:
-            contribution.add(row, row.T, normal - self.rate.bias, soft)
+            contribution.add(row, row.T, normal, soft)
         if self.slip is not None and not sign:
-            contribution.add(self.slip.row, self.slip.row.T, across - self.slip.bias, sideways)
+            contribution.add(self.slip.row, self.slip.row.T, across, sideways)
 
         def guards(multipliers: list[sp.Expr], a: sp.Matrix) -> list[sp.Expr]:
             low, high, _ = self._branches[branch]
@@ -231,8 +231,8 @@ class Contacting:
             if self.slip is not None and sign:
                 # Outside the cone, the force that sticking needs is beyond the edge.
                 wanted = [
-                    ((self.rate.row * a)[0] + self.rate.bias - normal) / soft,
-                    ((self.slip.row * a)[0] + self.slip.bias - across) / sideways,
+                    ((self.rate.row * a)[0] - normal) / soft,
+                    ((self.slip.row * a)[0] - across) / sideways,
                 ]
                 beyond = sign * wanted[1] + self.mu * wanted[0]
                 return [multipliers[0], beyond, *knots]
@@ -368,11 +368,11 @@ def parts_of(
     contacts = [c for i in interactions for c in (i.contacts if isinstance(i, Limit) else (i,))]
 
     def weight(rate: Rate, law: SoftLaw | None) -> sp.Expr:
-        if law is None or law.weight is not None:
-            return sp.sympify(0 if law is None else law.weight)
+        if law is None:
+            return sp.Integer(0)
         mass = sp.Matrix(equations.mass).xreplace(dict(home))
         row = rate.row.xreplace(dict(home))
-        return sp.simplify((row * solved(mass, row.T))[0])
+        return sp.simplify((row * solved(mass, row.T))[0]) * sp.nsimplify(law.weight)
 
     def law(name: str) -> SoftLaw | None:
         return laws.get(name, laws.get(name.rpartition(" ")[0]))

@@ -53,13 +53,13 @@ class SoftLaw:
         softness: k, b and d.
         friction_ratio: of the softness of normal forces to that of friction.
         points: number of equal points that share the contact.
-        weight: inverse inertia that scales the softness, 1/kg; None for the one along the row.
+        weight: inverse inertia that scales the softness, relative to that along the row.
     """
 
     softness: Softness
     friction_ratio: float = 1.0
     points: int = 1
-    weight: float | None = None
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

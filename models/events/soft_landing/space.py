@@ -8,15 +8,15 @@ GRAVITY = 9.81  # m/s^2
 
 
 def build():
-    """Build the space, seen from the side."""
+    """Build the space, seen from the side; the ball at rest is at the origin."""
     space = pymunk.Space()
     space.gravity = (0, -GRAVITY)
 
-    # The floor is 1e-12 m above zero, so that rounding never parts it from a ball at rest; Chipmunk
+    # The floor is 1e-14 m higher, so that rounding never parts it from a ball at rest; Chipmunk
     # leaves an overlap below `collision_slop`, 0.1 m, as it is.
-    floor = pymunk.Segment(space.static_body, (-50, 1e-12), (50, 1e-12), 0)
+    height = -RADIUS + 1e-14
+    floor = pymunk.Segment(space.static_body, (-50, height), (50, height), 0)
 
     ball = pymunk.Body(MASS, pymunk.moment_for_circle(MASS, 0, RADIUS))
-    ball.position = (0, RADIUS)
     space.add(floor, ball, pymunk.Circle(ball, RADIUS))
     return space, {"ball": ball}
