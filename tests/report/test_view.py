@@ -10,6 +10,7 @@ from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.render.html import render
 from physics_crosscheck.harness.render.html.cases import CaseView
 from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
@@ -91,6 +92,15 @@ def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
     assert of_it["engine steps for the verdict"] == "48\u202f185"
     assert of_it["integrator"] == "euler"
     assert of_it["f"] == "sin(t)"
+
+
+def test_a_case_shows_what_its_numbers_act_as_beside_what_is_declared() -> None:
+    found, row = results(1), ActingQuantity(subject="floor", quantity="friction", value=0.25)
+    rigid = replace(row, value=0.3, declared=True, rule="declared, rigid")
+    for acting, shown_rows in (((row,), []), ((row, rigid), ["0.25", "0.3 (declared, rigid)"])):
+        view = report(changed_model(found, 0, acting=acting)).cases[0]
+        rows = dict(view.facts).get("Acts as", ())
+        assert [value for _, value in rows] == shown_rows
 
 
 def test_cases_come_worst_first(seen: Report) -> None:
