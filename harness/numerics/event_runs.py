@@ -163,17 +163,19 @@ def lost_contact(
         ends = np.repeat(segment.end, rung, axis=0)
         times: Array = start + h * np.arange(1, rung + 1)
         runs.append((times, coordinates.from_engine(z[0], w[0], ends)))
-    for one in motion.pressed:
+    for contact in motion.pressed:
         shares = []
         for t, states in runs:
-            inside = (t > one.start) & (t < one.stop)
+            inside = (t > contact.start) & (t < contact.stop)
             if inside.any():
                 q, v = np.split(states[inside], 2, axis=1)
-                gaps = one.gap(q, v, motion.inputs(t[inside]), t[inside, None])[:, 0]
+                gaps = contact.gap(q, v, motion.inputs(t[inside]), t[inside, None])[:, 0]
                 shares.append(float(np.mean(gaps > OPEN)))
         if shares and min(shares) > FEW_OPEN and max(shares) < 1 - FEW_OPEN:
             first, second = (length / rung for rung in CONTACT_RUNGS)
-            return LostContact(name=one.name, steps=(first, second), open=(shares[0], shares[-1]))
+            return LostContact(
+                name=contact.name, steps=(first, second), open=(shares[0], shares[-1])
+            )
     return None
 
 

@@ -513,8 +513,10 @@ def _pressed(hybrid: Hybrid, stretches: Sequence[Stretch]) -> Iterator[PressedCo
         there = [stretch for stretch in stretches if stretch.mode.modes[i] != FREE]
         if isinstance(part, Contacting) and there:
             gap = hybrid.equations.compile([part.gap])
-            for one in there:
-                yield PressedContact(name=part.name, start=one.start, stop=one.stop, gap=gap)
+            for stretch in there:
+                yield PressedContact(
+                    name=part.name, start=stretch.start, stop=stretch.stop, gap=gap
+                )
 
 
 def graded(
