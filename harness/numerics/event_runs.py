@@ -161,7 +161,7 @@ def lost_contact(
         force = coordinates.force(segment.step_inputs(np.zeros(1, dtype=np.intp), rung))
         z, w = model.rollout(*starts, h, rung, force, 1)
         ends = np.repeat(segment.end, rung, axis=0)
-        times: Array = start + h * np.arange(1, rung + 1)
+        times: Array = start + h * np.arange(1, rung + 1, dtype=np.float64)
         runs.append((times, coordinates.from_engine(z[0], w[0], ends)))
     for contact in motion.pressed:
         shares = []

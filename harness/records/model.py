@@ -146,7 +146,7 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def declares(self) -> bool:
-        """Whether its system declares what its contacts, limits and friction are to act as."""
+        """True if its system declares what its contacts, limits and friction are to act as."""
         return any(row.declared for row in self.acting)
 
     @property
