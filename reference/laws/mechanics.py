@@ -167,6 +167,35 @@ class Posture:
             moment[parent] += moment[i] + arms[i] * force[i]
         return result
 
+    @cached_property
+    def mass_terms(self) -> Array:
+        """Bounds of the terms that cancel in M, (nv, nv), such as in the axial inertia of a rod.
+
+        By Cauchy and Schwarz, an entry is at most the product of the root mean square velocities
+        that two joints give to the bodies on the further one, times their mass.
+        """
+        links = self.parent.tree.links
+        masses = np.array([link.mass for link in links])
+        inertias = np.array([float(np.linalg.norm(link.inertia)) for link in links])
+        inertias += masses * [float(link.center @ link.center) for link in links]
+        result = np.zeros_like(self.mass)
+        for i in reversed(range(len(links))):
+            whole, turning = float(np.sqrt(masses[i])), float(np.sqrt(inertias[i]))
+            above, here, own = i, self.parent.tree.velocities[i], np.zeros(0)
+            while above != WORLD:
+                arm = float(np.linalg.norm(self.poses[i].origin - self.poses[above].origin))
+                turns, slides = (part.any(axis=0) for part in links[above].motion)
+                moved = turns * (turning + whole * arm) + slides * whole
+                own = moved if above == i else own
+                there = self.parent.tree.velocities[above]
+                result[here, there] = np.outer(own, moved)
+                result[there, here] = result[here, there].T
+                if above == links[i].parent:
+                    masses[above] += masses[i]
+                    inertias[above] += (turning + whole * arm) ** 2
+                above = links[above].parent
+        return result
+
     def body(self, index: int) -> Placement:
         """Return a body's frame in the world."""
         link, place = self.parent.bodies[index]

@@ -149,7 +149,7 @@ class LawModel(Constraints):
         rows = self.rows(posture, contacts)
         return LawStep(
             posture=posture,
-            problem=rows.problem(posture.mass, free, posture.loads),
+            problem=rows.problem(posture.mass, free, (posture.mass_terms, posture.loads)),
             driven=driven,
             parts=tuple(rows.parts),
             contacts=len(contacts),

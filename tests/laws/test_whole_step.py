@@ -204,9 +204,9 @@ def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     assert "noslip_iterations=0" in record.edits
 
 
-@pytest.mark.parametrize(("seed", "before"), [(0, 0), (6, 0), (11, 0), (52, 13)])
+@pytest.mark.parametrize(("seed", "before"), [(0, 0), (6, 0), (11, 0), (52, 13), (53, 4)])
 def test_no_error_exceeds_its_uncertainty(tmp_path: Path, seed: int, before: int) -> None:
-    """Catch rounding of inertial forces and arms that is not bounded, and a bound of solvers."""
+    """Catch rounding of forces, arms and inertias that is not bounded, and a bound of solvers."""
     file = tmp_path / "scene.xml"
     rng = np.random.default_rng(seed)
     for _ in range(before):
