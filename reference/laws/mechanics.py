@@ -181,14 +181,15 @@ class Posture:
         result = np.zeros_like(self.mass)
         for i in reversed(range(len(links))):
             whole, turning = float(np.sqrt(masses[i])), float(np.sqrt(inertias[i]))
-            above, here, own = i, self.parent.tree.velocities[i], np.zeros(0)
+            above, here = i, self.parent.tree.velocities[i]
+            outer: Array = np.zeros(0)
             while above != WORLD:
                 arm = float(np.linalg.norm(self.poses[i].origin - self.poses[above].origin))
                 turns, slides = (part.any(axis=0) for part in links[above].motion)
-                moved = turns * (turning + whole * arm) + slides * whole
-                own = moved if above == i else own
+                moved: Array = np.asarray(turns * (turning + whole * arm) + slides * whole)
+                outer = moved if above == i else outer
                 there = self.parent.tree.velocities[above]
-                result[here, there] = np.outer(own, moved)
+                result[here, there] = np.outer(outer, moved)
                 result[there, here] = result[here, there].T
                 if above == links[i].parent:
                     masses[above] += masses[i]

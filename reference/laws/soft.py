@@ -182,12 +182,12 @@ class Rows:
         self.sizes.append(size + k * d * (abs(violation) + position))
         self.bounds.append(bound)
 
-    def problem(self, mass: Array, free: Array, terms: tuple[Array, Array]) -> Problem:
+    def problem(self, mass: Array, free: Array, magnitudes: tuple[Array, Array]) -> Problem:
         """Return the problem of these rows; arguments as its attributes."""
         return Problem(
             mass=mass,
             free=free,
-            terms=terms,
+            magnitudes=magnitudes,
             jacobian=np.array(self.jacobian).reshape(-1, len(free)),
             arms=np.array(self.arms).reshape(-1, len(free)),
             reference=np.array(self.reference),
@@ -206,7 +206,7 @@ class Problem:
     Attributes:
         mass: M, (nv, nv).
         free: a0, (nv,).
-        terms: sums of the magnitudes in M, (nv, nv), and in the smooth forces, (nv,).
+        magnitudes: sums of the terms' sizes in M, (nv, nv), and in the smooth forces, (nv,).
         jacobian: J, (K, nv).
         arms: magnitudes of the positions whose differences are arms in J, (K, nv).
         reference: aref, (K,).
@@ -219,7 +219,7 @@ class Problem:
 
     mass: Array
     free: Array
-    terms: tuple[Array, Array]
+    magnitudes: tuple[Array, Array]
     jacobian: Array
     arms: Array
     reference: Array
@@ -325,7 +325,7 @@ class Problem:
         The rounding of a row acts along one vector, which is short even if the row is nearly rigid.
         """
         force, slope = self.forces(a)
-        in_mass, in_forces = self.terms
+        in_mass, in_forces = self.magnitudes
         loose = (np.abs(self.mass) + in_mass) @ (np.abs(a) + np.abs(self.free)) + in_forces
         loose = loose + (np.abs(self.jacobian) + self.arms).T @ np.abs(force)
         stiff = self.jacobian.T @ slope
