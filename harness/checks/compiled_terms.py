@@ -166,7 +166,7 @@ class Compiled:
         yield from self._entries(
             "inertia", equilibrium.name, masses[0], mass.value[0], mass.uncertainty[0]
         )
-        # Inertia does not depend on the velocity: `_anywhere` compares accelerations at others.
+        # `_anywhere` would find an inertia that depends on the velocity.
         force = self._times(
             driven,
             Estimate(

@@ -219,7 +219,7 @@ def _check_laws(
             for what, count in compiled.besides
         )
         comparison = LawComparison(laws, model)
-        check = _check(comparison, steps.evaluated(comparison), covered, resolution)
+        check = _check(comparison, covered, resolution, steps.evaluated(comparison))
     return _with_reading(check, reading)
 
 
@@ -245,27 +245,27 @@ def _check_rules(
     if isinstance(rules, NearRigidRules):
         limited = near_rigid_model(robot, rules)
         if limited is not None:
-            comparison = LawComparison(limited, model)
-            return _check(comparison, evaluated_states(comparison), IMPULSES[:1], resolution)
+            return _check(LawComparison(limited, model), IMPULSES[:1], resolution)
     else:
         laws = impulse_model(robot, rules)
         if laws is not None:
-            impulses = ImpulseComparison(laws, model)
-            return _check(impulses, evaluated_states(impulses), IMPULSES, resolution)
+            return _check(ImpulseComparison(laws, model), IMPULSES, resolution)
     return WholeStepCheck.skipped()
 
 
 def _check(
     comparison: WholeStepComparison[M, S],
-    evaluated: Sequence[Evaluated[S]],
     covered: tuple[str, ...],
     resolution: float,
+    evaluated: Sequence[Evaluated[S]] | None = None,
 ) -> WholeStepCheck:
-    """Compare steps at evaluated states.
+    """Compare steps at drawn states, or at those that are evaluated already.
 
     Raises:
         EngineError: if no state is comparable.
     """
+    if evaluated is None:
+        evaluated = evaluated_states(comparison)
     if not evaluated:
         raise EngineError("no drawn state has a finite step that converges, with few contacts")
     compared, model = comparison.compare(evaluated), comparison.model

@@ -437,27 +437,23 @@ def _ruled_problem(task: TreeTask, numbers: UrdfNumbers, model: WholeModel) -> A
     if isinstance(model.rules, NearRigidRules):
         limited = near_rigid_numbers(numbers, model.rules)
         laws = limited.laws({})
-        if laws is None:
-            return None
-        comparison = LawComparison(laws, model)
-        return _problem(task, limited, comparison, evaluated_states(comparison))
+        return None if laws is None else _problem(task, limited, LawComparison(laws, model))
     if model.rules is None:
         return None
     hard = impulse_numbers(numbers, model.rules)
     impulses = hard.laws({})
-    if impulses is None:
-        return None
-    other = ImpulseComparison(impulses, model)
-    return _problem(task, hard, other, evaluated_states(other))
+    return None if impulses is None else _problem(task, hard, ImpulseComparison(impulses, model))
 
 
 def _problem(
     task: TreeTask,
     numbers: LawNumbers[M],
     comparison: WholeStepComparison[M, S],
-    evaluated: Sequence[Evaluated[S]],
+    evaluated: Sequence[Evaluated[S]] | None = None,
 ) -> LawProblem[M, S] | None:
-    """Compare a file with its law; None if nothing is comparable."""
+    """Compare a file with its law, at drawn or evaluated states; None if none is comparable."""
+    if evaluated is None:
+        evaluated = evaluated_states(comparison)
     if not evaluated:
         return None
     compared = comparison.compare(evaluated)

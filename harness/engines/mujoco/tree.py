@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -193,11 +193,10 @@ class _Reading:
         self._values: dict[str, Any] = {}
 
     def __getattr__(self, name: str) -> Any:
-        kept: Any
         value = getattr(self._source, name)
         if callable(value):  # returns an element by index, of which only the name is read
             self._values.update((key, getattr(self._source, key)) for key in _names())
-            kept = lambda i: SimpleNamespace(name=value(i).name)  # noqa: E731
+            kept: Any = partial(_named, value)
         else:
             kept = self._values[name] = _Reading(value) if name == "opt" else value
         self.__dict__[name] = kept  # read here once: these reads are a quarter of the time
@@ -217,6 +216,11 @@ class _Reading:
 def _bits(value: Any) -> Any:
     """Return an array's shape and bytes, or another value."""
     return (value.shape, value.tobytes()) if isinstance(value, np.ndarray) else value
+
+
+def _named(by_index: Callable[[int], Any], i: int) -> SimpleNamespace:
+    """Return the name of an element by its index."""
+    return SimpleNamespace(name=by_index(i).name)
 
 
 @cache
