@@ -49,9 +49,7 @@ class NearRigidModel(LawModel):
         rows, nv = self.rows(posture, contacts), len(posture.m)
         return LawStep(
             posture=posture,
-            problem=rows.problem(
-                self._mass(posture), self._free(posture), (posture.mass_terms, posture.loads)
-            ),
+            problem=rows.problem(self._mass(posture), self._free(posture)),
             driven=Driven(
                 forces=np.zeros(0), joint_forces=np.zeros(nv), states=states,
                 clipped=frozenset(), damping=np.zeros((nv, nv)),

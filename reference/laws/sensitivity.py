@@ -37,7 +37,7 @@ def changed_step(model: LawModel, other: LawModel, solved: LawSolution) -> tuple
         rows = model.under(laws).rows(solved.posture, contacts)
         if rows.kinds:
             given = solved.law.problem
-            problem = rows.problem(given.mass, given.free, given.magnitudes)
+            problem = rows.problem(given.mass, given.free)
             force += sign * problem.jacobian.T @ problem.forces(solved.acceleration)[0]
     driven = solved.law.driven
     if not second.drives and not force.any():

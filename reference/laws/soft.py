@@ -182,12 +182,11 @@ class Rows:
         self.sizes.append(size + k * d * (abs(violation) + position))
         self.bounds.append(bound)
 
-    def problem(self, mass: Array, free: Array, magnitudes: tuple[Array, Array]) -> Problem:
+    def problem(self, mass: Array, free: Array) -> Problem:
         """Return the problem of these rows; arguments as its attributes."""
         return Problem(
             mass=mass,
             free=free,
-            magnitudes=magnitudes,
             jacobian=np.array(self.jacobian).reshape(-1, len(free)),
             arms=np.array(self.arms).reshape(-1, len(free)),
             reference=np.array(self.reference),
@@ -206,7 +205,6 @@ class Problem:
     Attributes:
         mass: M, (nv, nv).
         free: a0, (nv,).
-        magnitudes: sums of the terms' sizes in M, (nv, nv), and in the smooth forces, (nv,).
         jacobian: J, (K, nv).
         arms: magnitudes of the positions whose differences are arms in J, (K, nv).
         reference: aref, (K,).
@@ -219,7 +217,6 @@ class Problem:
 
     mass: Array
     free: Array
-    magnitudes: tuple[Array, Array]
     jacobian: Array
     arms: Array
     reference: Array
@@ -319,13 +316,16 @@ class Problem:
             return high if last <= 0 else low
         return float(brentq(slope, low, high, xtol=SHARE_TOLERANCE, disp=False))
 
-    def rounding(self, a: Array) -> Array:
+    def rounding(self, a: Array, in_mass: Array, in_forces: Array) -> Array:
         """Return the effect of a last digit of every term on the minimizer, relative to epsilon.
 
         The rounding of a row acts along one vector, which is short even if the row is nearly rigid.
+
+        Args:
+            a: accelerations.
+            in_mass, in_forces: sums of the magnitudes in M, (nv, nv), and in the smooth forces.
         """
         force, slope = self.forces(a)
-        in_mass, in_forces = self.magnitudes
         loose = (np.abs(self.mass) + in_mass) @ (np.abs(a) + np.abs(self.free)) + in_forces
         loose = loose + (np.abs(self.jacobian) + self.arms).T @ np.abs(force)
         stiff = self.jacobian.T @ slope

@@ -47,9 +47,11 @@ class LawStep:
             a: accelerations.
             unbalanced: force that an engine's solver left, (nv,).
         """
-        unsure = DIGITS * np.finfo(float).eps * self.problem.rounding(a)
+        posture = self.posture
+        rounded = self.problem.rounding(a, posture.mass_terms, posture.loads)
+        unsure = DIGITS * np.finfo(float).eps * rounded
         for residual in (unbalanced, self.problem.residual(a)):
-            unsure = unsure + _solver_bound(self.posture.inverse, residual)
+            unsure = unsure + _solver_bound(posture.inverse, residual)
         return unsure
 
     def acted(self, a: Array) -> Iterator[tuple[str, int]]:
@@ -149,7 +151,7 @@ class LawModel(Constraints):
         rows = self.rows(posture, contacts)
         return LawStep(
             posture=posture,
-            problem=rows.problem(posture.mass, free, (posture.mass_terms, posture.loads)),
+            problem=rows.problem(posture.mass, free),
             driven=driven,
             parts=tuple(rows.parts),
             contacts=len(contacts),

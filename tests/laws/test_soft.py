@@ -117,8 +117,8 @@ def test_dry_friction_holds_up_to_its_force() -> None:
     rows = Rows(step=0.002, safe=True, velocities=np.zeros(1))
     rows.add(Kind.FRICTION, np.ones(1), FLAT, 0.0, 0.5, bound=3.0)
     mass = np.array([[2.0]])
-    held = rows.problem(mass, np.array([1.0]), (mass, np.zeros(1)))
-    slides = rows.problem(mass, np.array([4.0]), (mass, np.zeros(1)))
+    held = rows.problem(mass, np.array([1.0]))
+    slides = rows.problem(mass, np.array([4.0]))
     assert held.solve(np.zeros(1))[0] == pytest.approx((1 - D) * 1.0, rel=1e-12)
     assert slides.solve(np.zeros(1))[0] == pytest.approx(4.0 - 3.0 / 2.0, rel=1e-12)
 
