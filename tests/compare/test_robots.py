@@ -115,7 +115,10 @@ def test_one_mass_across_formats_is_one_line(tmp_path: Path, mass: str) -> None:
     assert found.outcome is Outcome.DIFFERS
     share = "+1.0e-07" if mass == "0.90000009" else "+1 %"
     assert moving(found) == [f"link fore: mass 0.9 in A, {mass} in B ({share})"]
-    assert str(result(found).properties[0].where_b).endswith("arm.urdf:10")
+    line = MJCF[: MJCF.index('mass="0.9"')].count("\n") + 1
+    difference = result(found).properties[0]
+    assert str(difference.where_a) == f"{a}:{line}"
+    assert str(difference.where_b).endswith("arm.urdf:10")
     assert result(found).terms == ()
 
 

@@ -32,7 +32,6 @@ from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSid
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, Omission
-from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -207,7 +206,7 @@ def _masses(
                 f"link {_both(x.name, y.name)}: mass {shown(m, n)}",
                 a=m,
                 b=n,
-                lines=_lines(a, b, x, y),
+                lines=(a.part_line(x), b.part_line(y)),
                 relative=abs(m - n) / max(m, n),
                 changed=with_link(a.tree, row.a, mass=masses[0] + n - m),
             )
@@ -254,7 +253,7 @@ def _named(
         f"{subject}: {message}",
         a=values[0],
         b=values[1],
-        lines=_lines(a, b, x, y),
+        lines=(a.part_line(x), b.part_line(y)),
         relative=share,
         changed=changed,
     )
@@ -279,17 +278,6 @@ def _heaviest(parts: tuple[LinkPart, ...]) -> LinkPart | None:
 
 def _both(x: str, y: str) -> str:
     return x if x == y else f"{x} / {y}"
-
-
-def _lines(
-    a: ModelSide, b: ModelSide, x: LinkPart | None, y: LinkPart | None
-) -> tuple[SourceLine | None, SourceLine | None]:
-    """Return the source lines of links of A and B."""
-    here, there = (
-        SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None
-        for side, part in ((a, x), (b, y))
-    )
-    return here, there
 
 
 def _tensors(tensor_a: Array, tensor_b: Array) -> str:

@@ -12,6 +12,7 @@ from physics_crosscheck.harness.commands.compare.equations import FileEquations
 from physics_crosscheck.harness.commands.compare.match import Match
 from physics_crosscheck.harness.commands.compare.placed import PlacedTree, placed, positions
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
@@ -48,9 +49,21 @@ class ModelSide:
         return FileEquations(self.tree, self.facts.coordinates)
 
     def joint_line(self, name: str) -> SourceLine | None:
-        """Return the line of a joint's element; None for a compiled file."""
+        """Return the line of a joint's element, if known."""
         robot = self.facts.robot
-        line = None if robot is None else robot.joint_lines.get(name)
+        line = 0 if robot is None else robot.joint_lines.get(name, 0)
+        return self._line(line, f"joint[{name}]")
+
+    def part_line(self, part: LinkPart | None) -> SourceLine | None:
+        """Return the line of a link's element, if known; in MJCF, of its `<inertial>` if any."""
+        if part is None:
+            return None
+        return self._line(part.line, f"body[{part.name}]/inertial", f"body[{part.name}]")
+
+    def _line(self, line: int | None, *addresses: str) -> SourceLine | None:
+        """Return a line, or if it is 0, as in compiled files, that of the first address found."""
+        lines = (line_of(self.file, address) for address in addresses)
+        line = line or next(filter(None, lines), None)
         return SourceLine(file=str(self.file), line=line) if line else None
 
     def limits(self, name: str) -> tuple[float, float]:

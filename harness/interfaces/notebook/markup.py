@@ -74,7 +74,8 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int
     """
 
     def cells(tag: str, row: Sequence[str]) -> str:
-        sides = (_LEFT_ALIGNED if i < text_columns else _RIGHT for i in range(len(row)))
+        right = _RIGHT + ("white-space:nowrap;" if tag == "td" else "")
+        sides = (_LEFT_ALIGNED if i < text_columns else right for i in range(len(row)))
         return "".join(
             f'<{tag} style="{_CELL}{side}">{cell}</{tag}>'
             for side, cell in zip(sides, row, strict=True)
@@ -83,7 +84,8 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int
     head = f"<thead><tr>{cells('th', [escape(one) for one in heads])}</tr></thead>"
     body = "".join(f'<tr style="background:none">{cells("td", row)}</tr>' for row in rows)
     style = "border-collapse:collapse;border:0;margin:4px 0;font-size:inherit"
-    return f'<table style="{style}">{head}<tbody>{body}</tbody></table>'
+    # Documentation themes widen the cells of tables without a class, until they are cut.
+    return f'<table class="crosscheck" style="{style}">{head}<tbody>{body}</tbody></table>'
 
 
 def shown(value: float | None, form: str = "{:.4g}") -> str:
