@@ -26,7 +26,7 @@ from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
-from physics_crosscheck.harness.diagnosis.coverage import NumberEffect, counted_numbers
+from physics_crosscheck.harness.diagnosis.coverage import SMOOTH, NumberEffect, counted_numbers
 from physics_crosscheck.harness.diagnosis.law_problem import (
     AnyLawProblem,
     diagnose_laws,
@@ -210,8 +210,9 @@ def planted(
     numbers, groups = sound.problem.numbers, dict[str, list[int]]()
     law = {*numbers.law_numbers, *numbers.law_choices}
     for i, number in enumerate(numbers.numerals):
-        shape = number.key == "size" and number.path.endswith("geom@size")
-        if number.key in kinds and number.value and (i in law or shape):
+        # No law has a gap, so that a wrong one is no difference.
+        other = number.key == "gap" or number.path.endswith("geom@size")
+        if number.key in kinds and number.value and (i in law or other):
             groups.setdefault(number.key, []).append(i)
     for key, members in groups.items():
         for i in rng.permutation(members)[:each]:
@@ -348,23 +349,32 @@ def tested(paths: Iterable[Path]) -> None:
         for one in counted:
             if NOT_DYNAMIC.fullmatch(one.path):
                 continue
-            seen = one.bound or one.effect in (NumberEffect.MOTION, NumberEffect.FRAMES)
-            word = "tested" if seen else one.effect.value
-            file[word] += 1
-            totals.setdefault(kind_of(one.path), Counter())[word] += 1
+            seen = one.bound or one.effect in (*SMOOTH, NumberEffect.SHAPES)
+            words = {"tested" if seen else one.effect.value: 1, BEFORE: int(one.smooth)}
             group = next(name for name, kind in GROUPS.items() if re.fullmatch(kind, one.path))
-            groups[group][word] += 1
+            for count in (file, totals.setdefault(kind_of(one.path), Counter()), groups[group]):
+                count.update(words)
         seconds = time.process_time() - began
         print(f"{path.parent.name}/{path.name}: {dict(file)}, {seconds:.0f} s", flush=True)
-    for kind, count in sorted(totals.items(), key=lambda item: -item[1].total()):
-        rest = {word: number for word, number in count.items() if word != "tested"}
-        print(f"{kind:30} {count['tested']:6} of {count.total():6}  {rest or ''}")
     whole = sum(totals.values(), Counter[str]())
-    for name, count in groups.items():
-        untested = 100 * (count.total() - count["tested"]) / whole.total()
-        print(f"{name:30} {count['tested']:6} of {count.total():6}  {untested:.2f} % untested")
-    print(f"{whole['tested']} of {whole.total()}: {100 * whole['tested'] / whole.total():.1f} %")
+    for kind, count in sorted(totals.items(), key=lambda item: -item[1].total()):
+        rest = {word: number for word, number in count.items() if word not in ("tested", BEFORE)}
+        print(f"{kind:30} {_shares(count, whole)}  {rest or ''}")
+    for name, count in (*groups.items(), ("all", whole)):
+        print(f"{name:30} {_shares(count, whole)}")
     print(dict(whole))
+
+
+BEFORE = "by smooth motions"
+"""Key of the numbers that are tested without whole steps and shapes; these are counted twice."""
+
+
+def _shares(count: Counter[str], whole: Counter[str]) -> str:
+    """Return how many numbers are tested, and without whole steps; untested shares of the whole."""
+    size, total = (one.total() - one[BEFORE] for one in (count, whole))
+    shares = (100 * (size - count[word]) / max(1, total) for word in ("tested", BEFORE))
+    untested = ", before ".join(f"{share:.2f} %" for share in shares)
+    return f"{count['tested']:6} of {size:6}, before {count[BEFORE]:6}; {untested} untested"
 
 
 def main() -> None:

@@ -130,6 +130,7 @@ class NumberEffect(Enum):
 
     MOTION = "motion"
     FRAMES = "frames"
+    SHAPES = "shapes and sites"
     FAINT = "effect below the resolution"
     NONE = "no effect on motion"
     FIXED = "links that do not move"
@@ -362,6 +363,7 @@ class CountedNumber:
         line: its place, such as `rod.xml:12`.
         effect: its effect.
         bound: whether it is compared with a formula.
+        smooth: whether smooth motions or frames of links depend on it, without whole steps.
     """
 
     path: str
@@ -369,6 +371,7 @@ class CountedNumber:
     line: str
     effect: NumberEffect
     bound: bool = False
+    smooth: bool = False
 
 
 def reason_of(path: str, purposes: Mapping[str, str]) -> str:
@@ -385,7 +388,7 @@ def summarized(numbers: Sequence[CountedNumber], purposes: Mapping[str, str]) ->
             counts["motion"] += 1
         elif number.bound:
             counts["audit"] += 1
-        elif number.effect is NumberEffect.FRAMES:
+        elif number.effect in (NumberEffect.FRAMES, NumberEffect.SHAPES):
             counts["frames"] += 1
         else:
             why = (
@@ -438,13 +441,15 @@ def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
     """Return each number of a file with its effect; errors as in `count_robot`."""
     problem = problem_of(task, numbers, is_reference=True)
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
-    if task.sidecar is None and not task.target.smooth:
-        says |= _in_steps(task, numbers, says)
     says |= _in_frames(task, numbers, _small_changes(numbers, says))
     says |= _in_frames(task, numbers, _reversed_axes(numbers, says))
+    smooth = {i for i, effect in says.items() if effect in SMOOTH}
+    whole = task.sidecar is None and not task.target.smooth
+    if whole:
+        steps = _in_steps(task, numbers, says)
+        says |= {i: step for i, step in steps.items() if i not in smooth or step in SMOOTH}
     if task.sidecar is None:
         says |= _in_shapes(task, numbers, says)
-    whole = task.sidecar is None and not task.target.smooth
     read = numbers.read_numbers if whole else frozenset[int]()
     choices, fixed = engines()[task.engine].choices, _fixed(task)
     return [
@@ -454,6 +459,7 @@ def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
             line=f"{one.file.name}:{one.line}",
             effect=_otherwise(one, says.get(i, NumberEffect.NONE), choices, fixed),
             bound=i in read,
+            smooth=i in smooth,
         )
         for i, one in enumerate(numbers.numerals)
     ]
@@ -484,6 +490,9 @@ def _effect(problem: RobotProblem | AnyLawProblem, index: int, resolution: float
         return NumberEffect.MOTION
     return NumberEffect.FAINT if moved else NumberEffect.NONE
 
+
+SMOOTH = (NumberEffect.MOTION, NumberEffect.FRAMES)
+"""Effects of numbers that the smooth check tests."""
 
 _UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
 
@@ -536,7 +545,7 @@ def _in_shapes(
         return {}
     count = range(len(numbers.numerals))
     others = {i for i in count if says.get(i, NumberEffect.NONE) in _UNMOVED}
-    return dict.fromkeys(numbers.placing(others), NumberEffect.FRAMES)
+    return dict.fromkeys(numbers.placing(others), NumberEffect.SHAPES)
 
 
 def _otherwise(

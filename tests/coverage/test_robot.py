@@ -174,4 +174,8 @@ def test_numbers_of_the_text_and_directions_of_axes_count(tmp_path: Path) -> Non
     assert not [one for one in bound if "damping" in one or "size" in one]
     axis = by_address["joint[a]@axis[1]"]
     assert axis.effect is NumberEffect.FRAMES
+    smooth = {address for address, one in by_address.items() if one.smooth}
+    assert "joint[a]@damping" in smooth
+    assert not smooth & bound
+    assert axis.address in smooth
     assert by_address["mujoco/default/joint@damping"].effect is NumberEffect.NONE

@@ -249,6 +249,14 @@ def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> 
     assert {(fault.outcome, fault.named) for fault in faults} == {("DIFFERS", True)}
 
 
+def test_a_wrong_gap_is_no_difference(tmp_path: Path) -> None:
+    """Catch a gap that shifts rows: MuJoCo 4 reports contacts within it, which exert no force."""
+    file = tmp_path / "scene.xml"
+    file.write_text(TOUCH[3].replace("{}", OPTIONS[1]))
+    faults = [fault for *_, fault in planted(file, 1, np.random.default_rng(1), ("gap",))]
+    assert [(fault.acts, fault.outcome) for fault in faults] == [(0.0, "AGREES")] * 2
+
+
 MESHED = """<mujoco><asset><mesh file="absent.stl"/></asset><worldbody><body>
 <joint name="hinge" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="2" diaginertia="0.1 0.06 0.05"/>
 <geom type="mesh" mesh="absent"/></body></worldbody></mujoco>"""
