@@ -193,9 +193,13 @@ class WholeStepComparison(ABC, Generic[M, S]):
 
     def evaluate(self, states: Sequence[WholeState]) -> list[Evaluated[S]]:
         """Evaluate the engine and the laws at states."""
+        return self.solve_steps([(state, self.model.evaluate(state)) for state in states])
+
+    def solve_steps(self, steps: Sequence[tuple[WholeState, EngineStep]]) -> list[Evaluated[S]]:
+        """Evaluate the laws at states with the engine's steps."""
         result = []
-        for state, posture in zip(states, self.postures(states), strict=True) if states else ():
-            engine = self.model.evaluate(state)
+        postures = self.postures([state for state, _ in steps]) if steps else iter(())
+        for (state, engine), posture in zip(steps, postures, strict=True):
             solution = self.solve(posture, state, engine)
             result.append(Evaluated(state=state, solution=solution, engine=engine))
         return [sample for sample in result if sample.solution.converged]

@@ -16,6 +16,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
 )
 from physics_crosscheck.harness.engines.protocol import (
     Array,
+    EngineStep,
     ModelSpec,
     WholeModel,
     WholeState,
@@ -55,8 +56,8 @@ LONG, SHORT = 600, 40
 
 def drawn_states(
     comparison: WholeStepComparison[M, S], count: int = STATES
-) -> Iterator[WholeState]:
-    """Yield states in which limits, contacts and drives act.
+) -> Iterator[tuple[WholeState, EngineStep]]:
+    """Yield states in which limits, contacts and drives act, with the engine's step.
 
     In turn: after a fall or a motion from a state of the file, with some joints that move beyond
     their limits, and at positions anywhere in the joints' ranges. Every other state has controls at
@@ -81,14 +82,15 @@ def drawn_states(
                 drawn = _unsaturated(comparison, rng, drawn)
             if isinstance(model.rules, ImpulseRules):
                 drawn = _pressed(model, model.rules, drawn)
-            if _usable(model, drawn):
-                yield drawn
+            step = _usable_step(model, drawn)
+            if step is not None:
+                yield drawn, step
                 break
 
 
 def evaluated_states(comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]]:
     """Evaluate drawn states, and a few more at which parts of the laws act that never did."""
-    evaluated = comparison.evaluate(tuple(drawn_states(comparison)))
+    evaluated = comparison.solve_steps(tuple(drawn_states(comparison)))
     if evaluated and isinstance(comparison, LawComparison):
         evaluated += tuple(_acting_states(comparison, evaluated))
     return evaluated
@@ -134,9 +136,10 @@ def _acting_states(
     while added < ADDED and any(acts & missing for acts in sets):
         best = max(range(len(sets)), key=lambda k: len(sets[k] & missing))
         sets[best] = set()
-        if not _usable(comparison.model, states[best]):
+        step = _usable_step(comparison.model, states[best])
+        if step is None:
             continue
-        for sample in comparison.evaluate([states[best]]):  # contacts may push a limit back
+        for sample in comparison.solve_steps([(states[best], step)]):  # contacts may push it back
             if acting := missing & set(comparison.laws.acting(sample.solution)):
                 missing, added = missing - acting, added + 1
                 yield sample
@@ -174,14 +177,15 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
     return states
 
 
-def _usable(model: WholeModel, state: WholeState) -> bool:
-    """Return whether a state is finite, not too fast, and has few contacts."""
+def _usable_step(model: WholeModel, state: WholeState) -> EngineStep | None:
+    """Return the step from a state; None if either is not finite, fast, or in many contacts."""
     values = np.concatenate([state.z, state.m, state.activations])
     if not np.all(np.isfinite(values)) or np.max(np.abs(values), initial=0.0) > MAX_SPEED:
-        return False
+        return None
     step = model.evaluate(state)
     finite = np.isfinite(step.acceleration).all() and np.isfinite(step.after.m).all()
-    return bool(finite) and step.converged and len(step.contacts) <= MAX_CONTACTS
+    usable = finite and step.converged and len(step.contacts) <= MAX_CONTACTS
+    return step if usable else None
 
 
 def _driven(

@@ -175,7 +175,10 @@ class MinimalCoordinates:
         return out
 
     def to_joint_axes(self, y: Scalars, values: Scalars) -> Scalars:
-        """Rotate velocities or forces of free joints from the link's axes to the joint's."""
+        """Rotate velocities or forces of free joints from the link's axes to the joint's.
+
+        `values` are (nv, ...), with the axes of `y` last.
+        """
         out = values.copy()
         self._place(out, y, values, rotate)
         return out

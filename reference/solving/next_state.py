@@ -288,8 +288,8 @@ class SteppedTree:
         y = self._all(x)
         mass = self._dynamics.mass(self._chart.positions(y))
         if not self._chart.plain:
-            half = np.stack([self._chart.to_joint_axes(y, column) for column in mass], axis=1)
-            mass = np.stack([self._chart.to_joint_axes(y, row) for row in half])
+            half = self._chart.to_joint_axes(y, mass.swapaxes(0, 1))
+            mass = self._chart.to_joint_axes(y, half.swapaxes(0, 1)).swapaxes(0, 1)
         return self._coupled.mass(mass)
 
     def force(self, x: Scalars, m: Scalars, u: Scalars) -> Scalars:

@@ -19,6 +19,9 @@ _EXACT: Mapping[str, float] = MappingProxyType({
 })  # fmt: skip
 """Options of an exact solver: Newton's, with dense matrices (4.0.0 has a wrong sparse Hessian)."""
 
+_ONE_STAGE = ("mjINT_EULER", "mjINT_IMPLICIT", "mjINT_IMPLICITFAST")
+"""Integrators whose step leaves the accelerations and forces at its start in place."""
+
 _VALUE_NAMES = {"solver": "Newton", "jacobian": "dense"}
 
 _EDITS = (
@@ -101,13 +104,15 @@ class MujocoWhole(WholeModel):
 
         m, d = self._model, self._data
         self._set(state, self.solver)
-        mujoco.mj_forward(m, d)
+        one_stage = mujoco.mjtIntegrator(m.opt.integrator).name in _ONE_STAGE
+        (mujoco.mj_step if one_stage else mujoco.mj_forward)(m, d)
         moved = np.zeros(m.nv)
         mujoco.mj_mulM(m, d, moved, d.qacc)
         acceleration, contacts = d.qacc.copy(), tuple(self._contacts())
         unbalanced = d.qfrc_smooth + d.qfrc_constraint - moved
-        self._set(state, self.solver)
-        mujoco.mj_step(m, d)
+        if not one_stage:
+            self._set(state, self.solver)
+            mujoco.mj_step(m, d)
         z, velocity, activations = self._read(state.z)
         return EngineStep(
             acceleration=acceleration,
