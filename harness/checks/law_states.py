@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence, Set
+from typing import Any
 
 import numpy as np
 
@@ -100,29 +101,32 @@ class KeptSteps:
     """A model and its whole steps at drawn states, for all checks of a file in one worker."""
 
     def __init__(self) -> None:
-        self._key: tuple[str, ModelSpec] | None = None
-        self._model: WholeModel | None = None
-        self._evaluated: list[Evaluated[LawSolution]] | None = None
+        self._kept: dict[str, tuple[ModelSpec, WholeModel | None]] = {}
+        self._evaluated: dict[str, list[Evaluated[Any]]] = {}
 
     def __reduce__(self) -> tuple[type[KeptSteps], tuple[()]]:
         return KeptSteps, ()  # other processes have their own
 
     def model(self, engine: str, spec: ModelSpec) -> WholeModel | None:
         """Return the loaded model; errors as of `Engine.load_whole`."""
-        if self._key != (engine, spec):
+        known, model = self._kept.get(engine, (None, None))
+        # Engines with rules hold one model in a process, and may hold another one now.
+        if known != spec or (model is not None and model.rules is not None):
             model = engines()[engine].load_whole(spec)
-            if model is None or model.rules is not None:  # its process may load others since
-                return model
-            self._key, self._model, self._evaluated = (engine, spec), model, None
-        return self._model
+        if known != spec:
+            self._evaluated.pop(engine, None)
+        self._kept[engine] = spec, model
+        return model
 
-    def evaluated(self, comparison: LawComparison) -> list[Evaluated[LawSolution]]:
-        """Return the evaluated states of a comparison with the last model."""
-        if comparison.model is not self._model:
+    def evaluated(self, comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]]:
+        """Return the evaluated states of a comparison with a kept model."""
+        names = (name for name, (_, model) in self._kept.items() if model is comparison.model)
+        engine = next(names, None)
+        if engine is None:
             return evaluated_states(comparison)
-        if self._evaluated is None:
-            self._evaluated = evaluated_states(comparison)
-        return self._evaluated
+        if engine not in self._evaluated:
+            self._evaluated[engine] = evaluated_states(comparison)
+        return self._evaluated[engine]
 
 
 def _acting_states(

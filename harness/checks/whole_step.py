@@ -24,7 +24,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     S,
     WholeStepComparison,
 )
-from physics_crosscheck.harness.checks.law_states import KeptSteps, evaluated_states
+from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
 from physics_crosscheck.harness.checks.scene import acting_state
 from physics_crosscheck.harness.checks.task import ModelTask
@@ -194,7 +194,7 @@ def check_whole_step(
         if model is None:
             return None
         if model.rules is not None:
-            return _check_rules(file, spec, model, model.rules, resolution)
+            return _check_rules(file, spec, model, model.rules, resolution, steps)
         return _check_laws(file, model, resolution, steps)
     except (TreeError, EngineError) as error:
         return WholeStepCheck.skipped([str(error)])
@@ -219,7 +219,7 @@ def _check_laws(
             for what, count in compiled.besides
         )
         comparison = LawComparison(laws, model)
-        check = _check(comparison, covered, resolution, steps.evaluated(comparison))
+        check = _check(comparison, covered, resolution, steps)
     return _with_reading(check, reading)
 
 
@@ -239,17 +239,18 @@ def _check_rules(
     model: WholeModel,
     rules: ImpulseRules | NearRigidRules,
     resolution: float,
+    steps: KeptSteps,
 ) -> WholeStepCheck:
     """Compare steps by impulses, or by near-rigid limits."""
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
     if isinstance(rules, NearRigidRules):
         limited = near_rigid_model(robot, rules)
         if limited is not None:
-            return _check(LawComparison(limited, model), IMPULSES[:1], resolution)
+            return _check(LawComparison(limited, model), IMPULSES[:1], resolution, steps)
     else:
         laws = impulse_model(robot, rules)
         if laws is not None:
-            return _check(ImpulseComparison(laws, model), IMPULSES, resolution)
+            return _check(ImpulseComparison(laws, model), IMPULSES, resolution, steps)
     return WholeStepCheck.skipped()
 
 
@@ -257,15 +258,14 @@ def _check(
     comparison: WholeStepComparison[M, S],
     covered: tuple[str, ...],
     resolution: float,
-    evaluated: Sequence[Evaluated[S]] | None = None,
+    steps: KeptSteps,
 ) -> WholeStepCheck:
     """Compare steps at drawn states, or at those that are evaluated already.
 
     Raises:
         EngineError: if no state is comparable.
     """
-    if evaluated is None:
-        evaluated = evaluated_states(comparison)
+    evaluated = steps.evaluated(comparison)
     if not evaluated:
         raise EngineError("no drawn state has a finite step that converges, with few contacts")
     compared, model = comparison.compare(evaluated), comparison.model

@@ -31,6 +31,7 @@ from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, read_as_it_runs, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
+from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
@@ -530,6 +531,8 @@ def _in_frames(
         tree = numbers.tree({i: number.value + change})
         if tree is None or tree.dof != len(target.names) or tuple(tree.frames) != every:
             continue
+        if tree.frames is here.frames and bodies_apart(tree, here) is not None:
+            continue  # only masses and inertias differ
         moved = float(np.max(np.abs(TreeFrames(tree, names)(q) - before), initial=0.0))
         if moved * NUDGE * number.scale / abs(change) > least:
             effects[i] = NumberEffect.FRAMES

@@ -24,7 +24,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     applied,
 )
 from physics_crosscheck.harness.checks.law_engine import LawEngine
-from physics_crosscheck.harness.checks.law_states import KeptSteps, evaluated_states
+from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import (
@@ -422,38 +422,40 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem
         if model is None:
             return None
         if isinstance(numbers, UrdfNumbers):
-            return _ruled_problem(task, numbers, model)
+            return _ruled_problem(task, numbers, model, steps)
         laws = numbers.laws({})
         if laws is None:
             return None
-        comparison = LawComparison(laws, model)
-        return _problem(task, numbers, comparison, steps.evaluated(comparison))
+        return _problem(task, numbers, LawComparison(laws, model), steps)
     except (TreeError, EngineError):
         return None
 
 
-def _ruled_problem(task: TreeTask, numbers: UrdfNumbers, model: WholeModel) -> AnyLawProblem | None:
+def _ruled_problem(
+    task: TreeTask, numbers: UrdfNumbers, model: WholeModel, steps: KeptSteps
+) -> AnyLawProblem | None:
     """Compare a URDF with the law whose settings the engine has."""
     if isinstance(model.rules, NearRigidRules):
         limited = near_rigid_numbers(numbers, model.rules)
         laws = limited.laws({})
-        return None if laws is None else _problem(task, limited, LawComparison(laws, model))
+        return None if laws is None else _problem(task, limited, LawComparison(laws, model), steps)
     if model.rules is None:
         return None
     hard = impulse_numbers(numbers, model.rules)
     impulses = hard.laws({})
-    return None if impulses is None else _problem(task, hard, ImpulseComparison(impulses, model))
+    if impulses is None:
+        return None
+    return _problem(task, hard, ImpulseComparison(impulses, model), steps)
 
 
 def _problem(
     task: TreeTask,
     numbers: LawNumbers[M],
     comparison: WholeStepComparison[M, S],
-    evaluated: Sequence[Evaluated[S]] | None = None,
+    steps: KeptSteps,
 ) -> LawProblem[M, S] | None:
     """Compare a file with its law, at drawn or evaluated states; None if none is comparable."""
-    if evaluated is None:
-        evaluated = evaluated_states(comparison)
+    evaluated = steps.evaluated(comparison)
     if not evaluated:
         return None
     compared = comparison.compare(evaluated)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,6 +99,34 @@ def assembled(
     )
 
 
+def with_masses(tree: Tree, bodies: Mapping[str, RigidBody], changed: Collection[str]) -> Tree:
+    """Return an assembled tree, without a fluid, for other masses and inertias of some bodies.
+
+    Args:
+        tree: the tree.
+        bodies: all bodies by their names; none of them is lifted.
+        changed: names of those that differ.
+    """
+    links = list(tree.links)
+    for index in {tree.frames[name][0] for name in changed} - {WORLD}:
+        inertia = NO_INERTIA
+        for name, (within, place) in tree.frames.items():
+            if within == index:
+                inertia = _welded(inertia, bodies[name].spatial_inertia, place) or inertia
+        links[index] = replace(
+            links[index], mass=inertia.mass, center=inertia.center, inertia=inertia.inertia
+        )
+    return replace(tree, links=tuple(links))
+
+
+def _welded(inertia: SpatialInertia, added: SpatialInertia, place: Place) -> SpatialInertia | None:
+    """Return the inertia of a link with another body; None if this cancels its mass."""
+    placed = added.in_frame(place)
+    if placed.mass and placed.mass == -inertia.mass:
+        return None
+    return inertia.combined(placed)
+
+
 class _Builder:
     """The links built so far; boxes for drag are recorded only if there is a fluid."""
 
@@ -136,11 +164,11 @@ class _Builder:
     def _load(self, body: RigidBody, within: int, place: Place) -> None:
         """Add a body's mass to its link."""
         inertia = body.spatial_inertia
-        placed = inertia.in_frame(place)
-        if placed.mass and placed.mass == -self._inertias[within].mass:
+        whole = _welded(self._inertias[within], inertia, place)
+        if whole is None:
             self.cancelled.append(body.name)
             return
-        self._inertias[within] = self._inertias[within].combined(placed)
+        self._inertias[within] = whole
         if body.lift:
             lifted = inertia._replace(mass=inertia.mass * body.lift, inertia=np.zeros((3, 3)))
             self._lifts[within] = self._lifts[within].combined(lifted.in_frame(place))

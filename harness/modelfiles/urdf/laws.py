@@ -152,7 +152,19 @@ class RuledNumbers(Generic[L]):
 
     def laws(self, values: Mapping[int, float]) -> L | None:
         """Return the laws with other values of some numbers, by index, or None."""
-        with self.numbers.changed(values, coupled=False) as changed:
+        own = self._own
+        if not values or own is None or not set(values) <= set(self.law_numbers):
+            return self._built(values) if values else own
+        laws = self._built(values, own.tree.tree)
+        return laws and replace(laws, tree=own.tree)  # these numbers leave the bodies as they are
+
+    @cached_property
+    def _own(self) -> L | None:
+        """The laws of the file as it is."""
+        return self._built({})
+
+    def _built(self, values: Mapping[int, float], tree: Tree | None = None) -> L | None:
+        with self.numbers.changed(values, coupled=False, tree=tree) as changed:
             return None if changed is None else self.build(*changed)
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:

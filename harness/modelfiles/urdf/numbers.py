@@ -9,6 +9,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.document import Document
@@ -30,7 +31,7 @@ from physics_crosscheck.harness.modelfiles.numbers import (
     with_values,
 )
 from physics_crosscheck.harness.modelfiles.urdf.read import bodies_of, singles
-from physics_crosscheck.reference.mechanism.assemble import assembled
+from physics_crosscheck.reference.mechanism.assemble import assembled, with_masses
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 _RELEVANT = re.compile(
@@ -38,6 +39,9 @@ _RELEVANT = re.compile(
     r"|gazebo/spring(Stiffness|Reference))"
 )
 """Numbers that affect a tree."""
+
+_LOADS = re.compile(r"robot/link/inertial/.*")
+"""Numbers that affect no more of it than masses, centers and inertias."""
 
 
 class UrdfNumbers:
@@ -73,28 +77,47 @@ class UrdfNumbers:
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
+        own = self._own
+        if own is None or not all(_LOADS.fullmatch(self.numerals[i].path) for i in values):
+            return self._built(values)
+        if not values:
+            return own
+        with self.changed(values, coupled=True, tree=own) as changed:
+            if changed is None:
+                return None
+            links = changed[0].links
+            names = {owner.get("name") for i in values if (owner := self._owner(i))}
+            return with_masses(own, {name: links[name].body for name in links}, names)
+
+    @cached_property
+    def _own(self) -> Tree | None:
+        """The tree of the file as it is."""
+        return self._built({})
+
+    def _built(self, values: Mapping[int, float]) -> Tree | None:
         with self.changed(values, coupled=True) as changed:
-            return None if changed is None else changed[1]
+            return changed and changed[1]
 
     @contextmanager
     def changed(
-        self, values: Mapping[int, float], *, coupled: bool
+        self, values: Mapping[int, float], *, coupled: bool, tree: Tree | None = None
     ) -> Iterator[tuple[UrdfFile, Tree] | None]:
         """Give the file with other values of some numbers, and its tree, or None.
 
-        Its elements have these values until the context closes.
+        Its elements have these values until the context closes. A given tree is not built again.
         """
         document = self._document
         count = len(document.obstacles)
         with ExitStack() as restored:
             for index, value in values.items():
                 set_temporarily(self.numerals[index], value, restored)
-            changed = self._reread(values, coupled=coupled) if self._file.root else None
+            read = partial(self._reread, values, coupled=coupled, tree=tree)
+            changed = read() if self._file.root else None
             yield None if len(document.obstacles) > count else changed
         del document.obstacles[count:]
 
     def _reread(
-        self, values: Mapping[int, float], *, coupled: bool
+        self, values: Mapping[int, float], *, coupled: bool, tree: Tree | None
     ) -> tuple[UrdfFile, Tree] | None:
         """Return the file with the present values of some numbers, and its tree."""
         document = self._document
@@ -106,8 +129,11 @@ class UrdfNumbers:
                 links[name] = read_link(document, element, name)
             elif element.tag == "joint":
                 joints[name] = read_joint(document, element, name)
+        file = replace(self._file, links=links, joints=joints)
+        if tree is not None:
+            return file, tree
         springs, mimics = read_springs(document), read_mimics(document, joints)
-        file = replace(self._file, links=links, joints=joints, springs=springs)
+        file = replace(file, springs=springs)
         leaders = enforceable(mimics, singles(joints) - set(self._held)) if coupled else {}
         bodies = bodies_of(file, self.floats, self._held)
         tree = assembled(bodies, GRAVITY, couplings=couplings(leaders)).tree
