@@ -19,6 +19,8 @@ URDF = "\n".join(
         link("one"),
         joint("b", "one", "two", '<dynamics damping="0.5"/><limit effort="7"/>', "revolute"),
         link("two").replace('value="2"', "value='3.5'"),
+        joint("c", "two", "welded", '<origin xyz="0.5 0 0"/>', "fixed"),
+        link("welded"),
         '<gazebo reference="b"><springStiffness> 4 </springStiffness></gazebo>',
         "</robot>",
     ]
@@ -45,6 +47,7 @@ def same(one: Tree | None, other: Tree | None) -> bool:
 @pytest.mark.parametrize("address", [
     "joint[a]/origin@xyz[2]", "joint[a]/origin@rpy[0]", "joint[a]/axis@xyz[0]",
     "link[two]/inertial/mass@value", "link[one]/inertial/inertia@ixy",
+    "link[welded]/inertial/origin@xyz[0]",
     "joint[b]/dynamics@damping", "gazebo[b]/springStiffness",
 ])  # fmt: skip
 def test_a_tree_of_another_number_is_that_of_the_file_with_it(tmp_path: Path, address: str) -> None:
