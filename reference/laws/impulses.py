@@ -106,7 +106,7 @@ class ImpulseRows:
 
 
 _EXACT = tuple(one.name for one in fields(ImpulseRows) if one.name != "jacobian")
-"""What rows consist of, besides arrays."""
+"""Fields of rows that compare exactly, besides arrays."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

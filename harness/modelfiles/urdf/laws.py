@@ -152,14 +152,16 @@ class RuledNumbers(Generic[L]):
 
     def laws(self, values: Mapping[int, float]) -> L | None:
         """Return the laws with other values of some numbers, by index, or None."""
-        own = self._own
-        if not values or own is None or not set(values) <= set(self.law_numbers):
-            return self._built(values) if values else own
-        laws = self._built(values, own.tree.tree)
-        return laws and replace(laws, tree=own.tree)  # these numbers leave the bodies as they are
+        nominal = self._nominal
+        if not values or nominal is None or not set(values) <= set(self.law_numbers):
+            return self._built(values) if values else nominal
+        laws = self._built(values, nominal.tree.tree)
+        return laws and replace(
+            laws, tree=nominal.tree
+        )  # these numbers leave the bodies as they are
 
     @cached_property
-    def _own(self) -> L | None:
+    def _nominal(self) -> L | None:
         """The laws of the file as it is."""
         return self._built({})
 

@@ -77,20 +77,20 @@ class UrdfNumbers:
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
-        own = self._own
-        if own is None or not all(_LOADS.fullmatch(self.numerals[i].path) for i in values):
+        nominal = self._nominal
+        if nominal is None or not all(_LOADS.fullmatch(self.numerals[i].path) for i in values):
             return self._built(values)
         if not values:
-            return own
-        with self.changed(values, coupled=True, tree=own) as changed:
+            return nominal
+        with self.changed(values, coupled=True, tree=nominal) as changed:
             if changed is None:
                 return None
             links = changed[0].links
             names = {owner.get("name") for i in values if (owner := self._owner(i))}
-            return with_masses(own, {name: links[name].body for name in links}, names)
+            return with_masses(nominal, {name: links[name].body for name in links}, names)
 
     @cached_property
-    def _own(self) -> Tree | None:
+    def _nominal(self) -> Tree | None:
         """The tree of the file as it is."""
         return self._built({})
 
