@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import sympy as sp
 
 LONG_OPERATIONS = 80
@@ -15,8 +17,15 @@ def simplify_bounded(expression: sp.Expr) -> sp.Expr:
     with floats, such as a position found by a search, count as long earlier, since factoring floats
     may not end.
     """
-    if sp.count_ops(expression) > LONG_OPERATIONS // (4 if expression.has(sp.Float) else 1):
+    has_floats = expression.has(sp.Float)
+    if sp.count_ops(expression) > LONG_OPERATIONS // (4 if has_floats else 1):
         return expression
+    return sp.simplify(expression) if has_floats else _simplify_exact(expression)
+
+
+@lru_cache(maxsize=1024)
+def _simplify_exact(expression: sp.Expr) -> sp.Expr:
+    """Simplify an expression without floats once: modes and scenarios of a system share terms."""
     return sp.simplify(expression)
 
 

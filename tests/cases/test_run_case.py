@@ -230,7 +230,6 @@ def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(
     [
         ("off = 3e-10", "AGREES"),  # below the resolution, above a hundredth of it
         ("off = 3e-8", "DIFFERS"),
-        ("drags_after_steps = 0", "DIFFERS"),
         ("drags_after_steps = 9", "DIFFERS"),
         ("drags_after_steps = 700", "UNRESOLVED"),  # a state that only a full run carries
         ("limit = 0.2477", "UNRESOLVED"),  # the first of 1000 steps reaches it

@@ -31,8 +31,15 @@ def agrees(found: ComparisonResult) -> ComparisonResult:
     return found
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
-@pytest.mark.parametrize(("a", "engine_a", "b", "engine_b"), PAIRS)
+# One file in two engines is the part of these that loads it; a folder's drum has most of the terms.
+@pytest.mark.parametrize(
+    ("a", "engine_a", "b", "engine_b", "system"),
+    [
+        (*pair, system)
+        for pair in PAIRS
+        for system in (SYSTEMS if pair[0] != pair[2] else SYSTEMS[-1:])
+    ],
+)
 def test_the_built_in_models_agree_across_formats_and_engines(
     system: str, a: str, engine_a: str | None, b: str, engine_b: str | None
 ) -> None:

@@ -10,6 +10,7 @@ import pybullet_data
 import pytest
 
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
@@ -46,15 +47,16 @@ def test_every_body_of_a_robot_is_where_the_file_puts_it(
     """Panda has two links without mass on fixed joints, a1 a root that turns."""
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
-    case = run_case(model_task(prepare_tree(DATA / name, floating=floating), engine))
+    task = model_task(prepare_tree(DATA / name, floating=floating, states=8), engine)
     if engine == "drake" and "panda" in name:
-        assert case.outcome is Outcome.REFUSED  # an inertia without a mass
+        assert run_case(task).outcome is Outcome.REFUSED  # an inertia without a mass
         return
-    assert case.poses is not None
-    assert len(case.poses.frames) == bodies
-    assert not case.poses.wrong
-    assert max(one.position or 0.0 for one in case.poses.frames) < 1e-14
-    assert max(one.rotation or 0.0 for one in case.poses.frames) < 1e-12
+    check = case_poses(task, *task.load())
+    assert check is not None
+    assert len(check.record.frames) == bodies
+    assert not check.record.wrong
+    assert max(one.position or 0.0 for one in check.record.frames) < 1e-14
+    assert max(one.rotation or 0.0 for one in check.record.frames) < 1e-12
 
 
 def shifted(link: str, by: Sequence[float], turn: float) -> object:
