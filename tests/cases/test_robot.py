@@ -44,7 +44,7 @@ ROBOTS = {
 
 @pytest.fixture(scope="module", params=ROBOTS)
 def prepared(request: pytest.FixtureRequest) -> PreparedTree:
-    return prepare_tree(DATA / request.param)
+    return prepare_tree(DATA / request.param, states=12)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -92,7 +92,7 @@ def test_what_an_engine_drops_differs_and_the_link_is_named() -> None:
     """MuJoCo drops the moments of links without mass that it welds to others, PyBullet does not."""
     panda = prepare_tree(DATA / "franka_panda" / "panda.urdf")
     both = ("mujoco", "pybullet")
-    outcomes = {name: run_case(model_task(panda, name)).outcome for name in both}
+    outcomes = {name: judge(model_task(panda, name)).outcome for name in both}
     assert outcomes == {"mujoco": Outcome.DIFFERS, "pybullet": Outcome.AGREES}
     told = [one.message for one in panda.findings if one.severity == "finding"]
     assert [one for one in told if "'panda_link8' has inertia" in one and "no mass" in one]

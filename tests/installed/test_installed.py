@@ -9,6 +9,8 @@ import pytest
 
 from tests.installed.conftest import Installed
 
+pytestmark = pytest.mark.slow
+
 TRAP = "raise RuntimeError('the package of the user')\n"
 
 
@@ -40,7 +42,6 @@ def test_the_wheel_registers_the_commands_of_extras(installed: Installed, place:
     assert installed.shell("crosscheck versions --help", place).returncode == 0
 
 
-@pytest.mark.slow
 def test_new_and_run_work_beside_packages_called_like_ours(
     installed: Installed, place: Path
 ) -> None:
@@ -57,7 +58,6 @@ def test_new_and_run_work_beside_packages_called_like_ours(
     assert (place / "reports" / "index.html").stat().st_size > 10_000
 
 
-@pytest.mark.slow
 def test_python_has_motions_and_comparisons_beside_packages_called_like_ours(
     installed: Installed, tmp_path: Path
 ) -> None:
@@ -75,7 +75,6 @@ print(compare("simple_pendulum/mujoco.xml", "simple_pendulum/robot.urdf", engine
     assert done.stdout == "True True\nTrue\n", done.stderr
 
 
-@pytest.mark.slow
 def test_a_module_in_the_folder_is_not_taken_for_an_engine(
     installed: Installed, place: Path
 ) -> None:
@@ -84,7 +83,6 @@ def test_a_module_in_the_folder_is_not_taken_for_an_engine(
     assert "ok: literals and compiled terms" in done.stdout
 
 
-@pytest.mark.slow
 def test_the_plugin_works_beside_packages_called_like_ours(
     installed: Installed, place: Path
 ) -> None:
@@ -115,7 +113,6 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.slow
 def test_a_project_keeps_its_own_harness_and_reference(installed: Installed, project: Path) -> None:
     for number in (0, 1):
         done = installed.shell(f"python order_{number}.py", project)
@@ -125,7 +122,6 @@ def test_a_project_keeps_its_own_harness_and_reference(installed: Installed, pro
         assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.slow
 def test_a_project_keeps_its_own_harness_while_pytest_checks_its_models(
     installed: Installed, project: Path
 ) -> None:
@@ -153,7 +149,6 @@ def test_python_m_finds_us_by_the_name_that_is_ours_alone(
     assert "the package of the user" in installed.shell("python -m harness", place).stderr
 
 
-@pytest.mark.slow
 def test_mutate_and_compare_are_there(installed: Installed, tmp_path: Path) -> None:
     installed.shell("crosscheck new rod", tmp_path)
     done = installed.shell("crosscheck compare rod/mujoco.xml rod/mujoco.xml", tmp_path)

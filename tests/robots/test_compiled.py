@@ -75,7 +75,7 @@ def test_a_robot_that_others_wrote_agrees(name: str) -> None:
     assert len(prepare_tree(file).names) == SOUND[name]
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
+@pytest.mark.parametrize("integrator", ["implicit", "RK4"])
 def test_whatever_a_format_resolves_agrees(tmp_path: Path, integrator: str) -> None:
     """Anchors, references, several joints a body, welded bodies, tensors with products, shapes."""
     file = written(tmp_path, integrator=integrator)
@@ -215,10 +215,8 @@ COUPLED = """<mujoco><option><flag {}/></option>
     ('constraint="disable"', "", 3),
     ('equality="disable"', "", 3),
     ("", 'active="false"', 3),
-    ('refsafe="disable"', "", 2),
-    ('island="disable" warmstart="disable"', "", 2),
-    ('limit="disable" frictionloss="disable" contact="disable"', "", 2),
-    ('invdiscrete="enable" energy="enable" override="enable"', "", 2),
+    ('refsafe="disable" island="disable" warmstart="disable" limit="disable" frictionloss="disable"'
+     ' contact="disable" invdiscrete="enable" energy="enable" override="enable"', "", 2),
 ])  # fmt: skip
 def test_equalities_that_are_off_hold_nothing_and_others_hold_under_any_flag(
     tmp_path: Path, flags: str, active: str, count: int
