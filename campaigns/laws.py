@@ -38,6 +38,7 @@ from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
 
 RESOLUTION = 1e-9
@@ -342,8 +343,8 @@ def tested(paths: Iterable[Path]) -> None:
         try:
             task = model_task(prepare_tree(path), "mujoco")
             counted = counted_numbers(task, robot_numbers(path, task.spec.settings))
-        except FileError as error:
-            print(f"{path.name}: {error.sentence[:100]}")
+        except (FileError, RobotError) as error:
+            print(f"{path.name}: {str(error)[:100]}")
             continue
         file = Counter[str]()
         for one in counted:

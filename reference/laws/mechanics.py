@@ -17,7 +17,7 @@ from physics_crosscheck.reference.dynamics.propagation import LinkMotion, Placem
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import rotation_vector
+from physics_crosscheck.reference.mechanism.rotations import cross, rotation_vector
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeForce
 from physics_crosscheck.reference.solving.next_state import SteppedBodies
@@ -215,16 +215,23 @@ class Posture:
         tree, link = self.parent.tree, self.parent.bodies[body][0]
         linear, angular = np.zeros((3, tree.nv)), np.zeros((3, tree.nv))
         while link != WORLD:
-            joint, there, pose = tree.links[link], tree.velocities[link], self.poses[link]
-            turning, sliding = joint.motion
-            about, along = pose.rotation @ turning, pose.rotation @ sliding
+            there, (about, along) = tree.velocities[link], self._axes[link]
+            angular[:, there] = about
+            linear[:, there] = along + cross(about, (point - self.poses[link].origin)[:, None])
+            link = tree.links[link].parent
+        return linear, angular
+
+    @cached_property
+    def _axes(self) -> list[tuple[Array, Array]]:
+        """Axes of rotation and of translation of each link's joint, in the world, (3, n) each."""
+        axes = []
+        for joint, pose in zip(self.parent.tree.links, self.poses, strict=True):
+            about, along = (pose.rotation @ part for part in joint.motion)
             if joint.kind == "free":  # its linear velocity is along its parent's axes
                 base = np.eye(3) if joint.parent == WORLD else self.poses[joint.parent].rotation
                 along = np.hstack([np.zeros((3, 3)), base @ joint.rotation])
-            angular[:, there] = about
-            linear[:, there] = along + np.cross(about.T, point - pose.origin).T
-            link = joint.parent
-        return linear, angular
+            axes.append((about, along))
+        return axes
 
     def drift(self, body: int, point: Array) -> tuple[Array, Array, Array]:
         """Return a point's acceleration at constant m, its body's, and its velocity of rotation.
