@@ -61,6 +61,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "unit_axes": "Normalize joint axes",
     "bare_links": "Give links without `<inertial>` 1 kg and 1 kg m^2",
     "floor": "Add a plane at z = 0 with friction 1 and restitution 1",
+    "floor_speed": "Speed of that plane's surface along x, m/s: a belt",
     "scaled_inertias": "Multiply inertias by `<inertia_scaling>`",
     "damping": "Add joint damping, which the engine ignores",
     "hold_mimics": "Hold `<mimic>` joints, which the engine releases",

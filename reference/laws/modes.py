@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import TypeAlias
 
@@ -52,7 +52,7 @@ class Rate:
     """
 
     value: sp.Expr
-    row: sp.Matrix
+    row: sp.ImmutableMatrix
     bias: sp.Expr
 
     @staticmethod
@@ -65,7 +65,7 @@ class Rate:
     def of_velocity(value: sp.Expr, system: Declaration) -> Rate:
         """Return a velocity with its derivative."""
         bias = sp.Add(*(sp.diff(value, q) * v for q, v in zip(system.q, system.v, strict=True)))
-        row = sp.Matrix([[sp.diff(value, v) for v in system.v]])
+        row = sp.ImmutableMatrix([[sp.diff(value, v) for v in system.v]])
         return Rate(value=value, row=row, bias=bias + sp.diff(value, t))
 
 
@@ -308,7 +308,7 @@ class Driving:
     """A drive with a limited force."""
 
     name: str
-    column: sp.Matrix
+    column: sp.ImmutableMatrix
     force: sp.Expr
     limit: sp.Expr
 
@@ -411,11 +411,11 @@ def parts_of(
             force = -declared.stiffness * gap - declared.damping * rate.value
             result.append(Pushing(name=declared.name, gap=gap, rate=rate, force=force))
         elif isinstance(declared, Drive):
-            column = sp.Matrix([sp.sympify(declared.on.get(c, 0)) for c in system.coordinates])
+            forces = [sp.sympify(declared.on.get(c, 0)) for c in system.coordinates]
             result.append(
                 Driving(
                     name=declared.name,
-                    column=column,
+                    column=sp.ImmutableMatrix(forces),
                     force=sp.sympify(declared.force),
                     limit=sp.sympify(declared.limit),
                 )
@@ -434,25 +434,33 @@ def mode_equations(equations: Equations, parts: Sequence[Part], modes: Modes) ->
     Raises:
         ZeroDivisionError: if more rows are closed than their Jacobian's rank.
     """
+    pushed, guards, owners = _mode_terms(equations.mass, equations.force, tuple(parts), modes)
+    return ModeEquations(
+        modes=modes,
+        equations=replace(equations, force=pushed),
+        guards=equations.compile(list(guards)),
+        owners=owners,
+    )
+
+
+@lru_cache(maxsize=256)  # a diagnosis and a census have the same modes at many constants
+def _mode_terms(
+    mass: sp.ImmutableMatrix, force: sp.ImmutableMatrix, parts: tuple[Part, ...], modes: Modes
+) -> tuple[sp.ImmutableMatrix, tuple[sp.Expr, ...], tuple[int, ...]]:
+    """Return the forces of a mode with its multipliers, its guards, and the part of each."""
     contribution = [part.contribution(mode) for part, mode in zip(parts, modes, strict=True)]
-    mass, force = sp.Matrix(equations.mass), sp.Matrix(equations.force)
+    total = sp.Matrix(force)
     for each in contribution:
-        force += each.force if each.force is not None else sp.zeros(*force.shape)
-    multipliers, pushed = _eliminated(mass, force, contribution)
-    a = solved(mass, pushed)
+        total += each.force if each.force is not None else sp.zeros(*force.shape)
+    multipliers, pushed = _eliminated(sp.Matrix(mass), total, contribution)
+    a = solved(sp.Matrix(mass), pushed)
     guards, owners, first = list[sp.Expr](), list[int](), 0
     for i, each in enumerate(contribution):
         some = each.guards(multipliers[first : first + len(each.conditions)], a)
         first += len(each.conditions)
         guards += some
         owners += [i] * len(some)
-    compiled = replace(equations, force=sp.ImmutableMatrix(pushed))
-    return ModeEquations(
-        modes=modes,
-        equations=compiled,
-        guards=equations.compile(guards),
-        owners=tuple(owners),
-    )
+    return sp.ImmutableMatrix(pushed), tuple(guards), tuple(owners)
 
 
 def _eliminated(

@@ -607,8 +607,29 @@ def _smooth(hybrid: Hybrid, stretch: Stretch, tiles: Sequence[tuple[float, float
     state = stretch.state
     if edges[0] > stretch.start:
         state = hybrid.end(stretch.mode, stretch.start, state, edges[0] - stretch.start)
-    motion = solve_numerically(equations, state, signals, spans)
+    onto = _projection(hybrid, stretch.mode.modes)
+    motion = solve_numerically(equations, state, signals, spans, onto=onto)
     return with_bounds(equations, signals, motion, exact=False, along=False)
+
+
+def _projection(hybrid: Hybrid, modes: Modes) -> Callable[[Array, Array], Array] | None:
+    """Return a projection of states onto the closed contacts of a mode; None if it has none.
+
+    Accelerations keep a contact closed up to the error of the integration, which engines undo.
+    """
+    zeros = hybrid.zeros(modes)
+    if not zeros.size:
+        return None
+
+    def project(times: Array, states: Array) -> Array:
+        off = hybrid.evaluate(zeros, times, states)
+        steps = 1e-6 * np.maximum(np.abs(states).max(axis=0), 1e-6)
+        moved = [hybrid.evaluate(zeros, times, states + step) for step in np.diag(steps)]
+        slopes = (np.stack(moved, axis=2) - off[..., None]) / steps
+        projected: Array = states - np.einsum("bxz,bz->bx", np.linalg.pinv(slopes), off)
+        return projected
+
+    return project
 
 
 def _centred(hybrid: Hybrid, before: Stretch, after: Stretch, event: Event, half: float) -> Motion:

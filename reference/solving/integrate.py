@@ -93,14 +93,20 @@ def solve_numerically(
     start: Array,
     signals: Sequence[SignalPiece],
     spans: tuple[Span, ...],
+    onto: Callable[[Array, Array], Array] | None = None,
 ) -> Motion:
     """Solve all segments of a nonlinear system.
+
+    Args:
+        onto: projects states (K, 2n) at times (K,) onto constraints that the equations keep.
 
     Raises:
         ReferenceError: if the two integrations differ by more than `AGREEMENT` over a segment.
     """
     times = start_times(spans)
     starts = trajectory(equations, start, signals, times)
+    if onto is not None:
+        starts = onto(times, starts)
     starts[0] = start
     ends, nodes, checks = [], [], []
     by_series = isinstance(equations, Equations) and _size(equations) <= MOST_OPERATIONS

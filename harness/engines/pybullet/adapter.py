@@ -557,7 +557,7 @@ class PybulletModel(LoadedModel):
         out_v = np.empty_like(out_q)
         for b in range(len(q)):
             if self._floor is not None:
-                forget_contacts(self._floor)
+                forget_contacts(self._floor, speed=self._setting("floor_speed"))
             self.stepper.reset(q[b], v[b])
             self.stepper.run(b, n, force, every, out_q[b], out_v[b])
             if not np.isfinite(out_q[b, -1]).all():

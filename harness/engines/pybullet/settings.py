@@ -117,6 +117,8 @@ DEFAULTS: Mapping[str, float | bool] = {
     "floating": False,
     # Whether a plane is at z = 0, whose friction and restitution are 1, so that the link's count.
     "floor": False,
+    # Speed of that plane's surface along x, m/s: a belt.
+    "floor_speed": 0.0,
 }
 """Defaults of all settings."""
 

@@ -75,14 +75,18 @@ def add_floor() -> int:
     return floor
 
 
-def forget_contacts(floor: int, height: float = 0.0) -> None:
-    """Remove the contacts that PyBullet keeps of earlier states, and put the floor at a height."""
+def forget_contacts(floor: int, height: float = 0.0, speed: float = 0.0) -> None:
+    """Remove the contacts that PyBullet keeps of earlier states; set the floor's height and speed.
+
+    A static body with a velocity stays in place; only its contacts move.
+    """
     import pybullet as p
 
     level = [0, 0, 0, 1]
     p.resetBasePositionAndOrientation(floor, [0.0, 0.0, height - FAR], level)
     p.performCollisionDetection()
     p.resetBasePositionAndOrientation(floor, [0.0, 0.0, height], level)
+    p.resetBaseVelocity(floor, [speed, 0.0, 0.0])
 
 
 ForceElement = tuple[list[tuple[int, float]], float, float, float]
