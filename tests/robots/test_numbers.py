@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE
 from physics_crosscheck.harness.modelfiles.readers import Numbers, read_robot, robot_numbers
 from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.robots.files import joint, link
@@ -127,3 +131,43 @@ def test_an_mjcf_has_the_numbers_of_what_it_includes(tmp_path: Path) -> None:
             (other / path.name).write_bytes(text)
         assert same(changed, read_robot(other / "r.xml").tree)
         assert (tmp_path / "limbs.xml").read_text() == LIMBS
+
+
+def chain(compiler: str, joint_one: str) -> str:
+    bodies = ""
+    for k in reversed(range(5)):
+        own = joint_one if k == 1 else 'damping="0.2"'
+        bodies = (
+            f'<body name="b{k}" pos="0 0.{k} 0.3"><joint name="j{k}" axis="0 1 0.{k}" {own}/>'
+            f'<inertial pos="0 0.01 0.1" mass="1.{k}" diaginertia="0.01 0.02 0.025"/>'
+            f"{bodies}</body>"
+        )
+    return f"<mujoco><compiler {compiler}/><worldbody>{bodies}</worldbody></mujoco>"
+
+
+@pytest.mark.parametrize(
+    ("compiler", "joint_one", "share"),
+    [("", "", 0.7), ('settotalmass="7"', "", 2.0), ("", 'springdamper="0.3 1"', 2.0)],
+    ids=["bodies alone", "total mass", "spring of the whole inertia"],
+)
+def test_numbers_of_bodies_are_compiled_together_only_where_each_changes_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiler: str, joint_one: str, share: float
+) -> None:
+    """Catch a number that changes other bodies too, and a compilation for each number."""
+    pytest.importorskip("mujoco")
+    file = tmp_path / "r.xml"
+    file.write_text(chain(compiler, joint_one))
+    alone, together = robot_numbers(file, {}), robot_numbers(file, {})
+    compiled, count = CompiledNumbers._compile, list[int]()
+
+    def counted(self: CompiledNumbers, values: Mapping[int, float]) -> CompiledTree | None:
+        count.append(len(values))
+        return compiled(self, values)
+
+    monkeypatch.setattr(CompiledNumbers, "_compile", counted)
+    numbers = together.relevant_numbers
+    assert len(numbers) > 40
+    assert len(count) < share * len(numbers)
+    for i in numbers:
+        value = alone.numerals[i].value + NUDGE * alone.numerals[i].scale
+        assert same(together.tree({i: value}), alone.tree({i: value}))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.compiled import CompiledShape, CompiledTree
+from physics_crosscheck.harness.engines.compiled import CompiledBody, CompiledShape, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import check_reading
@@ -190,10 +190,61 @@ class CompiledNumbers:
             return ()
         groups = self._groups
         single = [[i] for i in groups.pop("", [])]
+        self._compile_together(i for (i,) in single)
         relevant = (
             i for group in (*groups.values(), *single) for i in self._relevant(original, group)
         )
         return tuple(sorted(relevant))
+
+    def _compile_together(self, indices: Iterable[int]) -> None:
+        """Compile nudged numbers of many bodies at once, where each changes its own body only."""
+        source, original = self._source, self._original
+        if source is None or original is None:
+            return
+        count = Counter(body.name for body in source.bodies)
+        places = {body.name: k for k, body in enumerate(source.bodies) if count[body.name] == 1}
+        kinds: dict[tuple[str, int], dict[int, int]] = {}
+        for i in indices:
+            number = self.numerals[i]
+            kind = _OWN_BODY.fullmatch(number.path)
+            if kind is not None:
+                element = number.element if number.element.tag == "body" else number.element.parent
+                name = "" if element is None else element.attributes.get("name", "")
+                if name and name in places:
+                    group = kinds.setdefault((kind[1], number.word), {})
+                    group.setdefault(places[name], i)
+        for group in kinds.values():
+            if len(group) >= FEWEST:
+                nudged = {k: {i: _moved(self.numerals[i], NUDGE)} for k, i in group.items()}
+                for k, compiled in self._separated(source, nudged).items():
+                    read = self._reread(compiled, source, original)
+                    self._cache[next(iter(nudged[k].items()))] = read
+
+    def _separated(
+        self, source: CompiledTree, nudged: Mapping[int, Mapping[int, float]]
+    ) -> Mapping[int, CompiledTree]:
+        """Return the file with each nudged number alone, by its body; empty if others change too.
+
+        Every second body is nudged at once, so that its neighbours show the effects on others, such
+        as of a total mass. The last body is also compiled by itself.
+        """
+        bodies, last = dict[int, CompiledBody](), max(nudged)
+        for odd in (0, 1):
+            group = [k for k in nudged if k % 2 == odd]
+            compiled = self._compile({i: x for k in group for i, x in nudged[k].items()})
+            if compiled is None or replace(compiled, bodies=source.bodies) != source:
+                return {}
+            for k, pair in enumerate(zip(source.bodies, compiled.bodies, strict=True)):
+                if k in group:
+                    bodies[k] = pair[1]
+                elif pair[0] != pair[1]:
+                    return {}
+        whole = source.bodies
+        trees = {
+            k: replace(source, bodies=(*whole[:k], body, *whole[k + 1 :]))
+            for k, body in bodies.items()
+        }
+        return trees if self._compile(nudged[last]) == trees[last] else {}
 
     @cached_property
     def law_numbers(self) -> tuple[int, ...]:
@@ -339,6 +390,14 @@ def _shared(laws: Laws, original: Laws) -> Laws:
             changes[name] = tuple(two if one == two else one for one, two in pairs)
     return replace(laws, **changes)
 
+
+FEWEST = 4
+"""Fewest bodies whose numbers are compiled together."""
+
+_OWN_BODY = re.compile(
+    r"(?!.*(?:default|replicate|composite|flexcomp|frame)).*/(body(?:/inertial|/joint)?@\w+)"
+)
+"""Paths of the numbers that mostly change one compiled body only, with the kind of number."""
 
 PLACED = 1e-9
 """Smallest change of a shape's place or size that counts, relative to its largest number."""
