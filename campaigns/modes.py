@@ -15,7 +15,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     model_files,
 )
 from physics_crosscheck.harness.modelfiles.numbers import SMALL
-from physics_crosscheck.harness.modelfiles.readers import robot_numbers
+from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case
 
@@ -135,18 +135,22 @@ def mechanism(seed: int, faults: int, index: int) -> list[Both]:
         return found
 
 
-def robot(file: Path, engine: str, sample: int, floating: bool) -> list[Both]:
-    """Judge a robot file, sound and with numbers wrong in turn: at most `sample`, evenly spread."""
+@lru_cache(maxsize=1)
+def _robot(file: Path, engine: str, floating: bool) -> tuple[TreeTask, Numbers]:
     task = model_task(prepare_tree(file, floating=floating), engine)
-    numbers = robot_numbers(file, task.spec.settings)
-    found = [both(f"{file.name} [{engine}]", 0.0, task)]
-    count = len(numbers.relevant_numbers)
-    for place in np.linspace(0, count - 1, min(sample, count)).astype(int):
-        index = numbers.relevant_numbers[place]
-        one = numbers.numerals[index]
-        for size in ROBOT_SIZES:
-            value = one.value + size * (abs(one.value) if abs(one.value) > SMALL else one.scale)
-            found.append(_changed(task, numbers.texts({index: value}), one.address, size))
+    return task, robot_numbers(file, task.spec.settings)
+
+
+def robot(file: Path, engine: str, floating: bool, place: int | None) -> list[Both]:
+    """Judge a robot file, sound, or with one of its relevant numbers wrong by each size."""
+    task, numbers = _robot(file, engine, floating)
+    if place is None:
+        return [both(f"{file.name} [{engine}]", 0.0, task)]
+    index, found = numbers.relevant_numbers[place], []
+    one = numbers.numerals[index]
+    for size in ROBOT_SIZES:
+        value = one.value + size * (abs(one.value) if abs(one.value) > SMALL else one.scale)
+        found.append(_changed(task, numbers.texts({index: value}), one.address, size))
     return found
 
 
@@ -156,19 +160,31 @@ def _changed(task: TreeTask, texts: Any, address: str, size: float) -> Both:
         return both(f"{task.file.name} [{task.engine}] {address}", size, wrong)
 
 
-def model(folder: Path, given: Sidecar, engine: str) -> list[Both]:
-    """Judge a model of a folder, sound and with each fault that `mutate` plants, per scenario."""
+@lru_cache(maxsize=1)
+def _prepared(folder: Path) -> PreparedSystem:
     prepared = prepare(folder, described=False)
     assert isinstance(prepared, PreparedSystem)
-    found = []
+    return prepared
+
+
+def model(folder: Path, given: Sidecar, engine: str, sample: int) -> list[Both]:
+    """Judge a model of a folder, sound, and with faults that `mutate` plants, in each scenario.
+
+    These are at most `sample` faults, evenly spread over all and over the scenarios.
+    """
+    prepared, found = _prepared(folder), []
     faults = survey(model_task(prepared, engine, given)).faults
+    every = [(name, fault) for fault in faults for name in prepared.motions]
+    places = np.linspace(0, len(every) - 1, min(sample, len(every))).astype(int)
     for scenario in prepared.motions:
         task = model_task(prepared, engine, given, scenario=scenario)
         found.append(both(str(task.id), 0.0, task))
-        for fault in faults:
-            with scratch() as copies:
-                wrong = task.with_sidecar(fault.edit.apply(given, engine, copies))
-                found.append(both(f"{task.id} {fault.name} {fault.location}", float("nan"), wrong))
+        for name, fault in (every[place] for place in places):
+            if name == scenario:
+                with scratch() as copies:
+                    wrong = task.with_sidecar(fault.edit.apply(given, engine, copies))
+                    title = f"{task.id} {fault.name} {fault.location}"
+                    found.append(both(title, float("nan"), wrong))
     return found
 
 
@@ -178,13 +194,16 @@ def _jobs(chosen: argparse.Namespace) -> Iterator[Any]:
     for target in chosen.targets:
         if target.is_file():
             for engine in engines_to_run(target.suffix):
-                call = partial(_call, robot, target, engine.name, chosen.sample)
-                yield call, chosen.floating
+                which = target, engine.name, chosen.floating
+                count = len(_robot(*which)[1].relevant_numbers)
+                places = np.linspace(0, count - 1, min(chosen.sample, count)).astype(int)
+                for place in (None, *places.tolist()):
+                    yield partial(_call, robot, *which), place
             continue
         for given in model_files(target):
             if not isinstance(given, UnreadModel):
                 for name in chosen_engines(given, ()):
-                    yield partial(_call, model, target, given), name
+                    yield partial(_call, model, target, given, name), chosen.sample
 
 
 def _call(function: Any, *arguments: Any) -> list[Both]:
@@ -227,7 +246,9 @@ def main(given: Iterable[str] | None = None) -> int:
     parser.add_argument("--mechanisms", type=int, default=0)
     parser.add_argument("--faults", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--sample", type=int, default=10**9, help="numbers of a robot file")
+    parser.add_argument(
+        "--sample", type=int, default=10**9, help="most numbers of a file, or faults of a model"
+    )
     parser.add_argument("--floating", action="store_true", help="the root link of a URDF is free")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)

@@ -17,6 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -41,7 +42,8 @@ def main() -> int:
         return 2
     began, judged = time.monotonic(), list[Judged]()
     with ThreadPoolExecutor(options.jobs) as threads:
-        for found in threads.map(judge_chunk, chunks(chosen, options.chunk)):
+        judge_some = judge_in_both_modes if options.modes else judge_chunk
+        for found in threads.map(judge_some, chunks(chosen, options.chunk)):
             for one in found:
                 judged.append(one)
                 if one.wrong or options.verbose:
@@ -59,6 +61,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--chunk", type=int, default=CHUNK, help=f"entries a process ({CHUNK})")
     parser.add_argument("--verbose", action="store_true", help="print what is right too")
+    parser.add_argument("--modes", action="store_true", help="compare with `run --thorough`")
     return parser.parse_args()
 
 
@@ -79,11 +82,22 @@ def chunks(entries: Iterable[Entry], size: int) -> list[list[Entry]]:
     return found
 
 
-def judge_chunk(entries: Sequence[Entry]) -> list[Judged]:
+def judge_in_both_modes(entries: Sequence[Entry]) -> list[Judged]:
+    """Judge entries with and without `--thorough`; another exit code is wrong."""
+    thorough = {one.name: one.code for one in judge_chunk(entries, "--thorough")}
+    return [
+        one if one.code == (code := thorough[one.name]) else replace(
+            one, wrong=(*one.wrong, f"exit code {one.code}, thorough {code}")
+        )
+        for one in judge_chunk(entries)
+    ]  # fmt: skip
+
+
+def judge_chunk(entries: Sequence[Entry], *options: str) -> list[Judged]:
     """Judge entries in a process of their own; what it does not come to, in others."""
     left, done = list(entries), list[Judged]()
     while left:
-        found, ended = _process(left)
+        found, ended = _process(left, *options)
         done += found
         names = {one.name for one in found}
         left = [entry for entry in left if entry.name not in names]
@@ -95,7 +109,7 @@ def judge_chunk(entries: Sequence[Entry]) -> list[Judged]:
                 done.append(_lost(left.pop(0), ended or ""))
             else:
                 for entry in left:
-                    done += judge_chunk([entry])
+                    done += judge_chunk([entry], *options)
                 left = []
     return done
 
@@ -104,12 +118,12 @@ def _lost(entry: Entry, why: str) -> Judged:
     return Judged(name=entry.name, code=None, told="", seconds=0.0, wrong=(why,))
 
 
-def _process(entries: Sequence[Entry]) -> tuple[list[Judged], str | None]:
+def _process(entries: Sequence[Entry], *options: str) -> tuple[list[Judged], str | None]:
     """What one process has judged, and how it ended where that was not the end of its work."""
     with tempfile.TemporaryDirectory(prefix="soak-chunk-", ignore_cleanup_errors=True) as place:
         environment = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": place, "PYTHONSAFEPATH": "1"}
         process = subprocess.Popen(
-            [sys.executable, "-m", "soak.corpus.chunk"], cwd=place, env=environment,
+            [sys.executable, "-m", "soak.corpus.chunk", *options], cwd=place, env=environment,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
         ended = None

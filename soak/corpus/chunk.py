@@ -1,7 +1,8 @@
 """A process that judges some entries, one line of JSON each: `python -m soak.corpus.chunk`.
 
-Names are read from standard input, a line each. Started by `python -m soak.corpus`, in an empty
-folder that is its working folder and its folder for temporary files.
+Names are read from standard input, a line each. Arguments are options of `run`. Started by
+`python -m soak.corpus`, in an empty folder that is its working folder and its folder for temporary
+files.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ def main() -> None:
     os.dup2(null, 2)
     # An entry that signals its own process must not take its parent's group with it.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    for judged in judge([ENTRIES[name] for name in sys.stdin.read().splitlines()]):
+    entries = [ENTRIES[name] for name in sys.stdin.read().splitlines()]
+    for judged in judge(entries, *sys.argv[1:]):
         print(json.dumps(asdict(judged)), file=out, flush=True)
 
 

@@ -57,19 +57,19 @@ class Judged:
     wrong: tuple[str, ...]
 
 
-def judge(entries: Sequence[Entry]) -> Iterator[Judged]:
-    """Judge some entries; those that may share a run do."""
+def judge(entries: Sequence[Entry], *options: str) -> Iterator[Judged]:
+    """Judge some entries, with further options of `run`; those that may share a run do."""
     together = [entry for entry in entries if entry.batched]
     if len(together) > 1:
-        yield from _together(together)
+        yield from _together(together, *options)
     else:
-        yield from map(alone, together)
+        yield from (alone(entry, *options) for entry in together)
     for entry in entries:
         if not entry.batched:
-            yield alone(entry)
+            yield alone(entry, *options)
 
 
-def alone(entry: Entry) -> Judged:
+def alone(entry: Entry, *options: str) -> Judged:
     """Run one entry's command, as a person would."""
     with _workspace(entry) as place:
         if entry.first is not None:
@@ -80,16 +80,17 @@ def alone(entry: Entry) -> Judged:
         entry.build(place)
         built = _files(place)
         with _without(entry.absent):
-            code, told, seconds = _called(place, entry.command)
+            further = options if entry.command[:1] == ("run",) else ()
+            code, told, seconds = _called(place, (*entry.command, *further))
         wrong = [*_always(code, told), *_strays(place, built | before)]
         if entry.command[:1] == ("run",) and "@sound" in entry.command:
-            code, told, further = _of_run(place, code, told)
-            wrong += further
+            code, told, more = _of_run(place, code, told)
+            wrong += more
         wrong += _wanted(entry, code, told)
     return Judged(name=entry.name, code=code, told=told, seconds=seconds, wrong=tuple(wrong))
 
 
-def _together(entries: Sequence[Entry]) -> Iterator[Judged]:
+def _together(entries: Sequence[Entry], *options: str) -> Iterator[Judged]:
     """One run of all their folders; again one by one where it is not sound as a whole."""
     with contextlib.ExitStack() as stack:
         places = [stack.enter_context(_workspace(entry)) for entry in entries]
@@ -97,7 +98,7 @@ def _together(entries: Sequence[Entry]) -> Iterator[Judged]:
             entry.build(place)
         built = [_files(place) for place in places]
         folders = [str(place / "hostile") for place in places]
-        command = ("run", *folders, *RUN[2:])
+        command = ("run", *folders, *RUN[2:], *options)
         code, told, seconds = _called(places[0], command)
         try:
             results = read_results(places[0] / "out" / "results.json")
@@ -106,7 +107,7 @@ def _together(entries: Sequence[Entry]) -> Iterator[Judged]:
         whole = results is not None and _sound(results) and not _dropped(places[0])
         if code is None or results is None or _always(code, told) or not whole:
             _sweep(places[0])
-            yield from map(alone, entries)
+            yield from (alone(entry, *options) for entry in entries)
             return
         for entry, place, before in zip(entries, places, built, strict=True):
             own, said, wrong = _subset(results, place / "hostile")
