@@ -85,9 +85,12 @@ def scene_record(
     rates = states.start[:, n:], (states.end - states.start)[:, n:] / states.lengths[:, None]
     velocities, accelerations = (joint_rates(tree, coordinates, one) for one in rates)
     placements = _placements(tree, coordinates)
-    meshes = _Meshes.build(shapes)
+    drawn = [
+        (body, _drawn([shape for shape in shapes if shape.body == body.name])) for body in bodies
+    ]
+    meshes = _Meshes.build([shape for _, mine in drawn for shape in mine])
     return Scene(
-        bodies=tuple(_body(tree, one, shapes, meshes) for one in bodies),
+        bodies=tuple(_body(tree, body, mine, meshes) for body, mine in drawn),
         joints=tuple(
             SceneJoint(name=link.name, parent=link.parent, twists=_twists(*link.motion))
             for link in tree.links
@@ -143,14 +146,17 @@ def _length(tree: Tree, coordinates: Array) -> float:
 
 def _body(tree: Tree, body: RigidBody, shapes: Sequence[PlacedShape], meshes: _Meshes) -> SceneBody:
     joint, place = tree.frames[body.name]
-    mine = [shape for shape in shapes if shape.body == body.name]
     return SceneBody(
         name=body.name,
         joint=joint,
         place=_place(place),
         mass=number(body.mass),
         ellipsoid=_ellipsoid(body.spatial_inertia),
-        shapes=tuple(_shape(shape, meshes) for shape in _drawn(mine, meshes)),
+        shapes=tuple(
+            _shape(shape, meshes)
+            for shape in shapes
+            if not _is_mesh(shape) or meshes.index(shape) is not None
+        ),
     )
 
 
@@ -216,12 +222,12 @@ def _base64(values: NDArray[Any]) -> str:
     return base64.b64encode(values.astype("<u2").tobytes()).decode("ascii")
 
 
-def _drawn(shapes: Sequence[PlacedShape], meshes: _Meshes) -> Sequence[PlacedShape]:
+def _drawn(shapes: Sequence[PlacedShape]) -> Sequence[PlacedShape]:
     """Return the visual shapes of a body if its file separates them, or all; without lost meshes.
 
     In an MJCF, visual shapes without a mesh are additions to those that collide.
     """
-    solids = [one for one in shapes if not _is_mesh(one) or meshes.index(one) is not None]
+    solids = [one for one in shapes if not _is_mesh(one) or not unread_meshes([one])]
     visual = [one for one in solids if one.visual]
     separate = any(_is_mesh(one) or one.name.startswith("visual:") for one in visual)
     return visual if separate else solids

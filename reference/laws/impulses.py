@@ -105,8 +105,8 @@ class ImpulseRows:
         return len(self.targets) - 1
 
 
-_EXACT = tuple(one.name for one in fields(ImpulseRows) if one.name != "jacobian")
-"""Fields of rows that compare exactly, besides arrays."""
+_EXACT = tuple(one.name for one in fields(ImpulseRows) if one.name not in ("jacobian", "bounds"))
+"""Fields of rows with the same impulses, besides Jacobian and bounds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,8 +130,11 @@ class ImpulseStep:
         """Step, s."""
         return self.model.laws.rules.step
 
-    def same_as(self, other: ImpulseStep) -> bool:
-        """Return whether another step from the same posture has the same rows."""
+    def solves(self, other: ImpulseStep) -> bool:
+        """Return whether these impulses also solve another step from the same posture.
+
+        It has the same rows, except for bounds that the impulses are inside of in both.
+        """
         mine, theirs = self.rows, other.rows
         return (
             self.posture is other.posture
@@ -139,6 +142,12 @@ class ImpulseStep:
             and np.array_equal(self.free, other.free)
             and all(getattr(mine, name) == getattr(theirs, name) for name in _EXACT)
             and np.array_equal(self._jacobian, other._jacobian)
+            and all(
+                first == second or (max(first[0], second[0]) < p < min(first[1], second[1]))
+                for p, first, second in zip(
+                    self._solution[0], mine.bounds, theirs.bounds, strict=True
+                )
+            )
         )
 
     @cached_property

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.diagnosis.law_problem import law_problem
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.records.finding import Diagnosis
 from tests.coverage.test_robot import STOP
@@ -89,3 +93,29 @@ def test_a_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str
     assert cause.estimate == pytest.approx(value, rel=1e-7)
     (place,) = cause.locations
     assert place.line == text[: text.index(right)].count("\n") + 1
+
+
+@pytest.mark.parametrize(("text", "floating"), [(URDF_ARM, False), (URDF_BOX, True)])
+def test_other_numbers_of_impulses_have_the_effect_of_a_new_solution(
+    tmp_path: Path, text: str, floating: bool
+) -> None:
+    """Catch a known solution that is kept although a number changes it."""
+    pytest.importorskip("pybullet")
+    file = tmp_path / "robot.urdf"
+    file.write_text(text)
+    task = model_task(prepare_tree(file, states=4, floating=floating), "pybullet")
+    problem: Any = law_problem(task)
+    acted = 0
+    before = problem.comparison.expected_by(problem.comparison.laws, problem.evaluated)
+    for i in problem.numbers.law_numbers:
+        for share in (0.5, 1.01):
+            laws = problem.numbers.laws({i: share * problem.numbers.numerals[i].value})
+            assert laws is not None
+            kept = problem.comparison.expected_by(laws, problem.evaluated)
+            # On a tree of its own, everything is solved again.
+            solved = problem.comparison.expected_by(
+                replace(laws, tree=replace(laws.tree)), problem.evaluated
+            )
+            assert kept == pytest.approx(solved, rel=1e-11, abs=1e-11)
+            acted += not np.allclose(kept, before, rtol=1e-9, atol=1e-9)
+    assert acted > 4
