@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.diagnose import MIN_EFFECT, Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.diagnosis.samples import (
@@ -54,8 +54,9 @@ def diagnose_model(task: SystemTask) -> Diagnosis:
     if task.target.ideal and task.declared.laws and (soft := _soft_laws(task, began)):
         return soft
     with trial_model(task) as (whole, uncertainty):
-        shows = bool(np.any(np.abs(whole.defect({})) > uncertainty))
-        ranking = diagnose(whole, uncertainty) if shows else Ranking((), False, 1.0)
+        ranking = Ranking((), False, 1.0)
+        if _shows(whole, uncertainty):
+            ranking = diagnose(whole, uncertainty)
         free: tuple[str, ...] = ()
         if not ranking.explained:
             free = freedoms(whole.model, whole.coordinates, whole.samples)
@@ -77,6 +78,16 @@ def diagnose_model(task: SystemTask) -> Diagnosis:
         corrected=corrected,
         seconds=time.perf_counter() - began,
     )
+
+
+def _shows(trial: TrialModel, uncertainty: Array) -> bool:
+    """Return whether the end states show a discrepancy.
+
+    A number off its bound value can leave them without a limit, and its bound value restores it.
+    """
+    defect = np.abs(trial.defect({}))
+    off = any(h.start and h.expected is not None for h in trial.hypotheses)
+    return bool(np.any(defect > uncertainty) or (off and defect.max() > MIN_EFFECT))
 
 
 def _soft_laws(task: SystemTask, began: float) -> Diagnosis | None:

@@ -18,6 +18,10 @@ from campaigns.events import (
     peer_row,
     planted_edits,
 )
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.commands.mutation.mistakes import Edit
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.load import load_system
@@ -66,3 +70,11 @@ def test_a_drive_that_leaves_its_limit_some_steps_early_is_resolved() -> None:
     _, error, total = judged(system, sidecar, "pymunk", system.scenarios[0])
     assert np.all(error < total)
     assert total.max() < RESOLUTION
+
+
+def test_a_number_that_leaves_an_event_without_a_limit_is_named(tmp_path: Path) -> None:
+    sidecar = read_sidecar(EVENTS / "pendulum_stop" / "space.py.toml")
+    task = model_task(prepare_system(sidecar.model.parent, described=False), "pymunk", sidecar)
+    wrong = Edit({"LIMIT": 0.404}).apply(sidecar, "pymunk", tmp_path)
+    (cause,) = diagnose_model(task.with_sidecar(wrong)).explanations[0].causes
+    assert cause.subject == ("LIMIT",)
