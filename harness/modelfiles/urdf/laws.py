@@ -155,10 +155,9 @@ class RuledNumbers(Generic[L]):
         nominal = self._nominal
         if not values or nominal is None or not set(values) <= set(self.law_numbers):
             return self._built(values) if values else nominal
-        laws = self._built(values, nominal.tree.tree)
-        return laws and replace(
-            laws, tree=nominal.tree
-        )  # these numbers leave the bodies as they are
+        laws = self._built(values, nominal.tree.tree)  # these numbers leave the bodies as they are
+        # Impulses on the same tree are solved again only where their rows differ.
+        return replace(laws, tree=nominal.tree) if isinstance(laws, ImpulseModel) else laws
 
     @cached_property
     def _nominal(self) -> L | None:
