@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -59,9 +58,15 @@ def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
     return found
 
 
-@cache
+COPIES = dict[str, PreparedSystem]()
+"""Edited systems, by their text: mistakes share edits, and are tested with and without them."""
+
+
 def prepared_copy(folder: Path) -> PreparedSystem:
-    return prepare_system(folder, described=False)
+    text = (folder / SYSTEM).read_text(encoding="utf-8")
+    if text not in COPIES:
+        COPIES[text] = prepare_system(folder, described=False)
+    return COPIES[text]
 
 
 def physics_of(mistake: Mistake, sidecar: Sidecar) -> PreparedSystem:
