@@ -67,11 +67,16 @@ def errata(
     )
 
 
-def _compare(
+def best_reading(
     published: PublishedEquation,
     equations: Equations,
     linearizations: tuple[TaylorLinearization, ...],
-) -> EquationCheck:
+) -> list[Comparison]:
+    """Return the derived expressions and what the nearest reading of an equation differs by.
+
+    Raises:
+        DeclarationError: as `errata`.
+    """
     match published.states:
         case "motion":
             choices = _motions(published, equations)
@@ -81,7 +86,15 @@ def _compare(
             choices = _linear_parts(published, equations)
         case _:
             choices = _values(published, equations)
-    best = min(choices, key=_size)  # the fewest, then the simplest terms
+    return min(choices, key=_size)  # the fewest, then the simplest terms
+
+
+def _compare(
+    published: PublishedEquation,
+    equations: Equations,
+    linearizations: tuple[TaylorLinearization, ...],
+) -> EquationCheck:
+    best = best_reading(published, equations, linearizations)
     agreement = UP_TO_SIGNS if "±" in published.text else AGREES
     ending = " = 0" if published.states in ("motion", "linear") else ""
     # All sides of a chain are compared with one derived expression.

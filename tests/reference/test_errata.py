@@ -14,6 +14,7 @@ from physics_crosscheck.reference.dynamics.errata import (
     DIFFERS,
     UP_TO_SIGNS,
     EquationCheck,
+    best_reading,
     errata,
 )
 from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, linearize
@@ -202,12 +203,11 @@ def test_a_wrong_coefficient_anywhere_in_any_published_equation_is_told(
 ) -> None:
     """One and a half times a term or a factor: no sign can repair it."""
     published = built_in(name).published[index]
-    places = faults(published)
-    places = places[index % 3 :: 3] or places  # a third of them, others in each equation
-    assert places
-    altered = [dataclasses.replace(published, text=text) for text in places]
-    for found in judge(name, *altered):
-        assert found.verdict == DIFFERS, found.published.text
+    altered = [dataclasses.replace(published, text=text) for text in faults(published)]
+    assert altered
+    for wrong in altered:  # without the words of a record, which take most of the time
+        best = best_reading(wrong, equations_of(name), rests_of(name))
+        assert any(difference != 0 for _, difference in best), wrong.text
 
 
 @pytest.mark.parametrize(
