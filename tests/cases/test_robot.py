@@ -44,7 +44,7 @@ ROBOTS = {
 
 @pytest.fixture(scope="module", params=ROBOTS)
 def prepared(request: pytest.FixtureRequest) -> PreparedTree:
-    return prepare_tree(DATA / request.param, states=12)
+    return prepare_tree(DATA / request.param)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks import acting_impulses as impulse_room
 from physics_crosscheck.harness.checks import audit as audit_run
 from physics_crosscheck.harness.checks import case as case_room
 from physics_crosscheck.harness.checks import planar_step as planar_room
@@ -49,7 +50,7 @@ def known(monkeypatch: pytest.MonkeyPatch) -> None:
     def engines() -> dict[str, Engine]:
         return {"known": KnownEngine()}
 
-    for room in (task_room, planar_room, audit_run, diagnosis_room):
+    for room in (task_room, planar_room, impulse_room, audit_run, diagnosis_room):
         monkeypatch.setattr(room, "engines", engines)
 
 
