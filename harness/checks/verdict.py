@@ -257,9 +257,9 @@ def with_spread(
         return verdict
     name = names[spread.component]
     values = (
-        f"after the event at t = {spread.time:.4g} s {name} is {spread.low:.3g} to "
-        f"{spread.high:.3g}, by the place of the event in a step; the motion has "
-        f"{spread.expected:.3g}"
+        f"after the event at t = {spread.time:.4g} s {name} is {spread.low:.6g} to "
+        f"{spread.high:.6g}, by the place of the event in a step; the motion has "
+        f"{spread.expected:.6g}"
     )
     differs = spread.shrinks
     return replace(

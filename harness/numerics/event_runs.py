@@ -55,7 +55,7 @@ PHASE_RUNGS = 9, 81
 """Odd numbers of steps of a segment with an event in its middle, coarse and fine."""
 
 SHRINKS = 0.5
-"""Largest ratio of two spreads, at nine times the steps, of a motion that has a limit."""
+"""Largest ratio of two spreads or errors, at nine times the steps, of a motion that has a limit."""
 
 
 CONTACT_RUNGS = 81, 243
@@ -113,8 +113,10 @@ def phase_spread(
     coarse, fine = (np.ptp(one, axis=0) for one in spreads)
     low, high = spreads[-1].min(axis=0), spreads[-1].max(axis=0)
     shrinks = bool(np.all(fine <= SHRINKS * coarse + ROUNDING_FLOOR * motion.unit))
-    # What remains of a spread that falls is smaller than the spread.
-    off = np.maximum(0.0, np.maximum(low, -high) - fine) / motion.unit * shrinks
+    # What remains of a spread that falls is smaller than it; an error that falls may vanish.
+    error = np.maximum(low, -high)
+    stays = error > SHRINKS * np.abs(spreads[0]).max(axis=0)
+    off = np.maximum(0.0, error - fine) / motion.unit * (shrinks & stays)
     component = int(np.argmax(off if off.any() else fine / motion.unit))
     expected = float(motion.end[row, component])
     return PhaseSpread(

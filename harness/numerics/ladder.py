@@ -45,11 +45,17 @@ SPARE_RUNGS = 1
 
 
 @lru_cache(maxsize=256)
-def exact_weights(rungs: tuple[int, ...], lead: int, increment: int) -> tuple[Fraction, ...]:
-    """Return weights w: sum w_i = 1, sum w_i n_i^-e = 0 for e = lead, lead + increment, ..."""
+def exact_weights(
+    rungs: tuple[int, ...], lead: int, increment: int, finer: int | None = None
+) -> tuple[Fraction, ...]:
+    """Return weights w: sum w_i = 1, sum w_i n_i^-e = 0 for e = lead, lead + increment, ...
+
+    With a finer rung, the second sum is finer^-e: the weights predict that rung, not the limit.
+    """
     exponents = [0, *(lead + increment * i for i in range(len(rungs) - 1))]
+    sums = (Fraction(1, finer**e) if finer else Fraction(int(e == 0)) for e in exponents)
     return _solved(
-        [[Fraction(1, n**e) for n in rungs] + [Fraction(int(e == 0))] for e in exponents]
+        [[Fraction(1, n**e) for n in rungs] + [one] for e, one in zip(exponents, sums, strict=True)]
     )
 
 
@@ -68,9 +74,9 @@ def _solved(rows: list[list[Fraction]]) -> tuple[Fraction, ...]:
     return tuple(row[-1] for row in rows)
 
 
-def weights(rungs: tuple[int, ...], exponents: tuple[int, int]) -> Array:
+def weights(rungs: tuple[int, ...], exponents: tuple[int, int], finer: int | None = None) -> Array:
     """Return `exact_weights`, rounded to doubles."""
-    return np.array([float(w) for w in exact_weights(rungs, *exponents)])
+    return np.array([float(w) for w in exact_weights(rungs, *exponents, finer)])
 
 
 @lru_cache(maxsize=256)

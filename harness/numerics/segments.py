@@ -164,11 +164,43 @@ def extrapolate(
     if partial:
         observable = replace(observable, origin=segments.start)
     result = climb(observable, rungs, resolution)
+    if observable.centred is not None:
+        result = _with_finer_run(model, coordinates, segments, observable, result)
     if not (segments.bounded and coordinates.redundant):
         return result
     return replace(
         result, residual=residual_of(coordinates, segments, starts, result.rungs, residuals)
     )
+
+
+FINER = 243
+"""Steps of a run that checks limits through events, odd and three times the finest rung. An engine
+may keep a mode, such as a slip, that only finer steps end; then all rungs agree falsely."""
+
+FINER_MISS = 10.0
+"""Uncertainties by which that run may miss the value that the rungs predict for it."""
+
+
+def _with_finer_run(
+    model: LoadedModel,
+    coordinates: CoordinateMap,
+    segments: Segments,
+    observable: Observable,
+    result: Extrapolated,
+) -> Extrapolated:
+    """Make limits through events uncertain if their rungs do not predict a finer run."""
+    assert observable.centred is not None
+    rows = np.flatnonzero(observable.centred)
+    some = segments.pick(rows)
+    starts = without_companions(*coordinates.to_engine(some.start))
+    ends, _ = run_rung(model, coordinates, some, starts, FINER)
+    limit = result.limit
+    used = [result.rungs.index(rung) for rung in limit.rungs]
+    prediction = weights(limit.rungs, observable.exponents, FINER)
+    predicted = np.tensordot(prediction, result.raw[used][:, rows], axes=1)
+    fits = np.abs(ends - predicted) <= FINER_MISS * limit.uncertainty[rows]
+    limit.uncertainty[rows] = np.where(fits, limit.uncertainty[rows], np.inf)
+    return replace(result, steps=result.steps + FINER * len(rows))
 
 
 def limits_only(

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.task import load
+from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.event_runs import (
     crossing,
     order_of,
+    phase_spread,
     step_for,
     study_events,
 )
@@ -95,3 +98,24 @@ def test_steps_keep_below_the_largest_error_over_the_step() -> None:
     assert order_of(errors) == pytest.approx(1, abs=0.2)
     assert step_for(0.01, errors) == pytest.approx(0.01, rel=0.1)
     assert step_for(0.01, [(h, 0.3) for h, _ in errors]) is None
+
+
+@pytest.mark.parametrize(("per_second", "constant"), [(5.0, 0.0), (0.0, 0.01)])
+def test_an_error_that_falls_with_the_step_is_no_difference(
+    drop: Motion, monkeypatch: pytest.MonkeyPatch, per_second: float, constant: float
+) -> None:
+    model, coordinates = load(load_system(BALL), read_sidecar(BALL / "space.py.toml"), "pymunk")
+    rollout = model.rollout
+
+    def with_error(
+        q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        positions, velocities = rollout(q, v, h, n, force, every)
+        return positions, velocities + per_second * h + constant
+
+    monkeypatch.setattr(model, "rollout", with_error)
+    motion = replace(drop, scale=drop.amplitude)
+    spread = phase_spread(model, coordinates, motion, drop.events[0])
+    assert spread is not None
+    assert spread.shrinks
+    assert (spread.off > 0) == (constant > 0)

@@ -8,8 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks.task import load
+from physics_crosscheck.harness.engines.protocol import Array, Force
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.ladder import ODD_RUNGS, RUNGS, limits
-from physics_crosscheck.harness.numerics.segments import MisplacedEventError, check_events
+from physics_crosscheck.harness.numerics.segments import (
+    MisplacedEventError,
+    check_events,
+    extrapolate,
+)
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import solve_events
 from physics_crosscheck.reference.load import load_system
@@ -52,3 +59,26 @@ def test_an_event_off_its_middle_leaves_the_other_segments_their_limit() -> None
         limit = limits(ends, rungs, (1, 1), one, one, apart=mask)
         assert np.sum(limit.uncertainty < 1e-9) == resolved
         assert limit.uncertainty[3] > 1e-3
+
+
+def test_a_mode_that_only_fine_steps_end_leaves_its_segment_without_a_limit(
+    drop: Segments, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, coordinates = load(load_system(BALL), read_sidecar(BALL / "space.py.toml"), "pymunk")
+    drop = replace(drop, scale=np.abs(drop.end).max(axis=0))
+    sound = extrapolate(model, coordinates, drop, resolution=1e-9).limit
+    assert np.isfinite(sound.uncertainty).all()
+    rollout = model.rollout
+
+    def mode_ends(
+        q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        positions, velocities = rollout(q, v, h, n, force, every)
+        return positions, velocities + 1e-4 * (n > max(ODD_RUNGS))
+
+    monkeypatch.setattr(model, "rollout", mode_ends)
+    limit = extrapolate(model, coordinates, drop, resolution=1e-9).limit
+    middle = drop.t + drop.lengths / 2
+    centred = np.isclose(middle[:, None], drop.events, rtol=0, atol=1e-9).any(axis=1)
+    assert centred.any()
+    assert np.array_equal(np.isinf(limit.uncertainty).any(axis=1), centred)
