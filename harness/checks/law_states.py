@@ -182,7 +182,7 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
 
 
 def _usable_step(model: WholeModel, state: WholeState) -> EngineStep | None:
-    """Return the step from a state; None if either is not finite, fast, or in many contacts."""
+    """Return the step from a state; None if it is not finite, too fast, or has many contacts."""
     values = np.concatenate([state.z, state.m, state.activations])
     if not np.all(np.isfinite(values)) or np.max(np.abs(values), initial=0.0) > MAX_SPEED:
         return None

@@ -115,7 +115,7 @@ def judge_chunk(entries: Sequence[Entry], *options: str) -> list[Judged]:
 
 
 def _lost(entry: Entry, why: str) -> Judged:
-    return Judged(name=entry.name, code=None, told="", seconds=0.0, wrong=(why,))
+    return Judged(name=entry.name, code=None, printed="", seconds=0.0, wrong=(why,))
 
 
 def _process(entries: Sequence[Entry], *options: str) -> tuple[list[Judged], str | None]:
@@ -157,9 +157,9 @@ def _line(one: Judged) -> str:
     mark = "WRONG" if one.wrong else "right"
     lines = [f"{mark} {one.name}  (exit {one.code}, {one.seconds:.1f} s)"]
     lines += [f"    {sentence}" for sentence in one.wrong]
-    if one.told:
-        told = " | ".join(one.told.splitlines())
-        lines.append(f"    told: {told[:400]!r}")
+    if one.printed:
+        printed = " | ".join(one.printed.splitlines())
+        lines.append(f"    printed: {printed[:400]!r}")
     if one.wrong:
         lines.append(f"    python -m soak.corpus --only {shlex.quote(one.name)}")
     return "\n".join(lines)

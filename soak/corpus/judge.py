@@ -52,7 +52,7 @@ class Judged:
 
     name: str
     code: int | None
-    told: str
+    printed: str
     seconds: float
     wrong: tuple[str, ...]
 
@@ -81,13 +81,13 @@ def alone(entry: Entry, *options: str) -> Judged:
         built = _files(place)
         with _without(entry.absent):
             further = options if entry.command[:1] == ("run",) else ()
-            code, told, seconds = _called(place, (*entry.command, *further))
-        wrong = [*_always(code, told), *_strays(place, built | before)]
+            code, printed, seconds = _called(place, (*entry.command, *further))
+        wrong = [*_always(code, printed), *_strays(place, built | before)]
         if entry.command[:1] == ("run",) and "@sound" in entry.command:
-            code, told, more = _of_run(place, code, told)
+            code, printed, more = _of_run(place, code, printed)
             wrong += more
-        wrong += _wanted(entry, code, told)
-    return Judged(name=entry.name, code=code, told=told, seconds=seconds, wrong=tuple(wrong))
+        wrong += _wanted(entry, code, printed)
+    return Judged(name=entry.name, code=code, printed=printed, seconds=seconds, wrong=tuple(wrong))
 
 
 def _together(entries: Sequence[Entry], *options: str) -> Iterator[Judged]:
@@ -99,13 +99,13 @@ def _together(entries: Sequence[Entry], *options: str) -> Iterator[Judged]:
         built = [_files(place) for place in places]
         folders = [str(place / "hostile") for place in places]
         command = ("run", *folders, *RUN[2:], *options)
-        code, told, seconds = _called(places[0], command)
+        code, printed, seconds = _called(places[0], command)
         try:
             results = read_results(places[0] / "out" / "results.json")
         except ResultsError:
             results = None
         whole = results is not None and _sound(results) and not _dropped(places[0])
-        if code is None or results is None or _always(code, told) or not whole:
+        if code is None or results is None or _always(code, printed) or not whole:
             _sweep(places[0])
             yield from (alone(entry, *options) for entry in entries)
             return
@@ -115,7 +115,7 @@ def _together(entries: Sequence[Entry], *options: str) -> Iterator[Judged]:
             yield Judged(
                 name=entry.name,
                 code=own,
-                told=said,
+                printed=said,
                 seconds=seconds / len(entries),
                 wrong=tuple(wrong),
             )
@@ -201,19 +201,19 @@ def _path(place: Path, word: str) -> str:
     return re.sub(r"(^|(?<==))@", lambda _: f"{place}/", word)
 
 
-def _always(code: int | None, told: str) -> list[str]:
+def _always(code: int | None, printed: str) -> list[str]:
     """What is wrong whatever the command was."""
     wrong = []
     if code is None:
-        wrong.append(f"raised: {told[-300:]}")
-    if "Traceback (most recent call last)" in told:
-        wrong.append("a traceback is told")
-    if "INTERNALERROR" in told:
+        wrong.append(f"raised: {printed[-300:]}")
+    if "Traceback (most recent call last)" in printed:
+        wrong.append("a traceback is printed")
+    if "INTERNALERROR" in printed:
         wrong.append("pytest tells an internal error")
     return wrong
 
 
-def _wanted(entry: Entry, code: int | None, told: str) -> list[str]:
+def _wanted(entry: Entry, code: int | None, printed: str) -> list[str]:
     """What is wrong with an exit code, and with what was said for it."""
     wrong = []
     if code not in entry.codes:
@@ -221,26 +221,26 @@ def _wanted(entry: Entry, code: int | None, told: str) -> list[str]:
     if code == 0 and 0 in entry.codes:
         return wrong
     # Where a model was judged and differs, its id and its diagnosis say which it is.
-    if entry.says and code != 1 and not re.search(entry.says, told):
+    if entry.says and code != 1 and not re.search(entry.says, printed):
         wrong.append(f"nothing matches {entry.says!r}")
-    if "Traceback (most recent call last)" in told:
-        wrong.append("a traceback is told")
-    # What the command line itself was given may be told back in full.
+    if "Traceback (most recent call last)" in printed:
+        wrong.append("a traceback is printed")
+    # What the command line itself was given may be repeated in full.
     given = any(len(word) > LONGEST for word in entry.command)
-    long = [line for line in told.splitlines() if len(line) > LONGEST and not given]
+    long = [line for line in printed.splitlines() if len(line) > LONGEST and not given]
     if long:
         wrong.append(f"a line of {len(long[0])} characters")
-    if "\x1b" in told:
+    if "\x1b" in printed:
         wrong.append("codes for the terminal are passed on")
     return wrong
 
 
-def _of_run(place: Path, code: int | None, told: str) -> tuple[int | None, str, list[str]]:
+def _of_run(place: Path, code: int | None, printed: str) -> tuple[int | None, str, list[str]]:
     """The hostile folder's own exit code and sentences, and what is wrong with the run."""
     try:
         results = read_results(place / "out" / "results.json")
     except ResultsError as error:
-        return code, told, [f"no results: {error}"]
+        return code, printed, [f"no results: {error}"]
     wrong = [] if _sound(results) else ["the sound folder beside it does not agree"]
     own, said, further = _subset(results, place / "hostile")
     wrong += further
@@ -260,14 +260,14 @@ def _subset(results: Results, folder: Path) -> tuple[int, str, list[str]]:
     cases = tuple(case for case in results.cases if case.folder == str(folder))
     models = tuple(model for model in results.models if model.folder == str(folder))
     own = msgspec.structs.replace(results, cases=cases, models=models)
-    told = [case.reason for case in cases if case.outcome is not Outcome.AGREES]
+    reasons = [case.reason for case in cases if case.outcome is not Outcome.AGREES]
     wrong = [
-        f"a sentence of several lines: {one[:99]!r}" for one in told if "\n" in str(one).strip()
+        f"a sentence of several lines: {one[:99]!r}" for one in reasons if "\n" in str(one).strip()
     ]
     wrong += _unsaid(own)
     findings = [finding.message for model in models for finding in model.audit or ()]
     failures = [why for model in models for _, why in model.failures]
-    lines = (*(str(reason) for reason in told), *findings, *failures)
+    lines = (*(str(reason) for reason in reasons), *findings, *failures)
     return exit_code(own, require_engines=False), "\n".join(lines), wrong
 
 

@@ -28,7 +28,9 @@ FOLDERS = [
 
 
 def wrong(judged: list[Judged]) -> list[str]:
-    return [f"{one.name}: {'; '.join(one.wrong)}: {one.told[:200]}" for one in judged if one.wrong]
+    return [
+        f"{one.name}: {'; '.join(one.wrong)}: {one.printed[:200]}" for one in judged if one.wrong
+    ]
 
 
 def test_there_are_many_over_every_format_and_command() -> None:
@@ -79,7 +81,7 @@ def test_what_is_slow_has_a_process_of_its_own() -> None:
 
 def test_a_wrong_entry_is_counted() -> None:
     some = [
-        Judged(name=name, code=3, told="", seconds=0.1, wrong=wrong)
-        for name, wrong in (("urdf/a", ()), ("urdf/b", ("a traceback is told",)))
+        Judged(name=name, code=3, printed="", seconds=0.1, wrong=wrong)
+        for name, wrong in (("urdf/a", ()), ("urdf/b", ("a traceback is printed",)))
     ]
     assert table(some).splitlines()[1].split() == ["urdf", "2", "1"]

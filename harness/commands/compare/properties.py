@@ -92,6 +92,8 @@ def _joint(
         differences += _geometry(a, b, row, pair, size)
     if abs(abs(pair.slope) - 1) <= SAME:
         differences += _forces(a, b, row, pair)
+    if not differences:
+        return  # lines of an MJCF are searched in its text
     where_a, where_b = a.joint_line(link_a.name), b.joint_line(link_b.name)
     for difference, changed in differences:
         yield structs.replace(difference, where_a=where_a, where_b=where_b), changed

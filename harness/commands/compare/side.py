@@ -60,10 +60,10 @@ class ModelSide:
             return None
         return self._line(part.line, f"body[{part.name}]/inertial", f"body[{part.name}]")
 
-    def _line(self, line: int | None, *addresses: str) -> SourceLine | None:
-        """Return a line, or if it is 0, as in compiled files, that of the first address found."""
+    def _line(self, read: int, *addresses: str) -> SourceLine | None:
+        """Return the line read, or if it is 0, as in an MJCF, that of the first address found."""
         lines = (line_of(self.file, address) for address in addresses)
-        line = line or next(filter(None, lines), None)
+        line = read or next(filter(None, lines), None)
         return SourceLine(file=str(self.file), line=line) if line else None
 
     def limits(self, name: str) -> tuple[float, float]:
