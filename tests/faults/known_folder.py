@@ -41,9 +41,9 @@ system = System(
     T=m * x.v**2 / 2, V=k * x.q**2 / 2, D=c * x.v**2 / 2,
     equilibria=(Equilibrium("rest", {x: 0}, False, "relaxed"),),
     scenarios=(
-        Scenario("free", "released", q={x: 0.25}, v={x: -0.4}, inputs={f: 0}, duration=5.0),
+        Scenario("free", "released", q={x: 0.25}, v={x: -0.4}, inputs={f: 0}, duration=1.0),
         Scenario("driven", "driven", q={x: 0.1}, v={x: 0.2}, inputs={f: 1.5 * sin(5.9 * t)},
-                 duration=5.0),
+                 duration=1.0),
     ),
     published=(),
 )
