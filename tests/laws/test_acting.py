@@ -33,13 +33,13 @@ def loaded(folder: Path, text: str) -> tuple[LawModel, Any, Any]:
     return laws, model, mujoco.MjData(model)
 
 
-@pytest.mark.parametrize("option", [
-    'cone="elliptic"', 'cone="elliptic" impratio="10"', 'cone="pyramidal"',
-    'cone="pyramidal" impratio="3"',
-])  # fmt: skip
-@pytest.mark.parametrize("geom", [
-    "", 'solref="0.01 0.7"', 'condim="1"', 'solimp="0.5 0.99 0.0002 0.3 3"',
-    'solref="-2000 -50" friction="0.9"',
+ELLIPTIC, PYRAMIDAL = 'cone="elliptic" impratio="10"', 'cone="pyramidal" impratio="3"'
+
+
+@pytest.mark.parametrize(("option", "geom"), [
+    ('cone="elliptic"', ""), ('cone="pyramidal"', 'solref="0.01 0.7"'), (PYRAMIDAL, 'condim="1"'),
+    *((option, geom) for option in (ELLIPTIC, PYRAMIDAL)
+      for geom in ('solimp="0.5 0.99 0.0002 0.3 3"', 'solref="-2000 -50" friction="0.9"')),
 ])  # fmt: skip
 def test_the_depth_at_rest_and_the_creep_on_a_slope_are_those_of_the_engine(
     option: str, geom: str, tmp_path: Path
@@ -51,14 +51,14 @@ def test_the_depth_at_rest_and_the_creep_on_a_slope_are_those_of_the_engine(
     laws, model, data = loaded(tmp_path, flat)
     contact = mix_surfaces(*laws.laws.surfaces)
     rest = rest_on(contact, laws.laws, float(laws.weights.bodies[1, 0]), 2 * G)
-    mujoco.mj_step(model, data, 20000)
+    mujoco.mj_step(model, data, 4000)
     assert 0.1 + data.qpos[2] == pytest.approx(0.1 - rest.depth, abs=1e-13)
     if contact.dimension == 1:
         return
     slope = SLIDE.format(option=option, geom=geom, x=G * np.sin(SLOPE), z=-G * np.cos(SLOPE))
     laws, model, data = loaded(tmp_path, slope)
     across = rest_on(contact, laws.laws, float(laws.weights.bodies[1, 0]), 2 * G * np.cos(SLOPE))
-    mujoco.mj_step(model, data, 20000)
+    mujoco.mj_step(model, data, 4000)
     assert data.qvel[0] == pytest.approx(across.creep / np.cos(SLOPE), rel=1e-9)
 
 
@@ -70,12 +70,12 @@ LIMIT = """<mujoco><option timestep="{step}" gravity="0 0 0"/><compiler angle="r
 
 @pytest.mark.parametrize("reference", ["0.02 1", "0.02 0.3", "0.02 2", "-2000 -30"])
 def test_the_rebound_at_a_limit_is_that_of_the_engine(reference: str, tmp_path: Path) -> None:
-    text = LIMIT.format(step=2e-6, reference=reference)
+    text = LIMIT.format(step=1e-5, reference=reference)
     laws, model, data = loaded(tmp_path, text)
     limit = laws.laws.limits[0]
     data.qpos[0], data.qvel[0] = 0.4999, 1.0
     for _ in range(200):
-        mujoco.mj_step(model, data, 500)
+        mujoco.mj_step(model, data, 100)
         if data.qvel[0] < 0 and data.qpos[0] < 0.4:
             break
     rebound = pressed(limit.softness, laws.laws).rebound
@@ -122,7 +122,7 @@ def test_the_gain_at_which_the_step_grows_is_that_of_the_engine(
 
 
 def test_frequency_damping_and_sag_of_a_servo_are_those_of_the_engine(tmp_path: Path) -> None:
-    text = SERVO.format(step=1e-5, integrator="Euler", kp=500, kv=3, damping=1)
+    text = SERVO.format(step=2e-5, integrator="Euler", kp=500, kv=3, damping=1)
     laws, model, data = loaded(tmp_path, text)
     expected = servo(laws, 500, 3, 1, implicit=False)
     data.qpos[0] = expected.sag
@@ -130,14 +130,14 @@ def test_frequency_damping_and_sag_of_a_servo_are_those_of_the_engine(tmp_path: 
     assert data.qpos[0] == pytest.approx(expected.sag, abs=1e-13)  # it stays there
     data.qpos[0] = expected.sag + 0.01
     positions = []
-    for _ in range(200_000):
+    for _ in range(45_000):
         mujoco.mj_step(model, data)
         positions.append(data.qpos[0] - expected.sag)
     x = np.array(positions)
     peaks = [i for i in range(1, len(x) - 1) if x[i - 1] < x[i] >= x[i + 1]]
-    period = 1e-5 * (peaks[2] - peaks[1])
+    period = 2e-5 * (peaks[1] - peaks[0])
     motion = expected.motion
     damped = motion.rate * np.sqrt(1 - motion.damping**2)
     assert period == pytest.approx(2 * np.pi / damped, rel=1e-3)
-    decay = np.log(x[peaks[1]] / x[peaks[2]]) / period
+    decay = np.log(x[peaks[0]] / x[peaks[1]]) / period
     assert decay == pytest.approx(motion.damping * motion.rate, rel=1e-3)

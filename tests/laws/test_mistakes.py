@@ -88,6 +88,7 @@ def test_an_engine_with_a_mistake_is_caught_and_the_mistake_named(
     assert [str(cause) for cause in ranking.fits[0].causes] == [name]
 
 
+@pytest.mark.usefixtures("few_states")
 def test_another_condim_is_named_with_its_value(tmp_path: Path) -> None:
     """Catch a number that selects directions of a contact and that no diagnosis tries."""
     problem = problem_of(tmp_path, BALLS)

@@ -20,9 +20,10 @@ from tests.laws.scenes import LIMITS, TOUCH, URDF_ARM, URDF_BOX
 pytest.importorskip("mujoco")
 
 OPTIONS = 'integrator="implicitfast" cone="elliptic"'
+OTHER_ROWS = "range, where other rows act"
 FAULTS = {
     "range": (STOP, "-60 40", "-60 40.00004", "joint[a]@range[1]", 40.00004),
-    "range, where other rows act": (STOP, "-60 40", "-60.6 40", "joint[a]@range[0]", -60.6),
+    OTHER_ROWS: (STOP, "-60 40", "-60.6 40", "joint[a]@range[0]", -60.6),
     "frictionloss": (STOP, 'loss="0.3"', 'loss="0.303"', "joint[a]@frictionloss", 0.303),
     "margin": (LIMITS, 'margin=".02"', 'margin=".0202"', "joint[a]@margin", 0.0202),
     "solimp": (LIMITS, ".97 .05", ".9700097 .05", "joint[a]@solimplimit[1]", 0.9700097),
@@ -47,9 +48,11 @@ def diagnosed(tmp_path: Path, text: str, loaded: str) -> Diagnosis:
      for f, (text, *_) in FAULTS.items()],
 )  # fmt: skip
 def test_the_number_and_the_value_that_the_engine_acts_with_are_named(
-    tmp_path: Path, fault: str
+    tmp_path: Path, request: pytest.FixtureRequest, fault: str
 ) -> None:
     """Catch a cause without a line, another number, or another value."""
+    if fault != OTHER_ROWS:
+        request.getfixturevalue("few_states")
     scene, right, wrong, address, value = FAULTS[fault]
     scene = scene.format(OPTIONS)
     assert right in scene
@@ -106,16 +109,14 @@ def test_other_numbers_of_impulses_have_the_effect_of_a_new_solution(
     task = model_task(prepare_tree(file, states=4, floating=floating), "pybullet")
     problem: Any = law_problem(task)
     acted = 0
-    before = problem.comparison.expected_by(problem.comparison.laws, problem.evaluated)
+    evaluated = problem.evaluated[::2]
+    before = problem.comparison.expected_by(problem.comparison.laws, evaluated)
     for i in problem.numbers.law_numbers:
-        for share in (0.5, 1.01):
-            laws = problem.numbers.laws({i: share * problem.numbers.numerals[i].value})
-            assert laws is not None
-            kept = problem.comparison.expected_by(laws, problem.evaluated)
-            # On a tree of its own, everything is solved again.
-            solved = problem.comparison.expected_by(
-                replace(laws, tree=replace(laws.tree)), problem.evaluated
-            )
-            assert kept == pytest.approx(solved, rel=1e-11, abs=1e-11)
-            acted += not np.allclose(kept, before, rtol=1e-9, atol=1e-9)
-    assert acted > 4
+        laws = problem.numbers.laws({i: (0.5, 1.01)[i % 2] * problem.numbers.numerals[i].value})
+        assert laws is not None
+        kept = problem.comparison.expected_by(laws, evaluated)
+        # On a tree of its own, everything is solved again.
+        solved = problem.comparison.expected_by(replace(laws, tree=replace(laws.tree)), evaluated)
+        assert kept == pytest.approx(solved, rel=1e-11, abs=1e-11)
+        acted += not np.allclose(kept, before, rtol=1e-9, atol=1e-9)
+    assert acted >= 4

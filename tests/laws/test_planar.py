@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.acting_impulses import planar_quantities
-from physics_crosscheck.harness.checks.planar_step import check_planar_step
+from physics_crosscheck.harness.checks.planar_step import (
+    PlanarSample,
+    check_planar_step,
+    compare,
+    drawn_states,
+)
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck
-from physics_crosscheck.harness.engines.protocol import ModelSpec, PlanarWhole
+from physics_crosscheck.harness.engines.protocol import Array, ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.planar import PlanarModel
@@ -73,11 +80,41 @@ FAULTS = {
 }
 
 
+@cache
+def sound(folder: Path, space: str) -> tuple[list[tuple[Array, Array]], list[PlanarSample]]:
+    """Return drawn states of a Space, and both steps there."""
+    file = folder / "space.py"
+    file.write_text(space)
+    whole = engines()["pymunk"].load_planar(ModelSpec(file, settings=STEP))
+    assert whole is not None
+    law, states = PlanarModel(laws=whole.laws), list(drawn_states(whole, whole.laws))
+    return states, [PlanarSample.from_state(law, whole, *state) for state in states]
+
+
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_changed_number_is_seen(tmp_path: Path, fault: str) -> None:
-    """Catch a number of the law that the comparison does not depend on."""
+def test_a_changed_number_is_seen(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, fault: str
+) -> None:
+    """Catch a number that no drawn state depends on."""
+    pytest.importorskip("pymunk")
     space, right, wrong = FAULTS[fault]
     assert right in space
+    states, samples = sound(tmp_path_factory.getbasetemp(), space)
+    copy = tmp_path / "copy.py"
+    copy.write_text(space.replace(right, wrong, 1))
+    engine = engines()["pymunk"].load_planar(ModelSpec(copy, settings=STEP))
+    assert engine is not None
+    stepped = [
+        replace(sample, engine=engine.evaluate(*state))
+        for state, sample in zip(states, samples, strict=True)
+    ]
+    compared = compare(stepped, STEP["step"])
+    assert np.any(np.abs(compared.defect) > np.maximum(compared.uncertainty, 1e-9))
+
+
+def test_a_copy_is_compared_with_the_numbers_of_its_source(tmp_path: Path) -> None:
+    """Catch a law that takes the numbers of the file that the engine loads."""
+    space, right, wrong = FAULTS["friction"]
     check = checked(tmp_path, space, space.replace(right, wrong, 1))
     assert check is not None
     assert check.record.outcome is Outcome.DIFFERS

@@ -33,6 +33,8 @@ from tests.laws.scenes import (
 
 pytest.importorskip("mujoco")
 
+few = pytest.mark.usefixtures("few_states")
+
 SCENES = {
     "drives": DRIVES, "limits": LIMITS, "connect": CONNECT, "weld": WELD, "pair": PAIR,
     **{f"touch {dimension}": scene for dimension, scene in TOUCH.items()},
@@ -68,6 +70,7 @@ PAIRS = [
 ]  # fmt: skip
 
 
+@few
 @pytest.mark.parametrize(("scene", "options"), PAIRS)
 def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options: str) -> None:
     """Catch a row, a mixing rule, a cone or a drive that is stated wrong; and false alarms."""
@@ -79,6 +82,7 @@ def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options
     assert check.record.acted
 
 
+@few
 @pytest.mark.parametrize(
     ("text", "kinds"),
     [(URDF_ARM, {"limits", "motors", "motors at a limit"}), (URDF_BOX, {"contacts"})],
@@ -157,6 +161,7 @@ FAULTS = {
 }
 
 
+@few
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_millionth_of_each_number_is_seen(tmp_path: Path, fault: str) -> None:
     """Catch a number of the law that the comparison does not depend on."""
@@ -172,6 +177,7 @@ ARM = """<mujoco><option timestep="0.002"/><worldbody>
 <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="1"/></body></worldbody></mujoco>"""
 
 
+@few
 @pytest.mark.parametrize(
     ("engine", "text", "right", "wrong"),
     [
@@ -196,6 +202,7 @@ def test_a_case_differs_where_only_its_limit_does(
     assert (smooth.outcome, smooth.whole_step) == (Outcome.AGREES, None)
 
 
+@few
 def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     """Catch a comparison that passes although something without a law acts."""
     text = ARM.replace(
@@ -212,7 +219,7 @@ def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     assert "noslip_iterations=0" in record.edits
 
 
-@pytest.mark.parametrize(("seed", "before"), [(0, 0), (6, 0), (11, 0), (52, 13), (53, 4)])
+@pytest.mark.parametrize(("seed", "before"), [(52, 13), (53, 4)])
 def test_no_error_exceeds_its_uncertainty(tmp_path: Path, seed: int, before: int) -> None:
     """Catch rounding of forces, arms and inertias that is not bounded, and a bound of solvers."""
     file = tmp_path / "scene.xml"
@@ -257,10 +264,15 @@ def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> 
     assert {(fault.outcome, fault.named) for fault in faults} == {("DIFFERS", True)}
 
 
+GAP = """<mujoco><worldbody><geom type="plane" size="3 3 .1" margin=".001" gap=".0005"/>
+<body pos="0 0 .05"><freejoint/><geom type="box" size=".1 .07 .05"/></body></worldbody></mujoco>"""
+
+
+@few
 def test_a_wrong_gap_is_no_difference(tmp_path: Path) -> None:
     """Catch a gap that shifts rows: MuJoCo 4 reports contacts within it, which exert no force."""
     file = tmp_path / "scene.xml"
-    file.write_text(TOUCH[3].replace("{}", OPTIONS[1]))
+    file.write_text(GAP)
     faults = [fault for *_, fault in planted(file, 1, np.random.default_rng(1), ("gap",))]
     assert [(fault.acts, fault.outcome) for fault in faults] == [(0.0, "AGREES")] * 2
 
@@ -283,6 +295,7 @@ def test_a_missing_shape_leaves_whole_steps_uncompared_and_the_motion_judged(
     assert "absent.stl" in case.whole_step.uncovered[0]
 
 
+@few
 def test_full_runs_follow_whole_steps(tmp_path: Path) -> None:
     """Catch whole steps that unload the model before its full runs."""
     pytest.importorskip("pybullet")
@@ -303,6 +316,7 @@ STIFF = """<mujoco><option gravity="0 0 -3"/><worldbody><body pos="0 0 1">
 <position joint="b" kp="900" kv="9" ctrlrange="-1 .5" forcerange="-3 3"/></actuator></mujoco>"""
 
 
+@few
 def test_states_are_added_where_parts_of_the_laws_never_act(tmp_path: Path) -> None:
     """Catch ends of ranges, and friction that holds, which no state shows."""
     file = tmp_path / "stiff.xml"
@@ -315,8 +329,8 @@ def test_states_are_added_where_parts_of_the_laws_never_act(tmp_path: Path) -> N
     missing = {part.kind for part in comparison.missing_parts(drawn)}
     assert "control" in missing  # else the scene is too easy
     assert not comparison.missing_parts(evaluated_states(comparison))
-    faults = list(planted(file, 2, np.random.default_rng(1), ("ctrlrange", "solreffriction")))
-    assert len(faults) == 8
+    faults = list(planted(file, 1, np.random.default_rng(1), ("ctrlrange", "solreffriction")))
+    assert len(faults) == 4
     for key, size, address, fault in faults:
         if address.endswith("solreffriction[1]"):  # friction has no violation
             assert (fault.acts, fault.outcome) == (0.0, "AGREES")
