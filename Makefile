@@ -14,12 +14,12 @@ report: .venv/.report
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # The checks of the code run beside the tests. Motions with events are among the slow ones, and
-# `make test-engines` runs the built-in models in Pinocchio.
+# `make test-engines` runs the built-in models in all engines, with every check.
 test: .venv/.test
 	$(MAKE) --no-print-directory --jobs 2 check pytest
 
 pytest: .venv/.test
-	$(PYTEST) tests -m "not slow and not pinocchio" --crosscheck models --crosscheck-thorough --require-engines \
+	$(PYTEST) tests -m "not slow and not pinocchio" --crosscheck models --require-engines \
 		--ignore models/events --durations 10
 
 # Whole pages, files and matrices, each five seconds and more; the longest folders first.
@@ -31,7 +31,7 @@ ALL := .venv-engines/bin
 test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
 		tests/files/test_motions.py tests/numerics/test_stepping.py tests/numerics/test_forward_dynamics.py
-	$(ALL)/python -m pytest -n 2 -m pinocchio --crosscheck models --crosscheck-thorough --ignore models/events models
+	$(ALL)/python -m pytest -n 2 --crosscheck models --crosscheck-thorough --ignore models/events models
 	$(ALL)/crosscheck gate --all --out build/gate
 
 # Another Python, with the engines that have wheels for it: make test-python PYTHON=python3.12

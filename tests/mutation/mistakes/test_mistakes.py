@@ -11,7 +11,6 @@ import pytest
 from _pytest.mark import ParameterSet
 
 from physics_crosscheck.harness.checks.case import run_case
-from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import load, model_task
 from physics_crosscheck.harness.checks.verdict import judge
 from physics_crosscheck.harness.diagnosis.task import ranked
@@ -29,7 +28,6 @@ from tests.mutation.mistakes.mistakes import (
     NO_MISTAKES,
     OTHER_STEPS,
     REFUSED,
-    SYSTEM,
     URDF,
     Edits,
     Mistake,
@@ -47,34 +45,15 @@ SCENARIOS = 2
 
 
 def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
-    """Each mistake once; in further systems and engines with the slow tests."""
-    found, names = list[ParameterSet](), set[str]()
-    for m in mistakes:
-        absent = engines()[m.engine].version() is None
-        marks = [pytest.mark.skipif(absent, reason=f"{m.engine} is not installed")]
-        marks += [pytest.mark.slow] if m.name in names else []
-        names |= set() if absent else {m.name}
-        found.append(pytest.param(m, id=f"{m.name}-{m.system}-{m.engine}", marks=marks))
-    return found
-
-
-COPIES = dict[str, PreparedSystem]()
-"""Edited systems, by their text: mistakes share edits, and are tested with and without them."""
-
-
-def prepared_copy(folder: Path) -> PreparedSystem:
-    text = (folder / SYSTEM).read_text(encoding="utf-8")
-    if text not in COPIES:
-        COPIES[text] = prepare_system(folder, described=False)
-    return COPIES[text]
-
-
-def physics_of(mistake: Mistake, sidecar: Sidecar) -> PreparedSystem:
-    """The built-in folder's, or that of the copy where its equations are edited too."""
-    files = {file for file, _, _ in (*mistake.needs, *mistake.edits)}
-    if SYSTEM not in files:
-        return physics(mistake.system)
-    return prepared_copy(sidecar.model.parent)
+    absent = {name for name, engine in engines().items() if engine.version() is None}
+    return [
+        pytest.param(
+            m,
+            id=f"{m.name}-{m.system}-{m.engine}",
+            marks=pytest.mark.skipif(m.engine in absent, reason=f"{m.engine} is not installed"),
+        )
+        for m in mistakes
+    ]
 
 
 @pytest.fixture
@@ -96,7 +75,7 @@ def edited(tmp_path: Path) -> Edited:
 
 def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
     """Of the second scenario, which has a known force."""
-    prepared = physics_of(mistake, sidecar)
+    prepared = physics(mistake.system)
     name = list(prepared.motions)[1]
     motion = prepared.motions[name]
     model, coordinates = load(prepared.system, sidecar, mistake.engine)
@@ -112,7 +91,7 @@ def test_a_mistake_is_caught_and_named(
 ) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", FEW)
     sidecar = edited(mistake, (*mistake.needs, *mistake.edits))
-    prepared = physics_of(mistake, sidecar)
+    prepared = physics(mistake.system)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS
     motions = dict(list(prepared.motions.items())[:SCENARIOS])
     task = model_task(prepared, mistake.engine, sidecar).with_target(motions=motions)
@@ -136,7 +115,7 @@ def test_what_an_engine_leaves_out_still_agrees(change: Mistake, edited: Edited)
 
 def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
     """The second scenario as `run` tells it, in short: two seconds."""
-    prepared = physics_of(mistake, sidecar)
+    prepared = physics(mistake.system)
     scenario = prepared.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
     motion = replace(
