@@ -114,24 +114,15 @@ def check_named(
 
 URDF_FAULTS = {
     'mass value="1.5"': ("link[beam]/inertial/mass@value", 10),
-    'ixy="0.001"': ("link[beam]/inertial/inertia@ixy", 11),
     'rpy="0 0.4 0.1"': ("joint[lift]/origin@rpy[1]", 8),
-    'rpy="0.3 0.1 0.2"': ("link[beam]/inertial/origin@rpy[0]", 10),
-    'xyz="0 1 0.2"': ("joint[lift]/axis@xyz[2]", 8),
     'damping="0.7"': ("joint[pan]/dynamics@damping", 4),
-    'xyz="0.2 0.02 0.03"': ("link[beam]/inertial/origin@xyz[1]", 10),
 }
 MJCF_FAULTS = {
     'joint damping="0.3"': ("default/joint@damping", 4, "arm.xml"),
     'density="2500"': ("default[heavy]/geom@density", 4, "arm.xml"),
-    'mass="0.6"': ("inertial@mass", 8, "limbs.xml"),
-    'armature="0.02"': ("joint[a]@armature", 2, "limbs.xml"),
-    'springref="0.2"': ("joint[b]@springref", 5, "limbs.xml"),
     'euler="0.3 0.2 0.1"': ("@euler[2]", 4, "limbs.xml"),
 }
-NUMBERS = {
-    "rpy[1]": "0.4", "rpy[0]": "0.3", "axis@xyz[2]": "0.2", "xyz[1]": "0.02", "@euler[2]": "0.1",
-}  # fmt: skip
+NUMBERS = {"rpy[1]": "0.4", "@euler[2]": "0.1"}
 
 
 def moved(spelled: str, address: str, share: float) -> tuple[str, float, float]:
