@@ -14,19 +14,17 @@ from physics_crosscheck.harness.baseline.measure import (
     segments_of,
     snapshot_of,
 )
-from physics_crosscheck.harness.checks.prepare import prepare_system
-from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.write import encoded
 from tests.baseline.samples import SNAPSHOT, measurement
+from tests.physics import physics
 
 
 def test_a_snapshot_gives_back_its_scenario_to_rounding() -> None:
-    folder = next(f for f in system_folders([]) if f.name == "drum_pendulum")
-    prepared = prepare_system(folder, described=False)
-    motion = prepared.motions["driven"]
-    one = snapshot_of(motion, "driven", prepared.components, ("F",))
+    prepared = physics("mass_spring_damper")
+    motion = prepared.motions["step"]
+    one = snapshot_of(motion, "step", prepared.components, ("f",))
     again = decoded(encoded(one).encode(), Snapshot)
     assert again == one
     assert same_motion(again, one)
@@ -36,7 +34,7 @@ def test_a_snapshot_gives_back_its_scenario_to_rounding() -> None:
     u = segments.inputs_within(np.arange(len(times)), times)
     assert np.max(np.abs(u.reshape(times.size, -1) - motion.inputs(times.ravel()))) < 1e-12
     # Segments of every span, the short one before the step of force included.
-    assert segments.t.min() < 1 < segments.t.max()
+    assert segments.t.min() < 1.3 < segments.t.max()
 
 
 def moved(one: Snapshot, share: float) -> Snapshot:

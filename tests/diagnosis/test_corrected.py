@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_system
-from physics_crosscheck.harness.checks.task import SystemTask, model_task
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.task import correct_motion, trial_model
+from physics_crosscheck.harness.diagnosis.trial import TrialModel
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.finding import CorrectedMotion
 
 
 @pytest.fixture(scope="module")
-def task(tmp_path_factory: pytest.TempPathFactory) -> SystemTask:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TrialModel]:
     """A mass on a spring that is one per cent too stiff in its file."""
     pytest.importorskip("mujoco")
     folder = tmp_path_factory.mktemp("planted") / "mass_spring_damper"
@@ -30,26 +32,26 @@ def task(tmp_path_factory: pytest.TempPathFactory) -> SystemTask:
     path.write_text(text)
     prepared = prepare_system(folder, described=False)
     sidecar = read_sidecar(folder / "mujoco.xml.toml")
-    return model_task(prepared, "mujoco", sidecar)
+    with trial_model(model_task(prepared, "mujoco", sidecar)) as (trial, _):
+        yield trial
 
 
 def corrected(
-    task: SystemTask, cause: str, fault: float, explained: bool = True
+    whole: TrialModel, cause: str, fault: float, explained: bool = True
 ) -> CorrectedMotion | None:
     """The motion corrected as if a diagnosis had named one cause and its fault."""
-    with trial_model(task) as (whole, _):
-        (index,) = (i for i, h in enumerate(whole.hypotheses) if str(h.id) == cause)
-        hypothesis = whole.hypotheses[index]
-        estimate = hypothesis.value + hypothesis.correction * fault
-        fit = Fit(
-            members=(index,),
-            hypotheses=(hypothesis,),
-            faults=(fault,),
-            estimates=(estimate,),
-            standard_errors=(1e-9,),
-            remaining=1e-10,
-        )
-        return correct_motion(whole, task.target.motions, Ranking((fit,), explained, 1e-9))
+    (index,) = (i for i, h in enumerate(whole.hypotheses) if str(h.id) == cause)
+    hypothesis = whole.hypotheses[index]
+    estimate = hypothesis.value + hypothesis.correction * fault
+    fit = Fit(
+        members=(index,),
+        hypotheses=(hypothesis,),
+        faults=(fault,),
+        estimates=(estimate,),
+        standard_errors=(1e-9,),
+        remaining=1e-10,
+    )
+    return correct_motion(whole, whole.task.target.motions, Ranking((fit,), explained, 1e-9))
 
 
 def found_in(motion: CorrectedMotion | None) -> CorrectedMotion:
@@ -62,47 +64,47 @@ def found_in(motion: CorrectedMotion | None) -> CorrectedMotion:
     ("joint[x]@stiffness", 47.0, "file"),
 ])  # fmt: skip
 def test_the_right_value_explains_the_motion_in_every_scenario(
-    task: SystemTask, cause: str, estimate: float, what: str
+    whole: TrialModel, cause: str, estimate: float, what: str
 ) -> None:
-    found = found_in(corrected(task, cause, 0.47))
+    found = found_in(corrected(whole, cause, 0.47))
     assert [one.estimate for one in found.causes] == [pytest.approx(estimate)]
     assert [str(one) for one in found.causes] == [cause]
     assert found.put_into == what
-    assert [one.scenario for one in found.scenarios] == list(task.target.motions)
+    assert [one.scenario for one in found.scenarios] == list(whole.task.target.motions)
     for one in found.scenarios:
         assert np.max(np.abs(np.array(one.before))) > 1e-3
         assert np.max(np.abs(np.array(one.after))) < 1e-9
         # The equations with the file's spring: another motion. The file with the equations' spring:
         # theirs, but for the step.
-        reference = task.target.motions[one.scenario].states_at(np.array(one.t))
+        reference = whole.task.target.motions[one.scenario].states_at(np.array(one.t))
         apart = np.max(np.abs(np.array(one.corrected).T - reference)) / np.max(np.abs(reference))
         assert 0.005 < apart < 0.3 if what == "equations" else apart < 0.02
 
 
-def test_a_wrong_value_does_not(task: SystemTask) -> None:
-    found = found_in(corrected(task, "k", -1.0))
+def test_a_wrong_value_does_not(whole: TrialModel) -> None:
+    found = found_in(corrected(whole, "k", -1.0))
     assert all(np.max(np.abs(np.array(one.after))) > 1e-3 for one in found.scenarios)
 
 
 def test_the_corrected_motion_obeys_the_equations_with_breaks_of_the_input(
-    task: SystemTask,
+    whole: TrialModel,
 ) -> None:
     """Nothing moved: the reference comes back, a step of force in it."""
-    found = found_in(corrected(task, "k", 0.0))
+    found = found_in(corrected(whole, "k", 0.0))
     for one in found.scenarios:
-        reference = task.target.motions[one.scenario].states_at(np.array(one.t)).T
+        reference = whole.task.target.motions[one.scenario].states_at(np.array(one.t)).T
         # Times have six digits: rounded by 5e-5 s, at up to 6 rad/s.
         states = np.array(one.corrected, dtype=float)
         np.testing.assert_allclose(states, reference, atol=3e-4 * np.max(np.abs(reference)))
         assert len(one.t) == 240
 
 
-def test_the_zero_of_a_joint_is_moved_in_the_corrected_motion(task: SystemTask) -> None:
-    found = found_in(corrected(task, "zero of x", 0.02))
+def test_the_zero_of_a_joint_is_moved_in_the_corrected_motion(whole: TrialModel) -> None:
+    found = found_in(corrected(whole, "zero of x", 0.02))
     assert found.put_into == "file"
     free = next(one for one in found.scenarios if one.scenario == "free")
     assert abs(float(np.array(free.corrected)[0, -1])) == pytest.approx(0.02, rel=0.1)
 
 
-def test_what_nothing_explains_is_not_corrected(task: SystemTask) -> None:
-    assert corrected(task, "k", 0.47, explained=False) is None
+def test_what_nothing_explains_is_not_corrected(whole: TrialModel) -> None:
+    assert corrected(whole, "k", 0.47, explained=False) is None

@@ -84,8 +84,11 @@ def test_a_wrong_number_of_an_equality_is_named(
     check_named(file, "mujoco", address, share)
 
 
-@pytest.mark.parametrize("share", [1e-6, 1e-2])
-@pytest.mark.parametrize("engine", [one.name for one in default_engines(".urdf") if one.version()])
+@pytest.mark.parametrize(
+    ("engine", "share"),
+    [(one.name, share) for one, share in zip(default_engines(".urdf"), (1e-6, 1e-2), strict=False)
+     if one.version()],
+)  # fmt: skip
 def test_a_wrong_multiplier_of_a_mimic_is_named(tmp_path: Path, engine: str, share: float) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(URDF)

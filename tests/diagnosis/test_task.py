@@ -22,6 +22,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.mutation import FaultVerdict
 from physics_crosscheck.harness.results.causes import cause_sentences
+from tests.standing import brief
 
 MASS = "body[nut and bolt]/inertial@mass"
 
@@ -34,6 +35,7 @@ def named(tmp_path: Path, mass: str) -> SystemTask:
     """The mass on a spring, its body called `nut and bolt`."""
     folder = tmp_path / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
+    brief(folder)
     for name, old, new in (
         ("mujoco.xml", '<body name="mass"', '<body name="nut and bolt"'),
         ("mujoco.xml", 'mass="1.3"', f'mass="{mass}"'),
@@ -42,9 +44,10 @@ def named(tmp_path: Path, mass: str) -> SystemTask:
         text = (folder / name).read_text()
         assert old in text
         (folder / name).write_text(text.replace(old, new))
-    return model_task(
-        prepare_system(folder, described=False), "mujoco", read_sidecar(folder / "mujoco.xml.toml")
-    )
+    prepared = prepare_system(folder, described=False)
+    task = model_task(prepared, "mujoco", read_sidecar(folder / "mujoco.xml.toml"))
+    motions = dict(list(prepared.motions.items())[:2])  # free and forced
+    return task.with_target(motions=motions)
 
 
 def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:

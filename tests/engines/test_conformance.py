@@ -1,5 +1,6 @@
 """The shipped conformance suite: every adapter passes it, and each mistake fails its own check."""
 
+import tempfile
 import tomllib
 from argparse import Namespace
 from collections.abc import Iterable
@@ -270,8 +271,17 @@ WRONG = {
 }
 
 
-def failed(engine: Engine) -> list[str]:
-    return [check.name for check in conform_samples(engine)["euler.known"] if not check.passed]
+def checked(engine: WrongEngine) -> tuple[Check, ...]:
+    """The checks of the first sample."""
+    (sample,) = (one for one in engine.samples() if one.file == "euler.known")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / sample.file
+        path.write_text(sample.text)
+        return conform(engine, ModelSpec(path, sample.springs, sample.settings))
+
+
+def failed(engine: WrongEngine) -> list[str]:
+    return [check.name for check in checked(engine) if not check.passed]
 
 
 def test_the_engine_that_they_are_made_from_passes() -> None:
@@ -303,7 +313,7 @@ def test_an_engine_that_ends_in_an_error_of_its_own_is_told() -> None:
         def before(self, q: Array, force: Force) -> Force:
             raise ZeroDivisionError("an engine's own")
 
-    checks = conform_samples(WrongEngine(Raises))["euler.known"]
+    checks = checked(WrongEngine(Raises))
     told = [check.sentence for check in checks if not check.passed]
     assert "it ended in ZeroDivisionError: an engine's own" in told
 

@@ -8,11 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
 from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.faults.known_folder import SYSTEM, by_case, run_folders
+from tests.faults.known_folder import SYSTEM
 
 PAGE = (Path(__file__).parents[2] / "docs" / "engines" / "adapter.md").read_text()
 TOY = 'names = ["x"]\nm = [1.3]\nc = [0.9]\nk = [{}]\nstep = 0.005\n'
@@ -25,8 +29,8 @@ def block(language: str) -> str:
 
 
 @pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A distribution of the adapter, registered as the page says; where it lies."""
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A distribution of the adapter, registered as the page says."""
     place = tmp_path / "site"
     info = place / "toy-1.0.dist-info"
     info.mkdir(parents=True)
@@ -36,7 +40,6 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     lines = "".join(f"{name} = {value}\n" for name, value in points.items())
     (info / "entry_points.txt").write_text(f"[crosscheck.engines]\n{lines}")
     monkeypatch.syspath_prepend(place)
-    return place
 
 
 @pytest.mark.usefixtures("installed")
@@ -47,22 +50,19 @@ def test_the_adapter_shown_keeps_the_protocol() -> None:
     assert [str(check) for check in checks if not check.passed] == []
 
 
-def test_a_folder_runs_in_the_adapter_shown_and_a_wrong_number_is_found(
-    installed: Path, tmp_path: Path
-) -> None:
+@pytest.mark.usefixtures("installed")
+def test_a_folder_runs_in_the_adapter_shown_and_a_wrong_number_is_found(tmp_path: Path) -> None:
     folder = tmp_path / "oscillator"
     folder.mkdir()
     (folder / "system.py").write_text(SYSTEM)
+    prepared = prepare_system(folder, described=False)
+    found = {}
     for name, stiffness in (("good", "47.0"), ("off", "47.000047")):
         (folder / f"{name}.toy").write_text(TOY.format(stiffness))
         (folder / f"{name}.toy.toml").write_text('engines = ["toy"]\n')
-    found = run_folders(folder, out=tmp_path / "results.json", first_on_path=[installed])
-    cases = by_case(found)
-    assert {key: case.outcome for key, case in cases.items()} == {
-        (f"{name}.toy", "toy", scenario): outcome
-        for name, outcome in (("good", Outcome.AGREES), ("off", Outcome.DIFFERS))
-        for scenario in ("free", "driven")
-    }
+        sidecar = read_sidecar(folder / f"{name}.toy.toml")
+        found[name] = run_case(model_task(prepared, "toy", sidecar, scenario="driven")).outcome
+    assert found == {"good": Outcome.AGREES, "off": Outcome.DIFFERS}
 
 
 def test_every_hook_of_the_protocol_is_in_the_tables() -> None:

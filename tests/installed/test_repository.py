@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -98,12 +99,11 @@ def test_the_action_runs_the_command_that_it_is_given(installed: Installed, tmp_
     assert (place / "reports" / "index.html").is_file()
 
 
-def test_no_input_of_the_action_is_a_part_of_its_script(
-    installed: Installed, tmp_path: Path
-) -> None:
+def test_no_input_of_the_action_is_a_part_of_its_script(tmp_path: Path) -> None:
     hostile = "engines; touch owned $(touch owned) `touch owned`"
+    here = Installed(Path(sys.executable).parent)
     job = run_action(
-        installed, tmp_path, tmp_path / "tools", command=hostile, install="a; touch owned",
+        here, tmp_path, tmp_path / "tools", command=hostile, install="a; touch owned",
         constraints="my constraints.txt",
     )  # fmt: skip
     assert not job.passes

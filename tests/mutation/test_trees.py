@@ -8,7 +8,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
-from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.commands.mutation import trees
 from physics_crosscheck.harness.commands.mutation.mutate import mutate
 from physics_crosscheck.harness.commands.mutation.survey import MutationError
@@ -122,17 +122,25 @@ def test_an_effect_of_second_order_counts_by_its_size(
     assert set(verdicts.values()) == {FaultVerdict.UNTESTED, FaultVerdict.MISSED}
 
 
+def of_a_mass(task: TreeTask) -> tuple[TreeFault, ...]:
+    """The faults in one number."""
+    return tuple(
+        one for one in faults_of(task) if one.mistake.location == "link[rod]/inertial/mass@value"
+    )
+
+
 @pytest.mark.skipif(engines()["pinocchio"].version() is None, reason="needs Pinocchio")
-def test_an_engine_that_disagrees_with_a_robot_is_skipped_where_another_agrees(arm: Path) -> None:
+def test_an_engine_that_disagrees_with_a_robot_is_skipped_where_another_agrees(
+    arm: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     arm.write_text(TIPPED)  # MuJoCo drops an inertia
+    monkeypatch.setattr("physics_crosscheck.harness.commands.mutation.mutate.faults_of", of_a_mass)
     warned = list[str]()
     rows = mutate([arm], lambda *_: None, only=("mujoco", "pinocchio"), warn=warned.append)
     assert {row.engine for row in rows} == {"pinocchio"}
     assert {row.system for row in rows} == {"swing"}
-    assert FaultVerdict.MISSED not in {row.verdict for row in rows}
     numbers = [row for row in rows if row.kind is FaultKind.LITERAL]
-    masses = [row for row in numbers if row.location == "link[rod]/inertial/mass@value"]
-    assert [row.verdict for row in masses] == [FaultVerdict.NAMED] * 3
+    assert [row.verdict for row in numbers] == [FaultVerdict.NAMED] * 3
     (sentence,) = warned
     assert "arm.urdf: it does not agree with its equations in mujoco" in sentence
     with pytest.raises(MutationError, match="it does not agree with its equations in mujoco"):

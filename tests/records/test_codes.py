@@ -57,20 +57,15 @@ def words() -> Iterator[str]:
     for file in HARNESS.rglob("*.py"):
         if file.name == "codes.py":
             continue
-        tree = ast.parse(file.read_text())
-        declared = {
-            id(inner)
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Literal"
-            for inner in ast.walk(node)
-        }
-        yield from (
-            node.value
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Constant)
-            and isinstance(node.value, str)
-            and id(node) not in declared
-        )
+        rest: list[ast.AST] = [ast.parse(file.read_text())]
+        while rest:
+            node = rest.pop()
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                yield node.value
+            elif not (
+                isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "Literal"
+            ):
+                rest.extend(ast.iter_child_nodes(node))
 
 
 @pytest.mark.parametrize("group", ["audit", "cause", "case", "gate", "baseline"])

@@ -128,7 +128,7 @@ def read_by_mujoco(name: str) -> bool:
     """Whether MuJoCo's own reader does not stop at a name."""
     with suppress(ValueError):
         text = MJCF.format(name=attribute(name), comment="")
-        return mujoco.MjModel.from_xml_string(text).body(1).name == name
+        return bool(mujoco.MjModel.from_xml_string(text).body(1).name == name)
     return False
 
 
