@@ -49,6 +49,7 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     mesh_offset,
     placed_shapes,
     shape_name,
+    without_idle_files,
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import (
     keep_equalities,
@@ -281,7 +282,9 @@ class MujocoEngine(Engine):
         xml_sources, warnings = sources(spec.path), Warnings()
         try:
             with warnings.collecting():
-                model = mujoco.MjModel.from_xml_path(str(spec.path))
+                tree = mujoco.MjSpec.from_file(str(spec.path))
+                without_idle_files(tree, contacts=True)
+                model = tree.compile()
         except Exception as error:
             raise load_error(error, spec.path, xml_sources) from None
         with engine_errors(spec.path, self.title):

@@ -32,9 +32,14 @@ _CORNERS = [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]
 _FACES = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]
 
 
-def without_idle_files(tree: Any) -> None:
-    """Remove the files of textures, and of meshes without inertia, from a specification."""
-    needed = set(_meshes_with_inertia(tree))
+def without_idle_files(tree: Any, *, contacts: bool = False) -> None:
+    """Remove the files of textures and of idle meshes from a specification.
+
+    Args:
+        tree: the specification.
+        contacts: whether meshes in contact are needed, besides those with inertia.
+    """
+    needed = {*_meshes_with_inertia(tree), *(_acting_meshes(tree) if contacts else ())}
     for mesh in tree.meshes:
         name = mesh.name or Path(mesh.file).stem
         if name not in needed and mesh.file and not mesh.plugin.active:
@@ -68,6 +73,18 @@ def _meshes_with_inertia(tree: Any) -> Iterator[str]:
     for body in tree.bodies:
         if always or not body.explicitinertial:
             yield from (geom.meshname for geom in body.geoms if geom.meshname)
+
+
+def _acting_meshes(tree: Any) -> Iterator[str]:
+    """Yield the names of meshes of geoms that may touch or feel a fluid, or are fitted to one."""
+    import mujoco
+
+    paired = {name for pair in tree.pairs for name in (pair.geomname1, pair.geomname2)}
+    for geom in tree.geoms:
+        fitted = geom.type != mujoco.mjtGeom.mjGEOM_MESH
+        touches = geom.contype or geom.conaffinity or geom.name in paired
+        if geom.meshname and (touches or fitted or geom.fluid_ellipsoid):
+            yield geom.meshname
 
 
 def shape_name(kind: str, name: str, index: int) -> str:
