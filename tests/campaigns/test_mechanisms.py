@@ -33,10 +33,10 @@ SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    "first", [0, 27, *(pytest.param(i, marks=SLOW) for i in range(54, 162, 27))]
+    ("first", "count"), [(0, 9), *(pytest.param(i, 27, marks=SLOW) for i in range(9, 63, 27))]
 )
-def test_no_right_mechanism_fails_and_no_limit_is_outside(first: int) -> None:
-    results = [study(SMALL, index) for index in range(first, first + 27)]
+def test_no_right_mechanism_fails_and_no_limit_is_outside(first: int, count: int) -> None:
+    results = [study(SMALL, index) for index in range(first, first + count)]
     assert {result.group.split(",")[0] for result in results} == {
         f"{engine} {integrator}".strip() for engine, integrator, _ in WAYS
     }
@@ -145,9 +145,9 @@ def test_the_fate_of_a_fault(
 
 def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
     options = replace(SMALL, engine="pybullet")
-    results = [study(options, index) for index in range(1, 24, 2)]
+    results = [study(options, index) for index in range(1, 14, 2)]
     explained = [result for result in results if result.explained]
-    assert len(explained) > 3
+    assert len(explained) > 1
     for result in explained:
         assert result.group == "pybullet, urdf, products"
         assert "exact_axes; felt at" in result.explained
@@ -168,7 +168,7 @@ def test_nothing_else_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
         )
 
     monkeypatch.setattr(census, "pose", elsewhere)
-    results = [study(options, index) for index in range(1, 12, 2)]
+    results = [study(options, index) for index in range(1, 6, 2)]
     assert all(result.wrong for result in results)
     assert not any(result.explained for result in results)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import mpmath as mp
@@ -26,7 +27,7 @@ def apart(found: Real, wanted: list[Any]) -> float:
     return float(max(abs(a - b) for a, b in zip(own, wanted, strict=True)) / size)
 
 
-@pytest.mark.parametrize("index", range(12))
+@pytest.mark.parametrize("index", range(6))
 def test_accelerations_have_more_digits_than_a_double(index: int) -> None:
     mechanism = draw(41, index)
     if mechanism.engine == "pybullet":  # which takes axes as they stand: a last digit of a double
@@ -44,9 +45,8 @@ def test_accelerations_have_more_digits_than_a_double(index: int) -> None:
     assert error < 100 * EPSILON * condition
 
 
-@pytest.mark.parametrize("index", [3, 18])
-def test_ends_have_more_digits_than_a_double(index: int) -> None:
-    mechanism = draw(41, index, most=2)
+def test_ends_have_more_digits_than_a_double() -> None:
+    mechanism = draw(41, 18, most=2)
     assert mechanism.engine == "mujoco"
     posed = pose(mechanism, 5)
     length = float(posed.motion.lengths[0])
@@ -58,6 +58,7 @@ def test_ends_have_more_digits_than_a_double(index: int) -> None:
     assert np.all(posed.truth.error < 1e-16 * posed.motion.unit)
 
 
+@cache
 def one() -> Mechanism:
     """A mechanism of three hinges, under RK4, without drives: its limits are the best known."""
     found = (draw(43, index, most=3) for index in range(400))
@@ -72,14 +73,15 @@ def differs(posed: Posed, mechanism: Mechanism) -> bool:
     return bool(np.any(examine(posed, mechanism, 1e-9).ratios > 1))
 
 
+def test_a_right_mechanism_does_not_differ() -> None:
+    assert not differs(pose(one(), 9), one())
+
+
 @pytest.mark.parametrize(
     "where", [("links", 1, "mass"), ("links", 2, "inertia", 0), ("links", 1, "centre", 1)]
 )
 def test_a_wrong_number_in_the_equations_is_noticed(where: Path) -> None:
-    mechanism = one()
-    assert not differs(pose(mechanism, 9), mechanism)
-    wrong = pose(with_fault(mechanism, where, 1e-9), 9)
-    assert differs(wrong, mechanism)
+    assert differs(pose(with_fault(one(), where, 1e-9), 9), one())
 
 
 def test_a_wrong_term_in_the_equations_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,14 @@
 """Comparisons in this process, and copies of the built-in models with something changed."""
 
+import io
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.candidate import candidate
 from physics_crosscheck.harness.commands.compare.compare import (
     CompareOptions,
@@ -23,9 +26,11 @@ from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.comparison import (
     Compared,
+    ComparedActing,
     ComparedProperty,
     ComparisonResult,
 )
+from physics_crosscheck.harness.render.terminal.comparison import print_comparison
 from tests.standing import standing_only
 
 
@@ -97,6 +102,22 @@ def laws(
     rows = compare_laws(LawsTask(facts=prepared.facts, pairs=pairs))
     assert rows is not None
     return list(rows)
+
+
+def acting(
+    a: Path, b: Path, engine_a: str = "mujoco", engine_b: str = "mujoco"
+) -> tuple[ComparedActing, ...]:
+    """Compare what the numbers of two files act as, without the motions."""
+    models = candidate("A", a, engine_a), candidate("B", b, engine_b)
+    prepared = prepare(InThisProcess(), *models, ({}, {}), include_constraints=False)
+    return compare_acting(prepared.facts)
+
+
+def printed(comparison: ComparisonResult, width: int = 300) -> str:
+    """The printed comparison, with single spaces."""
+    text = io.StringIO()
+    print_comparison(Console(file=text, width=width, highlight=False, emoji=False), comparison)
+    return " ".join(text.getvalue().split())
 
 
 def model(system: str, name: str) -> Path:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
+from rich.console import Console
 
-from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.records.comparison import Compared, ComparedActing
+from physics_crosscheck.harness.render.terminal.comparison import _print_acting
+from tests.compare.asking import acting, compared, printed
 
 ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
 <body pos="0 0 2"><joint name="hinge" axis="0 1 0"/>
@@ -22,23 +28,28 @@ ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
     (' dampratio="1"', "", "damping ratio 1 in A, 0 in B: the damping of B is lost"),
     ('size="1 1 1"', 'size="1 1 1" friction="0.7"',
      "friction 1 in A, 0.7 in B: the friction of B is the product of the two of the other file"),
-    ('friction="0.7"', 'friction="1.7"', "floor with arm: friction 1 in A, 1.7 in B"),
 ])  # fmt: skip
-def test_a_usual_mistake_is_named(
-    old: str, new: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "a.xml").write_text(ARM)
-    (tmp_path / "b.xml").write_text(ARM.replace(old, new))
-    main(["compare", str(tmp_path / "a.xml"), str(tmp_path / "b.xml"), "--engine", "mujoco"])
-    assert words in " ".join(capsys.readouterr().out.split())
+def test_a_usual_mistake_is_named(old: str, new: str, words: str, tmp_path: Path) -> None:
+    assert words in lines_of(tmp_path, ARM, ARM.replace(old, new))
 
 
-def test_another_order_of_clamps_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def lines_of(folder: Path, a: str, b: str) -> str:
+    """Return the printed quantities of two texts that differ."""
+    for name, text in (("a.xml", a), ("b.xml", b)):
+        (folder / name).write_text(text)
+    return lines(acting(folder / "a.xml", folder / "b.xml"))
+
+
+def lines(rows: tuple[ComparedActing, ...]) -> str:
+    """Return rows as they are printed."""
+    out = io.StringIO()
+    _print_acting(Console(file=out, width=300), cast(Compared, SimpleNamespace(acting=rows)))
+    return " ".join(out.getvalue().split())
+
+
+def test_another_order_of_clamps_is_named(tmp_path: Path) -> None:
     """Catch equal limits of force that act before forces add up in one file, after in the other."""
     servo, motor = ARM.replace("dampratio", 'forcerange="-5 5" dampratio'), '<motor joint="hinge"'
-    (tmp_path / "a.xml").write_text(servo)
     for other, words in (
         (ARM.replace("axis", 'actuatorfrcrange="-5 5" axis'),
          "in A, the drive is clamped, before forces add up; in B, the joint is clamped, after"),
@@ -47,16 +58,16 @@ def test_another_order_of_clamps_is_named(
          "largest force 5 N m in A, 5 N m in B: in A, the drive is clamped, before forces add up;"
          " in B, the control is clamped, before the gain"),
     ):  # fmt: skip
-        (tmp_path / "b.xml").write_text(other)
-        main(["compare", str(tmp_path / "a.xml"), str(tmp_path / "b.xml"), "--engine", "mujoco"])
-        assert words in " ".join(capsys.readouterr().out.split())
+        assert words in lines_of(tmp_path, servo, other)
 
 
-def test_equal_files_have_no_such_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "a.xml").write_text(ARM)
-    (tmp_path / "b.xml").write_text(ARM.replace('name="arm"', 'name="arm" rgba="1 0 0 1"'))
-    main(["compare", str(tmp_path / "a.xml"), str(tmp_path / "b.xml"), "--engine", "mujoco"])
-    assert "act as" not in capsys.readouterr().out
+def test_a_comparison_has_such_lines_unless_files_are_equal(tmp_path: Path) -> None:
+    """Catch a comparison without them."""
+    assert not lines_of(tmp_path, ARM, ARM.replace('name="arm"', 'name="arm" rgba="1 0 0 1"'))
+    (tmp_path / "b.xml").write_text(ARM.replace('friction="0.7"', 'friction="1.7"'))
+    text = printed(compared(tmp_path / "a.xml", tmp_path / "b.xml"))
+    assert "act as" in text
+    assert "floor with arm: friction 1 in A, 1.7 in B" in text
 
 
 URDF = """<robot name="arm"><link name="base"/>
@@ -71,16 +82,12 @@ SOFT = """<mujoco><compiler angle="radian"/><worldbody><body name="upper" pos="0
 <actuator><position joint="shoulder" kp="50" forcerange="-20 20"/></actuator></mujoco>"""
 
 
-def test_impulses_and_soft_constraints_are_side_by_side(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impulses_and_soft_constraints_are_side_by_side(tmp_path: Path) -> None:
     """Catch quantities of an impulse engine that compare leaves out, or pairs with nothing."""
     pytest.importorskip("pybullet")
     (tmp_path / "a.urdf").write_text(URDF)
     (tmp_path / "b.xml").write_text(SOFT)
-    engines = ["--engine-a", "pybullet", "--engine-b", "mujoco"]
-    main(["compare", str(tmp_path / "a.urdf"), str(tmp_path / "b.xml"), *engines])
-    text = " ".join(capsys.readouterr().out.split())
+    text = lines(acting(tmp_path / "a.urdf", tmp_path / "b.xml", "pybullet"))
     assert "limits of shoulder: rebound 0.2 in A, 0.1353 in B: in A, at most, by the phase" in text
     assert "each step of 0.002 s removes 0.2 of a violation" in text
     assert "drive of shoulder: sag none in A, 0.07848 rad in B" in text

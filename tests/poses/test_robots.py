@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,12 @@ ARM = """<robot name="arm">
 """
 
 
+@cache
+def robot(name: str, floating: bool) -> PreparedTree:
+    """Return a robot, prepared once."""
+    return prepare_tree(DATA / name, floating=floating, states=2)
+
+
 @pytest.mark.parametrize(("name", "floating", "bodies"), [
     ("franka_panda/panda.urdf", False, 13),
     ("a1/a1.urdf", True, 22),
@@ -47,7 +54,7 @@ def test_every_body_of_a_robot_is_where_the_file_puts_it(
     """Panda has two links without mass on fixed joints, a1 a root that turns."""
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
-    task = model_task(prepare_tree(DATA / name, floating=floating, states=8), engine)
+    task = model_task(robot(name, floating), engine)
     if engine == "drake" and "panda" in name:
         assert run_case(task).outcome is Outcome.REFUSED  # an inertia without a mass
         return

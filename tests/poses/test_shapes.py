@@ -36,7 +36,7 @@ def case_after(folder: Path, old: str, new: str) -> Case:
     """The file in MuJoCo after an edit, against the equations of the original."""
     path = folder / "arm.xml"
     path.write_text(MJCF)
-    target = prepare_tree(path)
+    target = prepare_tree(path, states=4)
     assert MJCF.count(old) == 1
     path.write_text(MJCF.replace(old, new))
     return run_case(model_task(target, "mujoco"))
@@ -76,7 +76,7 @@ def test_a_moved_or_scaled_shape_differs_at_its_line(
 def test_numbers_of_shapes_count_as_tested_by_poses(tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(MJCF)
-    coverage = count_robot(model_task(prepare_tree(path), "mujoco"))
+    coverage = count_robot(model_task(prepare_tree(path, states=4), "mujoco"))
     # A class's size 3, floor 6, frame 6, its geom 3, mesh 6, site 4, capsule 7; 4 of bodies'
     # positions; and 2 of axes, by their sign.
     assert coverage.frames == 41

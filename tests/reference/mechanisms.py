@@ -18,6 +18,8 @@ from physics_crosscheck import (
 )
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.solving.segments import Motion
+from physics_crosscheck.reference.solving.solve import solve
 
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = sorted(path.parent.name for path in MODELS.glob("*/system.py"))
@@ -39,6 +41,13 @@ SCENARIOS = [(name, scenario.name) for name in NAMES for scenario in built_in(na
 def equations_of(name: str) -> Equations:
     """Return its equations, derived once; the cart with double pendulum is there as well."""
     return derive(CART if name == CART.name else built_in(name))
+
+
+@cache
+def motion_of(name: str, scenario: str) -> Motion:
+    """Return a motion, solved once."""
+    equations = equations_of(name)
+    return solve(equations, equations.system.scenario(scenario))
 
 
 def constant(name: str, value: float, unit: str) -> Constant:

@@ -22,18 +22,12 @@ from physics_crosscheck.reference.solving.closed_form import augmented
 from physics_crosscheck.reference.solving.integrate import solve_numerically
 from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
-from tests.reference.mechanisms import EPS, LINEAR, SCENARIOS, equations_of, oscillator
+from tests.reference.mechanisms import EPS, LINEAR, SCENARIOS, equations_of, motion_of, oscillator
 from tests.reference.test_closed_form import FREQUENCY, textbook
 from tests.reference.test_pendulum import STARTS, G, L, flow, solved
 
 MOTIONS = [(name, scenario) for name, scenario in SCENARIOS if name in LINEAR]
-EVERY = 3  # segments, of which one is looked at
-
-
-@cache
-def motion_of(name: str, scenario: str) -> Motion:
-    equations = equations_of(name)
-    return solve(equations, equations.system.scenario(scenario))
+EVERY = 9  # segments, of which one is looked at
 
 
 def off(equations: Equations, name: str, motion: Motion) -> Array:
@@ -83,7 +77,7 @@ def test_without_the_rounding_of_times_a_driven_motion_is_outside_its_bound(
     assert np.max(off(equations, "driven", motion) / motion.bound) > 1.5
 
 
-DRAWS = range(30)
+DRAWS = range(10)
 
 
 @cache

@@ -4,7 +4,6 @@ import dataclasses
 import pickle
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +16,9 @@ from physics_crosscheck.reference.dynamics.modes import modes, poles
 from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving.collocation import collocate
 from physics_crosscheck.reference.solving.integrate import field_of
-from physics_crosscheck.reference.solving.segments import NODES, Motion, chebyshev_nodes
+from physics_crosscheck.reference.solving.segments import NODES, chebyshev_nodes
 from physics_crosscheck.reference.solving.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, solve
-from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of
-
-
-@cache
-def motion_of(name: str, scenario: str) -> Motion:
-    equations = equations_of(name)
-    return solve(equations, equations.system.scenario(scenario))
-
+from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of, motion_of
 
 every = pytest.mark.parametrize(("name", "scenario"), SCENARIOS)
 
