@@ -1,4 +1,4 @@
-"""Copies of built-in folders: in the standing engines alone, and for short motions."""
+"""Copies of built-in folders: in the standing engines alone, and for few and short motions."""
 
 from __future__ import annotations
 
@@ -37,4 +37,15 @@ def brief(folder: Path, share: int = 4) -> None:
 
     text, count = re.subn(r"\bduration=([\d.]+)", shorter, text)
     assert count, f"{path} states no duration"
+    path.write_text(text, encoding="utf-8")
+
+
+def without(folder: Path, *scenarios: str) -> None:
+    """Take scenarios out of a folder."""
+    path = folder / "system.py"
+    text = path.read_text(encoding="utf-8")
+    for name in scenarios:
+        pattern = rf' *Scenario\("{name}".*?duration=[\d.]+\),\n'
+        text, count = re.subn(pattern, "", text, flags=re.DOTALL)
+        assert count == 1, f"{path} has no scenario {name}"
     path.write_text(text, encoding="utf-8")

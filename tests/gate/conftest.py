@@ -14,7 +14,7 @@ from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from tests.standing import brief, standing_only
+from tests.standing import brief, standing_only, without
 
 SYSTEM = "mass_spring_damper"
 
@@ -64,7 +64,8 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
         builtin() / SYSTEM, repository.folder, ignore=shutil.ignore_patterns("__pycache__")
     )
     standing_only(repository.folder)
-    brief(repository.folder)
+    without(repository.folder, "step")
+    brief(repository.folder, 8)
     repository.accept("first baseline")
     return repository
 
@@ -72,5 +73,19 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
 @pytest.fixture
 def repository(pristine: Repository, tmp_path: Path) -> Repository:
     """A copy of it to change."""
-    shutil.copytree(pristine.root, tmp_path / "repository")
-    return replace(pristine, root=tmp_path / "repository")
+    return copy_of(pristine, tmp_path / "repository")
+
+
+def copy_of(repository: Repository, root: Path) -> Repository:
+    shutil.copytree(repository.root, root)
+    return replace(repository, root=root)
+
+
+@pytest.fixture(scope="session")
+def damped(
+    pristine: Repository, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Repository, GateResult]:
+    """A copy in which the damper of `space.py` is another, and its gate; nobody changes it."""
+    repository = copy_of(pristine, tmp_path_factory.mktemp("damped") / "repository")
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    return repository, repository.gate("pymunk")

@@ -119,8 +119,8 @@ def test_a_changed_literal_is_annotated_at_its_line(
     made = re.findall(r"^::.*$", out, re.MULTILINE)
     assert len(made) == 1
     assert made[0].startswith(f"::error file=models/mass_spring_damper/mujoco.xml,line={line},")
-    assert "bound to k" in made[0]
-    assert "(and 2 cases more)" in made[0]
+    assert "joint[x]@stiffness 47.0 -> 47.05, bound to k" in made[0]
+    assert "(and 1 case more)" in made[0]
     assert "\x1b" not in out
     shown = (tmp_path / "summary.md").read_text()
     assert "## crosscheck gate: FAIL" in shown

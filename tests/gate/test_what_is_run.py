@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.commands.gate.survey import GateOptions, survey
+from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.records.diff import Status
 from tests.gate.conftest import SYSTEM, Repository
@@ -18,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_a_case_that_was_run_again_is_as_accepted(pristine: Repository) -> None:
     found = pristine.gate("pymunk", every=True)
-    assert len(found.changes) == 3
+    assert len(found.changes) == 2
     for change in found.changes:
         assert (change.status, change.kinds, change.messages) == (Status.SAME, (), ())
         assert change.case is not None
@@ -30,13 +32,23 @@ def test_a_case_that_was_run_again_is_as_accepted(pristine: Repository) -> None:
     assert {one.status for one in record.cases} == {"as accepted"}
 
 
-def test_another_version_of_the_numerics_runs_everything_again(
+def chosen(repository: Repository) -> set[tuple[str, str]]:
+    """The models to run, with their engines."""
+    state = survey([repository.folder], GateOptions(baseline=repository.baseline))
+    return {(model, engine) for _, model, engine in state.chosen}
+
+
+def test_what_depends_on_a_change_is_run(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Cases of a changed file or engine alone; of other numerics all."""
+    assert chosen(repository) == set()
+    repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
+    assert chosen(repository) == {("mujoco.xml", "mujoco")}
+    monkeypatch.setattr(PymunkEngine, "version", lambda _: "99.0")
+    assert chosen(repository) == {("mujoco.xml", "mujoco"), ("space.py", "pymunk")}
     monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", VERSION + 1)
-    found = repository.gate("pymunk")
-    assert {c.status for c in found.changes} == {Status.WITHIN}
-    assert all(c.case is not None for c in found.changes)
+    assert len(chosen(repository)) == 4
 
 
 def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Repository) -> None:
@@ -59,13 +71,19 @@ def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Rep
     assert done.stdout.splitlines()[-1] == "0", done.stdout + done.stderr
 
 
-def test_what_code_reads_elsewhere_is_run_again_when_it_changes(repository: Repository) -> None:
+def test_what_code_reads_or_looks_for_elsewhere_is_run_again_when_it_changes(
+    repository: Repository,
+) -> None:
     shared, hidden = repository.root / "shared.txt", repository.folder / ".mass"
+    soft = repository.root / "soft.txt"
     shared.write_text("47.0")
     hidden.write_text("1.3")
-    read = "float(__import__('pathlib').Path(__file__).parent.joinpath('{}').read_text())"
-    repository.edit("system.py", '"k", 47.0', f'"k", {read.format("../../shared.txt")}')
-    repository.edit("space.py", "Body(MASS, ", f"Body({read.format('.mass')}, ")
+    here = "__import__('pathlib').Path(__file__).parent"
+    stiffness = f"float({here}.joinpath('../../shared.txt').read_text())"
+    stiffness += f" + 0.5 * {here}.joinpath('../../soft.txt').exists()"
+    repository.edit("system.py", '"k", 47.0', f'"k", {stiffness}')
+    mass = f"float({here}.joinpath('.mass').open('r+').read())"
+    repository.edit("space.py", "Body(MASS, ", f"Body({mass}, ")
     repository.accept("read from files", found=repository.gate("pymunk"))
     for case, entry in read_baseline(repository.baseline)[SYSTEM].cases.items():
         read_too = {"../../shared.txt", ".mass"} & set(entry.files)
@@ -78,26 +96,11 @@ def test_what_code_reads_elsewhere_is_run_again_when_it_changes(repository: Repo
     assert [(diff.file, diff.models) for diff in found.file_diffs] == [(".mass", ("space.py",))]
     hidden.write_text("1.3")
     assert {c.case for c in repository.gate("pymunk").changes} == {None}
-    shared.unlink()
-    assert not repository.gate("pymunk").passes
-
-
-def test_what_code_looked_for_and_did_not_find_is_run_when_it_appears(
-    repository: Repository,
-) -> None:
-    here = "__import__('pathlib').Path(__file__).parent"
-    stiffness = f"47.5 if {here}.joinpath('../../soft.txt').exists() else 47.0"
-    mass = f"float({here}.joinpath('.mass').open('r+').read())"
-    (repository.folder / ".mass").write_text("1.3")
-    repository.edit("system.py", '"k", 47.0', f'"k", {stiffness}')
-    repository.edit("space.py", "Body(MASS, ", f"Body({mass}, ")
-    repository.accept("as it is", found=repository.gate("pymunk"))
-    assert {c.case for c in repository.gate("pymunk").changes} == {None}
-    (repository.root / "soft.txt").touch()
+    soft.touch()
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.CHANGED}
     (diff,) = found.file_diffs
     assert [line.message for line in diff.changes] == ["was added"]
-    (repository.root / "soft.txt").unlink()
-    (repository.folder / ".mass").write_text("1.4")
-    assert {c.status for c in repository.gate("pymunk").changes} == {Status.CHANGED}
+    soft.unlink()
+    shared.unlink()
+    assert not repository.gate("pymunk").passes
