@@ -68,7 +68,9 @@ def test_results_go_to_a_program_as_json_alone(place: Path) -> None:
     assert done.returncode == 0, done.stderr
     (case,) = json.loads(done.stdout)["cases"]
     assert case["outcome"] == "AGREES"
-    log = json.loads(crosscheck(place, "run", "models", "-k", "wrong", "--format", "sarif").stdout)
+    log = json.loads(
+        crosscheck(place, "run", "models", "-k", "wrong and free", "--format", "sarif").stdout
+    )
     files = {
         one["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
         for one in log["runs"][0]["results"]
