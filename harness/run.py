@@ -95,6 +95,7 @@ def run(
         files=partial(input_files, (*folders, *robots)),
         engines=options.engines,
         prestart=options.cache is None and bool(readable or not robots),
+        derives=bool(folders),
     ) as workers:
         run_jobs(chain.from_iterable(map(plan.target, readable)), workers, stop)
     places = (*folders, *robots)

@@ -78,7 +78,7 @@ class LawDefect:
     uncertainty: Array
     scale: Array
 
-    def at_states(self, kept: NDArray[np.bool_]) -> LawDefect:
+    def at_states(self, kept: NDArray[np.bool_] | slice) -> LawDefect:
         """Return the defects at some states, at the same scale."""
         return replace(self, defect=self.defect[kept], uncertainty=self.uncertainty[kept])
 
@@ -313,13 +313,12 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         acted = (part for sample in evaluated for part in self.laws.acting(sample.solution))
         return set(self.laws.parts()) - set(acted)
 
-    def acting(self, states: Sequence[WholeState]) -> Iterator[set[Part]]:
-        """Yield the parts of the laws that act at each state, without contacts."""
-        for state, posture in zip(states, self.postures(states), strict=True):
-            start = np.zeros(len(posture.m))
-            yield set(self.laws.acting(
-                self.laws.solve(posture, state.controls, state.activations, (), start)
-            ))  # fmt: skip
+    def acting(self, posture: Posture, state: WholeState) -> set[Part]:
+        """Return the parts of the laws that act at a state, without contacts."""
+        start = np.zeros(len(posture.m))
+        return set(
+            self.laws.acting(self.laws.solve(posture, state.controls, state.activations, (), start))
+        )
 
     def eased(self, states: Sequence[WholeState]) -> Iterator[WholeState]:
         """Yield states with other positions and velocities, which ease drives at limits."""

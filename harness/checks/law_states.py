@@ -135,18 +135,19 @@ def _acting_states(
     """Yield states at which parts of the laws act that don't elsewhere, most of them first."""
     missing = comparison.missing_parts(evaluated)
     states = _candidates(comparison, missing)
-    sets = list(comparison.acting(states)) if states else []
+    postures = list(comparison.postures(states)) if states else []
+    sets = list(map(comparison.acting, postures, states))
     added = 0
     while added < ADDED and any(acts & missing for acts in sets):
         best = max(range(len(sets)), key=lambda k: len(sets[k] & missing))
         sets[best] = set()
-        step = _usable_step(comparison.model, states[best])
+        state, step = states[best], _usable_step(comparison.model, states[best])
         if step is None:
             continue
-        for sample in comparison.solve_steps([(states[best], step)]):  # contacts may push it back
-            if acting := missing & set(comparison.laws.acting(sample.solution)):
-                missing, added = missing - acting, added + 1
-                yield sample
+        solution = comparison.solve(postures[best], state, step)
+        if acting := missing & set(comparison.laws.acting(solution)):  # contacts may push it back
+            missing, added = missing - acting, added + 1
+            yield Evaluated(state=state, solution=solution, engine=step)
 
 
 def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]:

@@ -6,7 +6,7 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, partial
 from pathlib import Path
@@ -474,11 +474,27 @@ def _in_steps(
     if problem is None:
         return {}
     moved = {i for i, effect in says.items() if effect is NumberEffect.MOTION}
+    parts = replace(problem, with_mistakes=False).parts(FEW_STATES)
     return {
-        i: _effect(problem, k, task.resolution)
+        i: _largest_effect(parts, k, task.resolution)
         for k, i in enumerate(problem.numbers.law_numbers)
         if i not in moved
     }
+
+
+FEW_STATES = 4
+"""States that are tried together: most numbers act at one of the first."""
+
+
+def _largest_effect(parts: Sequence[AnyLawProblem], index: int, resolution: float) -> NumberEffect:
+    """Return the largest effect of a number on the parts of a problem."""
+    effects = set[NumberEffect]()
+    for part in parts:
+        effects.add(_effect(part, index, resolution))
+        if NumberEffect.MOTION in effects:
+            return NumberEffect.MOTION
+    others = NumberEffect.REFUSED, NumberEffect.FAINT
+    return next((effect for effect in others if effect in effects), NumberEffect.NONE)
 
 
 def _effect(problem: RobotProblem | AnyLawProblem, index: int, resolution: float) -> NumberEffect:

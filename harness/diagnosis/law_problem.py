@@ -170,6 +170,19 @@ class LawProblem(Generic[M, S]):
             _rows=self._rows if same else {},
         )
 
+    def parts(self, size: int) -> list[LawProblem[M, S]]:
+        """Return the problems of a few states each."""
+        places = [slice(first, first + size) for first in range(0, len(self.evaluated), size)]
+        return [
+            replace(
+                self,
+                evaluated=self.evaluated[place],
+                compared=self.compared.at_states(place),
+                _rows={},
+            )
+            for place in places
+        ]
+
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """Numbers of the laws that are taken differently, then mistakes."""

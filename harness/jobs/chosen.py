@@ -19,6 +19,7 @@ def executor(
     files: Callable[[], Iterable[Path]] = tuple,
     engines: Sequence[str] = (),
     prestart: bool = False,
+    derives: bool = True,
 ) -> Executor:
     """Return the executor of tasks, which is a context manager.
 
@@ -30,12 +31,13 @@ def executor(
             copies.
         engines: engines whose versions must be the same on the cluster; empty: all installed here.
         prestart: whether tasks are certain, so that slow preparations start at once.
+        derives: whether tasks derive equations from energies.
 
     Raises:
         ClusterError: for a cluster that cannot be used; gives the remedy.
     """
     if not scheduler:
-        workers = Workers(jobs or os.cpu_count() or 1, limits)
+        workers = Workers(jobs or os.cpu_count() or 1, limits, derives=derives)
         if prestart:
             workers.begin()
         return workers

@@ -43,13 +43,14 @@ MOST_PRINTED = 4000
 _TRIES = 5
 """Number of attempts to start a worker, since a task may end the process that starts them."""
 
-# The last ones are modules that sympy imports only when it adds, simplifies and prints code.
 PRELOADED = (
     "physics_crosscheck.harness.planning.tasks", "physics_crosscheck.harness.engines.preloaded",
-    "scipy.integrate", "scipy.linalg", "sympy.tensor.tensor", "sympy.physics.units",
-    "sympy.assumptions.wrapper", "sympy.codegen.ast", "sympy.sets.setexpr",
+    "scipy.integrate", "scipy.linalg", "sympy.tensor.tensor", "sympy.codegen.ast",
 )  # fmt: skip
 """Modules that are imported once for all worker processes."""
+
+PRELOADED_TO_DERIVE = "sympy.physics.units", "sympy.assumptions.wrapper", "sympy.sets.setexpr"
+"""Modules that sympy imports only when it adds and simplifies, as for energies."""
 
 _UNKNOWN = 255
 """Exit code from multiprocessing if the process that should report it is gone."""
@@ -147,6 +148,7 @@ class Workers(Executor):
         cwd: working folder; None: that of this process.
         wake: a pipe whose data interrupts the wait of `turn`; another part reads it.
         hide_main: whether to hide the program's main module from them.
+        derives: whether tasks derive equations from energies.
     """
 
     def __init__(
@@ -157,11 +159,12 @@ class Workers(Executor):
         cwd: Path | None = None,
         wake: Connection | None = None,
         hide_main: bool = False,
+        derives: bool = True,
     ) -> None:
         super().__init__()
         self._jobs, self._limits = jobs, limits or Limits()
         self._cwd, self._wake, self._hide_main = cwd, wake, hide_main
-        self._context = _context()
+        self._context = _context(derives)
         self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._running: list[_Worker] = []
         self._started = 0
@@ -289,7 +292,7 @@ def _dismiss(workers: list[_Worker], scratch: Path) -> None:
     shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _context() -> Any:
+def _context(derives: bool) -> Any:
     """Return how processes start: from a server that has imported the modules of every task.
 
     The server starts with the first process, so nothing is imported if all results are cached. A
@@ -300,7 +303,8 @@ def _context() -> Any:
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if "forkserver" in methods:
-        context.set_forkserver_preload(list(PRELOADED))
+        more = PRELOADED_TO_DERIVE if derives else ()
+        context.set_forkserver_preload([*PRELOADED, *more])
     return context
 
 

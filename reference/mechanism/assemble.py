@@ -225,8 +225,14 @@ class _Builder:
     def whole(self) -> Iterator[TreeLink]:
         """Yield the links with their total masses."""
         for link, inertia, lift in zip(self._links, self._inertias, self._lifts, strict=True):
-            whole = replace(link, mass=inertia.mass, center=inertia.center, inertia=inertia.inertia)
-            yield replace(whole, lifted=lift.mass, lift=lift.center)
+            yield replace(
+                link,
+                mass=inertia.mass,
+                center=inertia.center,
+                inertia=inertia.inertia,
+                lifted=lift.mass,
+                lift=lift.center,
+            )
 
     def force_element(self, element: ForceElement) -> TreeForce:
         """Return a force element of the tree, with its control fixed at the declared value."""

@@ -160,12 +160,12 @@ class RigidBody:
                     else f"{key}quaternion of {what} has no length"
                 )
 
-    @property
+    @cached_property
     def place(self) -> Place:
         """Pose of its frame in its parent's."""
         return _place(self.position, self.rpy, self.quaternion)
 
-    @property
+    @cached_property
     def spatial_inertia(self) -> SpatialInertia:
         """Its spatial inertia in its own frame."""
         central = SpatialInertia(float(self.mass), np.zeros(3), self._tensor)

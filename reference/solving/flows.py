@@ -64,7 +64,8 @@ class Flow:
         self._nodes, self._weights, self._matrix, _ = gauss(stages)
         self._start, self._length = start.T[..., None], length
         self._forces = np.repeat(forces.T[..., None], stages, axis=2)
-        self._take(tree, self._iterated(Charted(tree)))
+        equations = Charted(tree)
+        self._take(tree, equations, self._iterated(equations))
 
     def for_tree(self, tree: Tree) -> Flow:
         """Return the segments of another tree, solved with this tree's Jacobian.
@@ -77,7 +78,8 @@ class Flow:
         flow.__dict__ |= {
             k: v for k, v in self.__dict__.items() if k not in ("_rounding_residual", "_inverse")
         }
-        flow._take(tree, self._corrected(Charted(tree)))
+        equations = Charted(tree)
+        flow._take(tree, equations, self._corrected(equations))
         return flow
 
     @property
@@ -114,9 +116,9 @@ class Flow:
         """
         return self.for_tree(changed).apart(self)
 
-    def _take(self, tree: Tree, slopes: Scalars) -> None:
-        """Store a tree and the rates of its states at the stages, (2 n, B, stages)."""
-        self.tree, self._equations, self._slopes = tree, Charted(tree), slopes
+    def _take(self, tree: Tree, equations: Charted, slopes: Scalars) -> None:
+        """Store a tree, its equations, and the rates at the stages, (2 n, B, stages)."""
+        self.tree, self._equations, self._slopes = tree, equations, slopes
         self._stages = self._staged(slopes)
 
     def _forces_apart(self, changed: Tree) -> Scalars:
@@ -150,7 +152,8 @@ class Flow:
     def _residual(self, tree: Tree, states: Scalars) -> Scalars:
         """Return a tree's residual forces at the known accelerations."""
         n = tree.dof
-        return Charted(tree).residual(states[:n], states[n:], self._slopes[n:], self._forces)
+        equations = self._equations if tree is self.tree else Charted(tree)
+        return equations.residual(states[:n], states[n:], self._slopes[n:], self._forces)
 
     def _pushed(self, forces: Scalars) -> Scalars:
         """Return the change of the coordinates' second derivatives caused by forces."""

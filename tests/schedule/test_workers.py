@@ -20,6 +20,7 @@ from physics_crosscheck.harness.jobs.failure import LONGEST
 from physics_crosscheck.harness.jobs.stop import SIGNALS
 from physics_crosscheck.harness.jobs.workers import (
     PRELOADED,
+    PRELOADED_TO_DERIVE,
     Failure,
     Limits,
     Workers,
@@ -470,5 +471,9 @@ def test_a_pool_that_is_closed_leaves_no_worker_and_no_folder() -> None:
 
 def test_every_preloaded_module_exists() -> None:
     """Catch a moved module: the server ignores a missing one, and each worker imports it again."""
-    missing = [name for name in PRELOADED if importlib.util.find_spec(name) is None]
+    missing = [
+        name
+        for name in (*PRELOADED, *PRELOADED_TO_DERIVE)
+        if importlib.util.find_spec(name) is None
+    ]
     assert not missing

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -259,6 +260,8 @@ def compiled_bodies(compiled: CompiledTree) -> tuple[RigidBody, ...]:
     return tuple(bodies)
 
 
+# A file is compiled once for each of its numbers, with mostly equal bodies.
+@lru_cache(maxsize=1024)
 def _body(
     body: CompiledBody, name: str, parent: str | None, joints: tuple[Joint, ...]
 ) -> RigidBody:
@@ -280,6 +283,7 @@ def _body(
     )
 
 
+@lru_cache(maxsize=1024)
 def _joint(joint: CompiledJoint, index: int) -> Joint:
     kind, name = KINDS[joint.kind], joint.name or f"joint_{index}"
     if kind not in ("hinge", "slide"):
