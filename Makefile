@@ -22,9 +22,14 @@ pytest: .venv/.test
 	$(PYTEST) tests -m "not slow and not pinocchio" --crosscheck models --require-engines \
 		--ignore models/events --durations 10
 
-# Whole pages, files and matrices, each five seconds and more; the longest folders first.
+# Whole pages, files and matrices, each five seconds and more. Files without slow tests are not
+# imported; the longest are dealt first.
+LONG := $(addprefix tests/,installed/test_documents.py installed/test_installed.py \
+	versions/test_two_versions.py cases/test_events.py laws/test_mistakes.py \
+	faults/test_real_engines.py installed/test_repository.py diagnosis/test_builtin_faults.py)
+SLOW = $(LONG) $(filter-out $(LONG),$(shell grep -rl --include 'test_*.py' 'mark\.slow' tests))
 test-slow: .venv/.test
-	$(PYTEST) tests/installed tests/versions tests -m slow
+	$(PYTEST) $(SLOW) -m slow
 
 # Every engine of an extra: its tests, its conformance, and all accepted cases. 4 GB, 3 minutes to set up.
 ALL := .venv-engines/bin

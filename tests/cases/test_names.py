@@ -10,6 +10,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.read import read_results
 from tests.commands import crosscheck
 from tests.faults.known_folder import ROOT, one_scenario
+from tests.standing import brief
 
 
 @pytest.mark.slow
@@ -17,6 +18,7 @@ def test_a_body_called_nut_and_bolt_with_a_wrong_mass_is_named_with_its_line(
     tmp_path: Path,
 ) -> None:
     folder = one_scenario("mass_spring_damper", tmp_path / "bolted", "free")
+    brief(folder)
     for name in ("mujoco.xml", "mujoco.xml.toml"):
         text = (ROOT / "models" / "mass_spring_damper" / name).read_text()
         assert "body[mass]" in text or 'name="mass"' in text

@@ -25,8 +25,8 @@ SOFT = [
 
 @pytest.mark.slow
 def test_no_model_differs_at_random_constants() -> None:
-    results = campaign(27, 11)
-    assert len(pairings()) == 27  # so that it goes once over all of them
+    """Take a third of the models; `campaigns.random_draws` takes all."""
+    results = campaign(9, 11)
     for judged, what in results:
         verdict = judged.verdict
         assert verdict.outcome in (Outcome.AGREES, Outcome.UNRESOLVED), (what, verdict.reason)
@@ -35,7 +35,7 @@ def test_no_model_differs_at_random_constants() -> None:
         for place, ratios in judged.ratios.items():
             assert np.all(ratios <= 1), (place, what)
     agree = sum(judged.verdict.outcome is Outcome.AGREES for judged, _ in results)
-    assert agree >= 24
+    assert agree >= 8
 
 
 def pairing(system: str, file: str) -> Pairing:

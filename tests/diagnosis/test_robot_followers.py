@@ -67,13 +67,12 @@ def check_named(file: Path, engine: str, address: str, share: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [1e-6, 1e-2])
 @pytest.mark.parametrize(
-    ("equality", "address"),
+    ("equality", "address", "share"),
     [
-        (JOINT, "mujoco/equality/joint@polycoef[0]"),
-        (JOINT, "mujoco/equality/joint@polycoef[1]"),
-        (TENDON, "mujoco/equality/tendon@polycoef[0]"),
+        (JOINT, "mujoco/equality/joint@polycoef[0]", 1e-6),
+        (JOINT, "mujoco/equality/joint@polycoef[1]", 1e-2),
+        (TENDON, "mujoco/equality/tendon@polycoef[0]", 1e-6),
     ],
 )
 def test_a_wrong_number_of_an_equality_is_named(

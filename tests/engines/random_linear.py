@@ -1,6 +1,6 @@
 """Random linear systems with a closed form, as files of every engine: is the uncertainty honest?
 
-Run as a script for more of them: `python tests/engines/random_linear.py --count 2000 --seed 7`.
+Run as a script for more of them: `python -m tests.engines.random_linear --count 2000 --seed 7`.
 """
 
 import argparse

@@ -16,7 +16,7 @@ from tests.faults.known_folder import (
     uncertainty,
     variant,
 )
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 Ran = dict[tuple[str, str, str], list[Case]]
 """Cases by system, file and name of the variant."""
@@ -29,33 +29,23 @@ for engine in ("mujoco", "pybullet", "pymunk"):
 # Literals off by a millionth, by system and file: name -> text whose last number is moved. Those
 # of the mass on a spring are moved in tests/diagnosis/test_builtin_faults.py.
 LITERALS: dict[tuple[str, str], dict[str, str]] = {
-    ("simple_pendulum", "mujoco.xml"): {
-        "gravity": 'gravity="0 0 -9.81', "length": 'pos="0 0 -0.75', "mass": 'mass="0.45',
-    },
-    ("simple_pendulum", "robot.urdf"): {
-        "gravity": "gravity = [0, 0, -9.81", "length": 'origin xyz="0 0 -0.75',
-        "mass": 'mass value="0.45',
-    },
-    ("simple_pendulum", "space.py"): {
-        "gravity": "GRAVITY = 9.81", "length": "LENGTH = 0.75", "mass": "MASS = 0.45",
-    },
+    ("simple_pendulum", "mujoco.xml"): {"length": 'pos="0 0 -0.75'},
+    ("simple_pendulum", "robot.urdf"): {"mass": 'mass value="0.45'},
+    ("simple_pendulum", "space.py"): {"gravity": "GRAVITY = 9.81"},
     ("drum_pendulum", "mujoco.xml"): {
-        "stiffness": 'stiffness="65.0', "armature": 'armature="1.2', "drum": 'mass="2.4',
-        "rod": 'mass="0.8', "inertia": 'diaginertia="0.024 0.024', "centre": 'pos="0 0 -0.3',
+        "armature": 'armature="1.2', "inertia": 'diaginertia="0.024 0.024',
     },
     ("drum_pendulum", "robot.urdf"): {
         "rolling": 'multiplier="5.555555555555555', "turning": 'ixx="0.02744" iyy="0.03888',
     },
     ("drum_pendulum", "mujoco_rolling.xml"): {"ratio": 'polycoef="0 5.555555555555555'},
-    ("drum_pendulum", "space.py"): {
-        "stiffness": "STIFFNESS = 65.0", "rest": "REST_LENGTH = 1.1", "inertia": "INERTIA = 0.024",
-    },
+    ("drum_pendulum", "space.py"): {"rest": "REST_LENGTH = 1.1", "inertia": "INERTIA = 0.024"},
 }  # fmt: skip
 
 # The force that friction is a share of: stiffness times amplitude, or weight times length.
 FRICTION = {
     f"friction_{e}": [('springref="0"', f'springref="0" frictionloss="{12 * 10.0**-e:.3g}"')]
-    for e in (1, 2, 3, 4)
+    for e in (1, 4)
 }
 HARD = 'solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"'
 BOUNDS = '<limit lower="-0.8" upper="0.8" effort="1000" velocity="100"/>'
@@ -63,43 +53,37 @@ HINGE = '<axis xyz="0 -1 0"/>'
 OTHERS: dict[tuple[str, str], dict[str, list[tuple[str, str]]]] = {
     ("mass_spring_damper", "mujoco.xml"): FRICTION | {
         "good": [],
-        "range": [('springref="0"', 'springref="0" limited="true" range="-0.2 0.2"')],
+        "range": [('springref="0"', 'springref="0" limited="true" range="-0.12 0.12"')],
         "far_range": [('springref="0"', 'springref="0" limited="true" range="-2 2"')],
         "coarse": [('timestep="0.002"', 'timestep="0.5"')],
         "broken": [("</worldbody>", "</worldbodi>")],
     },
     ("mass_spring_damper", "robot.urdf"): {
-        "good": [],
-        "limit": [('lower="-100" upper="100"', 'lower="-0.2" upper="0.2"')],
+        "limit": [('lower="-100" upper="100"', 'lower="-0.12" upper="0.12"')],
         "friction": [('friction="0"', 'friction="0.12"')],
         "coarse": [("step = 0.002", "step = 0.5")],
         "broken": [("</robot>", "</robo>")],
     },
     ("mass_spring_damper", "space.py"): {
-        "good": [],
         "drag": [("(0, 0)\n", "(0, 0)\n    space.damping = 0.99\n")],
         "coarse": [("step = 0.002", "step = 0.5")],
         "broken": [("pymunk.Body(MASS", "pymunk.Body(MAS")],
     },
     ("simple_pendulum", "mujoco.xml"): {
-        "good": [],
         "range": [('axis="0 -1 0"', 'axis="0 -1 0" limited="true" range="-0.8 0.8"')],
         "friction": [('axis="0 -1 0"', 'axis="0 -1 0" frictionloss="0.03"')],
     },
     ("simple_pendulum", "robot.urdf"): {
-        "good": [], "limit": [('type="continuous"', 'type="revolute"'), (HINGE, HINGE + BOUNDS)],
+        "limit": [('type="continuous"', 'type="revolute"'), (HINGE, HINGE + BOUNDS)],
     },
-    ("simple_pendulum", "space.py"): {"good": []},
     ("drum_pendulum", "mujoco.xml"): {
-        "good": [],
         "range": [('springref="0"', 'springref="0" limited="true" range="-0.05 0.05"')],
         "springref": [('springref="0"', 'springref="1e-6"')],
     },
-    ("drum_pendulum", "mujoco_rolling.xml"): {"good": [], "soft": [(HARD, "")]},
+    ("drum_pendulum", "mujoco_rolling.xml"): {"soft": [(HARD, "")]},
     ("drum_pendulum", "robot.urdf"): {
-        "good": [], "limit": [('lower="-100" upper="100"', 'lower="-0.05" upper="0.05"')],
+        "limit": [('lower="-100" upper="100"', 'lower="-0.05" upper="0.05"')],
     },
-    ("drum_pendulum", "space.py"): {"good": []},
 }  # fmt: skip
 
 SCENARIO = {
@@ -130,6 +114,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     used = [f for f in folders.values() if any(f.glob("*.toml"))]
     for folder in used:
         standing_only(folder)
+        brief(folder, 3)
     results = run_folders(*used, out=place / "results.json", verdicts=True)
     found: Ran = {}
     for case in results.cases:
@@ -165,7 +150,7 @@ def test_a_literal_off_by_a_millionth_differs(
         assert uncertainty(case) < discrepancy(case) / 1000
 
 
-@pytest.mark.parametrize("exponent", [1, 2, 3, 4])
+@pytest.mark.parametrize("exponent", [1, 4])
 def test_friction_in_a_joint_differs_by_its_share_of_the_force(ran: Ran, exponent: int) -> None:
     (case,) = ran["mass_spring_damper", "mujoco.xml", f"friction_{exponent}"]
     assert case.outcome == "DIFFERS", case.reason

@@ -20,7 +20,6 @@ from tests.standing import brief, standing_only
 
 CHANGED, WITHIN, IMPROVED = Status.CHANGED, Status.WITHIN, Status.IMPROVED
 NOT_RUN, NEW, GONE, SAME = Status.NOT_RUN, Status.NEW, Status.GONE, Status.SAME
-FREE = "mass_spring_damper/mujoco.xml/free [mujoco]"
 
 
 def _absent(_: object) -> None:
@@ -38,24 +37,11 @@ MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
     # What moves nothing.
     ("a comment in MJCF", "mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>",
      WITHIN, {"text"}, ""),
-    ("whitespace in MJCF", "mujoco.xml", "  <worldbody>", "\n\n      <worldbody   >",
-     WITHIN, {"text"}, ""),
     ("a number written otherwise", "robot.urdf", ">47.0<", ">4.7e1<", WITHIN, {"text"}, ""),
-    ("formatting of a URDF", "robot.urdf", '<axis xyz="1 0 0"/>', "<axis\n xyz='1 0 0' />",
-     WITHIN, {"text"}, ""),
     ("a comment in Python", "space.py", "MASS = 1.3  # kg", "MASS = 1.3  # kilograms",
-     WITHIN, {"text"}, ""),
-    ("Python formatted", "space.py", "space.add(mass,", "space.add(\n        mass,",
      WITHIN, {"text"}, ""),
     ("a comment in a sidecar", "space.py.toml", "# A Space", "# Note that a Space",
      WITHIN, {"text"}, ""),
-    ("a geom that carries no mass", "mujoco.xml", 'size="0.15 0.15 0.15"', 'size="0.2 0.1 0.1"',
-     WITHIN, {"text"}, ""),
-    ("a visual shape", "robot.urdf", 'size="0.3 0.3 0.3"', 'size="0.1 0.3 0.3"',
-     WITHIN, {"text"}, ""),
-    ("the name of a geom", "mujoco.xml", 'name="piston"', 'name="rod"', WITHIN, {"text"}, ""),
-    ("the name of a Python variable", "space.py", "STIFFNESS, DAMPING\n",
-     "STIFFNESS, damping=DAMPING\n", WITHIN, {"text"}, ""),
     ("a solver that has nothing to solve", "mujoco.xml", 'jacobian="dense"', 'iterations="7"',
      WITHIN, {"text"}, ""),
     # What moves the model.
@@ -65,10 +51,8 @@ MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
      CHANGED, {"model"}, "the motion implies m 1.3 -> 1.313"),
     ("a constant by 1e-6 in Python", "space.py", "DAMPING = 0.9 ", "DAMPING = 0.9000009 ",
      CHANGED, {"model"}, "the verdict changed from AGREES to DIFFERS"),
-    ("a tilted axis", "mujoco.xml", 'axis="1 0 0"', 'axis="1 0 0.01"', CHANGED, {"model"}, ""),
     ("an armature", "mujoco.xml", 'springref="0"', 'springref="0" armature="0.1"',
      CHANGED, {"model"}, "the model's motion changed"),
-    ("a rest position", "mujoco.xml", 'springref="0"', 'springref="0.01"', CHANGED, {"model"}, ""),
     # What no motion shows, and the audit does.
     ("a bound literal without effect", "mujoco.xml", 'diaginertia="0.0195', 'diaginertia="0.02',
      CHANGED, {"audit"}, "body[mass]/inertial@diaginertia[0] is 0.02, but"),
@@ -77,8 +61,6 @@ MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
     # What changes the numbers alone.
     ("a coarser step", "mujoco.xml", 'timestep="0.002"', 'timestep="0.004"',
      CHANGED, {"numbers"}, "step 0.002 s -> 0.004 s"),
-    ("a finer step", "mujoco.xml", 'timestep="0.002"', 'timestep="0.001"',
-     IMPROVED, {"numbers"}, "step 0.002 s -> 0.001 s"),
     ("a finer step in a sidecar", "space.py.toml", "step = 0.002", "step = 0.001",
      IMPROVED, {"numbers"}, "error at dt"),
     # RK4 gains nothing where a force is held over each step: that one case is a little worse.

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True)
 class Installed:
-    """An environment with the wheel; nothing in it knows of the checkout."""
+    """An environment; nothing in that with the wheel knows of the checkout."""
 
     bin: Path
 
@@ -43,6 +43,10 @@ class Installed:
             check=False,
             env={**clean, **environment},
         )
+
+
+CHECKOUT = Installed(Path(sys.executable).parent)
+"""This environment, with the checkout: for what is no matter of the wheel."""
 
 
 @pytest.fixture(scope="session")

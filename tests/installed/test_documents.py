@@ -1,7 +1,7 @@
 """Every command of README, tutorial and other pages, in its order.
 
 `crosscheck` runs in this process where a line is nothing else: a process of its own would import
-everything again. `test_installed.py` and `test_repository.py` run commands from the wheel alone.
+everything again. `test_installed.py` runs commands from the wheel alone.
 """
 
 from __future__ import annotations
@@ -11,21 +11,17 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.commands import crosscheck
-from tests.installed.conftest import Installed
+from tests.installed.conftest import CHECKOUT
 from tests.installed.documents import ROOT, check_shown, commands
 from tests.standing import brief
 
 HERE = re.compile(r"crosscheck (?!engines)[^|;&$<>\n]*")
 """Lines that run in this process, which may know of further engines."""
-
-CHECKOUT = Installed(Path(sys.executable).parent)
-"""This environment, for all other lines."""
 
 
 @pytest.fixture(scope="module")

@@ -111,8 +111,9 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("system", ["cart_pole", "double_pendulum"])
-@pytest.mark.parametrize("file", ["mujoco.xml", "robot.urdf"])
+@pytest.mark.parametrize(
+    ("system", "file"), [("cart_pole", "mujoco.xml"), ("double_pendulum", "robot.urdf")]
+)
 def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
     tmp_path: Path, system: str, file: str
 ) -> None:
