@@ -14,13 +14,14 @@ report: .venv/.report
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # The checks of the code run beside the tests. Motions with events are among the slow ones, and
-# `make test-engines` runs the built-in models in all engines, with every check.
+# `make test-engines` runs all built-in models in all engines, with every check.
+QUICK := mass_spring_damper simple_pendulum drum_pendulum
 test: .venv/.test
 	$(MAKE) --no-print-directory --jobs 2 check pytest
 
 pytest: .venv/.test
-	$(PYTEST) tests -m "not slow and not pinocchio" --crosscheck models --require-engines \
-		--ignore models/events --durations 10
+	$(PYTEST) tests -m "not slow and not pinocchio" --require-engines --durations 10 \
+		$(QUICK:%=--crosscheck models/%)
 
 # Whole pages, files and matrices, each five seconds and more. Files without slow tests are not
 # imported; the longest are dealt first.

@@ -1,7 +1,7 @@
 """What this project asks of its own models, beyond that they agree.
 
-The validation itself is `pytest --crosscheck models`: every built-in model in every engine and
-scenario. With `--crosscheck-thorough`, it runs all checks; a skipped one is asked for nothing.
+The validation itself is `pytest --crosscheck models --crosscheck-thorough`: every built-in model in
+every engine and scenario, with all checks. `make test` runs half of them, and skips as a user does.
 """
 
 from __future__ import annotations

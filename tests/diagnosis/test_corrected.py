@@ -9,7 +9,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.fit import Fit
@@ -18,6 +17,7 @@ from physics_crosscheck.harness.diagnosis.trial import TrialModel
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.finding import CorrectedMotion
+from tests.physics import physics
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +30,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TrialModel]:
     text, count = re.subn('stiffness="47.0"', 'stiffness="47.47"', path.read_text())
     assert count == 1
     path.write_text(text)
-    prepared = prepare_system(folder, described=False)
+    prepared = physics("mass_spring_damper")
     sidecar = read_sidecar(folder / "mujoco.xml.toml")
-    with trial_model(model_task(prepared, "mujoco", sidecar)) as (trial, _):
+    motions = {name: prepared.motions[name] for name in ("free", "step")}
+    task = model_task(prepared, "mujoco", sidecar).with_target(motions=motions)
+    with trial_model(task) as (trial, _):
         yield trial
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.diagnosis.trial import TrialModel
@@ -18,6 +17,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.mechanism.numeric import Array
+from tests.physics import physics
 
 Open = Callable[..., AbstractContextManager[tuple[TrialModel, Array]]]
 
@@ -26,13 +26,8 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(scope="module")
-def physics() -> PreparedSystem:
-    return prepare_system(builtin() / "simple_pendulum", described=False)
-
-
 @pytest.fixture
-def opened(physics: PreparedSystem, tmp_path: Path) -> Open:
+def opened(tmp_path: Path) -> Open:
     """A trial model of the pendulum's MJCF with texts replaced."""
 
     def open_(*edits: tuple[str, str]) -> AbstractContextManager[tuple[TrialModel, Array]]:
@@ -44,8 +39,9 @@ def opened(physics: PreparedSystem, tmp_path: Path) -> Open:
             text = text.replace(old, new)
         (folder / "mujoco.xml").write_text(text)
         sidecar = read_sidecar(folder / "mujoco.xml.toml")
-        motions = {name: physics.motions[name] for name in ("free", "driven")}
-        return trial_model(model_task(physics, "mujoco", sidecar).with_target(motions=motions))
+        pendulum = physics("simple_pendulum")
+        motions = {name: pendulum.motions[name] for name in ("free", "driven")}
+        return trial_model(model_task(pendulum, "mujoco", sidecar).with_target(motions=motions))
 
     return open_
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.commands.mutation.faults import FAULTS
 from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated
@@ -22,7 +21,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.mutation import FaultVerdict
 from physics_crosscheck.harness.results.causes import cause_sentences
-from tests.standing import brief
+from tests.physics import physics
 
 MASS = "body[nut and bolt]/inertial@mass"
 
@@ -35,7 +34,6 @@ def named(tmp_path: Path, mass: str) -> SystemTask:
     """The mass on a spring, its body called `nut and bolt`."""
     folder = tmp_path / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
-    brief(folder)
     for name, old, new in (
         ("mujoco.xml", '<body name="mass"', '<body name="nut and bolt"'),
         ("mujoco.xml", 'mass="1.3"', f'mass="{mass}"'),
@@ -44,7 +42,7 @@ def named(tmp_path: Path, mass: str) -> SystemTask:
         text = (folder / name).read_text()
         assert old in text
         (folder / name).write_text(text.replace(old, new))
-    prepared = prepare_system(folder, described=False)
+    prepared = physics("mass_spring_damper")
     task = model_task(prepared, "mujoco", read_sidecar(folder / "mujoco.xml.toml"))
     motions = dict(list(prepared.motions.items())[:2])  # free and forced
     return task.with_target(motions=motions)

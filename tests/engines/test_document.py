@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
@@ -61,7 +61,7 @@ def test_a_folder_runs_in_the_adapter_shown_and_a_wrong_number_is_found(tmp_path
         (folder / f"{name}.toy").write_text(TOY.format(stiffness))
         (folder / f"{name}.toy.toml").write_text('engines = ["toy"]\n')
         sidecar = read_sidecar(folder / f"{name}.toy.toml")
-        found[name] = run_case(model_task(prepared, "toy", sidecar, scenario="driven")).outcome
+        found[name] = judge(model_task(prepared, "toy", sidecar, scenario="driven")).outcome
     assert found == {"good": Outcome.AGREES, "off": Outcome.DIFFERS}
 
 
