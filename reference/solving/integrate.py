@@ -31,10 +31,12 @@ def field_of(equations: EquationsOfMotion, signal: SignalPiece) -> Field:
     """Return dy/dt under the inputs of one piece, vectorized."""
     acceleration = equations.numeric_acceleration
     n = len(equations.system.coordinates)
+    evaluated, u = np.empty(0), np.empty(0)
 
     def field(times: Array, states: Array) -> Array:
-        flat = times.reshape(-1, 1)
-        u = signal.numeric(flat).reshape(*times.shape, -1)
+        nonlocal evaluated, u
+        if times is not evaluated:  # the collocation iterates at the same times
+            evaluated, u = times, signal.numeric(times.reshape(-1, 1)).reshape(*times.shape, -1)
         out = np.empty_like(states)
         out[..., :n] = states[..., n:]
         out[..., n:] = acceleration(states[..., :n], states[..., n:], u, times[..., None])

@@ -89,8 +89,15 @@ class Variants:
         rows, parameters = np.tile(rows, count), np.repeat(points, batch, axis=0)
         n = segments.start.shape[1] // 2
 
+        evaluated, u = np.empty(0), np.empty(0)
+
         def field(instants: Array, states: Array) -> Array:
-            u = segments.inputs_within(rows, instants.reshape(len(rows), -1))
+            nonlocal evaluated, u
+            if instants is not evaluated:  # the collocation iterates at the same times
+                evaluated, u = (
+                    instants,
+                    segments.inputs_within(rows, instants.reshape(len(rows), -1)),
+                )
             shape = (len(rows),) + (1,) * (states.ndim - 2) + (parameters.shape[1],)
             a = self.acceleration(
                 states[..., :n],
