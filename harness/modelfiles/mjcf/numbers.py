@@ -18,7 +18,12 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.compiled import CompiledBody, CompiledShape, CompiledTree
+from physics_crosscheck.harness.engines.compiled import (
+    CompiledBody,
+    CompiledForce,
+    CompiledShape,
+    CompiledTree,
+)
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import check_reading
@@ -140,21 +145,13 @@ class CompiledNumbers:
         if model is None or laws is None:
             return _Compiled(read_tree=read_tree, read_laws=lambda: None)
         same_paths, same_laws = compiled.paths == source.paths, laws == model.laws
-        same_mechanics = (same_tree and same_paths) or self._has_mechanics_of(compiled)
+        same_mechanics = (same_tree and same_paths) or _same_mechanics(source, compiled)
         read_laws: Callable[[], LawModel | None] = (
             partial(_under, model, laws) if same_mechanics else partial(_laws_of, compiled)
         )
         return _Compiled(
             read_tree=read_tree, read_laws=read_laws, same_laws=same_paths and same_laws
         )
-
-    def _has_mechanics_of(self, compiled: CompiledTree) -> bool:
-        """Return whether the original has the same bodies, paths and passive forces."""
-        return self._mechanics == _mechanics(compiled)
-
-    @cached_property
-    def _mechanics(self) -> tuple[object, ...]:
-        return () if self._source is None else _mechanics(self._source)
 
     def _compile(self, values: Mapping[int, float]) -> CompiledTree | None:
         try:
@@ -188,7 +185,7 @@ class CompiledNumbers:
         original = self.tree({})
         if original is None:
             return ()
-        groups = self._groups
+        groups = dict(self._groups)
         single = [[i] for i in groups.pop("", [])]
         self._compile_together(i for (i,) in single)
         relevant = (
@@ -291,14 +288,14 @@ class CompiledNumbers:
         read = self._read({index: value})
         return read is not None and not read.same_laws
 
-    @property
-    def _groups(self) -> dict[str, list[int]]:
+    @cached_property
+    def _groups(self) -> Mapping[str, list[int]]:
         """All numbers except choices, by their purpose if it is not the motion."""
+        purposes = {path: self._purpose(path) for path in {one.path for one in self.numerals}}
         groups: dict[str, list[int]] = {}
-        choices = self._engine.choices
         for i, number in enumerate(self.numerals):
-            if not (choices and re.fullmatch(choices, number.path)):
-                groups.setdefault(self._reason(number), []).append(i)
+            if (purpose := purposes[number.path]) is not None:
+                groups.setdefault(purpose, []).append(i)
         return groups
 
     def placing(self, candidates: Collection[int]) -> frozenset[int]:
@@ -333,9 +330,12 @@ class CompiledNumbers:
         other = self._nudged(group)
         return None if other is None else other.moved_shapes
 
-    def _reason(self, number: Number) -> str:
+    def _purpose(self, path: str) -> str | None:
+        """Return the purpose of numbers if it is not the motion, else ""; None for choices."""
+        if self._engine.choices and re.fullmatch(self._engine.choices, path):
+            return None
         kinds = self._engine.non_physical.items()
-        return next((why for kind, why in kinds if re.fullmatch(kind, number.path)), "")
+        return next((why for kind, why in kinds if re.fullmatch(kind, path)), "")
 
     def _nudged(self, group: Sequence[int]) -> _Compiled | None:
         """Return the file with nudged numbers; downwards if it is refused upwards."""
@@ -364,14 +364,28 @@ def _laws_of(compiled: CompiledTree) -> LawModel | None:
     return None if model is None or model.laws.uncovered else model
 
 
-def _mechanics(compiled: CompiledTree) -> tuple[object, ...]:
-    """Return what a tree with laws depends on, besides the laws."""
-    passive = tuple(pull for pull in compiled.pulls if pull.control < 0)
-    bodies = tuple(
-        replace(body, joints=tuple(replace(one, limits=None, friction=0.0) for one in body.joints))
-        for body in compiled.bodies
+def _same_mechanics(first: CompiledTree, second: CompiledTree) -> bool:
+    """Return whether all that a tree with laws depends on, besides the laws, is equal."""
+    names = ("paths", "gravity", "fluid")
+    return (
+        all(getattr(first, name) == getattr(second, name) for name in names)
+        and _passive(first) == _passive(second)
+        and len(first.bodies) == len(second.bodies)
+        and all(
+            one == two or _unlimited(one) == _unlimited(two)
+            for one, two in zip(first.bodies, second.bodies, strict=True)
+        )
     )
-    return bodies, compiled.paths, passive, compiled.gravity, compiled.fluid
+
+
+def _passive(compiled: CompiledTree) -> tuple[CompiledForce, ...]:
+    return tuple(pull for pull in compiled.pulls if pull.control < 0)
+
+
+def _unlimited(body: CompiledBody) -> CompiledBody:
+    """Return a body without limits and dry friction of its joints, which are laws."""
+    joints = tuple(replace(one, limits=None, friction=0.0) for one in body.joints)
+    return replace(body, joints=joints)
 
 
 def _under(model: LawModel, laws: Laws) -> LawModel:

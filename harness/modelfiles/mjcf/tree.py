@@ -6,7 +6,7 @@ Lines of shapes and sites in an MJCF and its includes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -325,16 +325,15 @@ def held_controls(compiled: CompiledTree) -> tuple[float, ...]:
 def _pulls(
     compiled: CompiledTree, bodies: tuple[RigidBody, ...], controls: Sequence[float]
 ) -> Iterator[ForceElement]:
-    names = [joint.name for body in bodies for joint in body.joints]
-    body_names = [None, *(body.name for body in bodies)]
+    names = tuple(joint.name for body in bodies for joint in body.joints)
+    body_names = (None, *(body.name for body in bodies))
     for force in compiled.pulls:
-        yield replace(
-            _force_element(force, names, controls), along=_along(force.along, names, body_names)
-        )
+        held = controls[force.control] if force.control >= 0 else 0.0
+        yield _force_element(force, names, body_names, held)
 
 
 def _along(
-    length: CompiledLength | None, joints: list[str], bodies: list[str | None]
+    length: CompiledLength | None, joints: Sequence[str], bodies: Sequence[str | None]
 ) -> CablePath[Site] | FrameForce[Site] | JointForce[str] | None:
     """Return a length by the names of the elements that it acts along."""
     if length is None:
@@ -363,15 +362,17 @@ def _couplings(compiled: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterato
         )
 
 
+@lru_cache(maxsize=1024)
 def _force_element(
-    force: CompiledForce, names: list[str], controls: Sequence[float]
+    force: CompiledForce, names: Sequence[str], bodies: Sequence[str | None], control: float
 ) -> ForceElement:
     return ForceElement(
         name=force.name,
         joints=tuple((names[i], share) for i, share in force.joints),
         bias=force.bias,
         gain=force.gain,
-        control=controls[force.control] if force.control >= 0 else 0.0,
+        along=_along(force.along, names, bodies),
+        control=control,
         stiffness=_powers(force.stiffness),
         damping=_powers(force.damping),
         rest=force.rest,
