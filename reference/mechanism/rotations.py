@@ -219,6 +219,9 @@ def rotation_vector(q: Scalars) -> Scalars:
 def raw_quaternion(p: Scalars) -> Scalars:
     """Return the quaternion (4, ...) of minimal coordinates (3, ...), of length 1 + p.p/16."""
     s = p / 4
+    if s.ndim == 1:
+        x, y, z = s.tolist()  # a fourth of the time of arrays
+        return np.array([1 - (x * x + y * y + z * z), 2 * x, 2 * y, 2 * z])
     real = 1 - (s * s).sum(axis=0)
     return np.concatenate([real[None], 2 * s])
 

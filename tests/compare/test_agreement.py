@@ -36,6 +36,8 @@ def test_the_built_in_models_agree_across_formats_and_engines(
     found = agrees(compared(model(system, a), model(system, b), engine_a, engine_b))
     # A free motion can't fix the overall scale: half of the runs or so are driven.
     assert result(found).runs.driven >= 12
+    if (system, b) == ("drum_pendulum", "robot.urdf"):  # which has a following joint more
+        assert (result(found).states_of, result(found).left_out) == ("B", ("phi",))
 
 
 @pytest.mark.slow
@@ -45,12 +47,6 @@ def test_a_drum_that_rolls_by_an_equality_agrees_with_one_that_rolls_by_a_gear()
     assert result(found).joints == ("x", "phi", "theta")
     paths = model(drum, "mujoco_rolling.xml"), model(drum, "robot.urdf")
     assert len(sampled(*paths).independent) == 2
-
-
-def test_states_are_taken_of_the_model_that_has_a_following_joint_more() -> None:
-    drum = "drum_pendulum"
-    found = agrees(compared(model(drum, "mujoco.xml"), model(drum, "robot.urdf")))
-    assert (result(found).states_of, result(found).left_out) == ("B", ("phi",))
 
 
 def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path: Path) -> None:
@@ -86,20 +82,6 @@ def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path:
     agrees(compared(path, other, joints="theta=0.3-swing"))
 
 
-def test_step_and_integrator_are_no_difference(tmp_path: Path) -> None:
-    path = model("drum_pendulum", "mujoco.xml")
-    other = changed(
-        tmp_path,
-        path,
-        ('timestep="0.002" integrator="Euler"', 'timestep="0.0005" integrator="RK4"'),
-    )
-    found = agrees(compared(path, other))
-    assert {t.edits[0].what: t.moved for t in result(found).differences if len(t.edits) == 1} == {
-        "option@timestep": 0.0,
-        "option@integrator": 0.0,
-    }
-
-
 def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path: Path) -> None:
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
@@ -127,13 +109,6 @@ def test_comments_and_white_space_are_no_difference(tmp_path: Path) -> None:
     assert result(agrees(compared(path, other))).differences == ()
 
 
-def test_what_is_for_the_eye_alone_moves_nothing(tmp_path: Path) -> None:
-    path = model("drum_pendulum", "mujoco.xml")
-    other = changed(tmp_path, path, ('size="0.18 0.1"', 'size="0.28 0.1"'))
-    (trial,) = result(agrees(compared(path, other))).differences
-    assert (trial.moved, trial.not_tried) == (0.0, "")
-
-
 def test_a_state_of_the_users_own_is_run_too() -> None:
     path = model("simple_pendulum", "mujoco.xml")
     starts = ({"theta": 2.9, "theta_dot": 0.25},)
@@ -142,9 +117,8 @@ def test_a_state_of_the_users_own_is_run_too() -> None:
     assert [2.9, 0.25] in here.start.tolist()
 
 
-@pytest.mark.parametrize(("seed", "joints"), [(1, 2), (3, 4)])
-def test_random_chains_agree_across_formats(tmp_path: Path, seed: int, joints: int) -> None:
-    mjcf, urdf = chain(seed, joints)
+def test_random_chains_agree_across_formats(tmp_path: Path) -> None:
+    mjcf, urdf = chain(3, 4)
     a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
     agrees(compared(a, b, engine_b="mujoco"))
 

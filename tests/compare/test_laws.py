@@ -30,12 +30,8 @@ def hoppers(folder: Path, old: str, new: str) -> tuple[Path, Path]:
 
 @pytest.mark.parametrize(("old", "new", "message", "line"), [
     ('friction="0.8"', 'friction="0.7"', "friction[0] of geom foot: 0.8 in A, 0.7 in B", 8),
-    ('size="0.1" mass', 'size="0.1" solref="0.03 1" mass',
-     "solref[0] of geom trunk: 0.02 in A, 0.03 in B", 5),
     ('solreflimit="0.03 1"', 'solreflimit="0.03 0.9"',
      "solreflimit[1] of joint hip: 1 in A, 0.9 in B", 3),
-    ('range="-0.5 0.5"', 'range="-0.5 0.50005"', "range[1] of joint hip: 0.5 in A, 0.50005 in B",
-     7),
     ('range="-0.5 0.5"', "", "range of joint hip: (-0.5 0.5) in A, none in B", 7),
     ('frictionloss="0.4"', 'frictionloss="0.5"', "frictionloss of joint hip: 0.4 in A, 0.5 in B",
      3),
@@ -112,7 +108,6 @@ LEG = """<robot name="leg"><link name="body"><contact><lateral_friction value="0
 
 @pytest.mark.parametrize(("old", "new", "message", "line"), [
     ('value="0.6"', 'value="0.5"', "lateral_friction of link body: 0.6 in A, 0.5 in B", 1),
-    ('upper="0.4"', 'upper="0.41"', "range[1] of joint knee: 0.4 in A, 0.41 in B", 6),
     ('effort="20"', 'effort="21"', "effort of joint knee: 20 in A, 21 in B", 6),
 ])  # fmt: skip
 def test_numbers_of_impulses_are_compared(

@@ -74,16 +74,15 @@ def test_meshes_that_are_not_there_are_not_looked_for(tmp_path: Path) -> None:
     agrees(compared(path, path, "pybullet", "mujoco"))
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
-def test_a_range_without_zero_is_no_difference(tmp_path: Path, engine: str) -> None:
+def test_a_range_without_zero_is_no_difference(tmp_path: Path) -> None:
     """As that of a panda's fourth joint."""
     near = ('type="continuous">\n    <parent link="upper"/>',
             'type="revolute">\n    <limit lower="-3.07" upper="-0.07" effort="87" velocity="2"/>'
             '\n    <parent link="upper"/>')  # fmt: skip
     path = written(tmp_path, "arm.urdf", URDF, near)
-    found = agrees(compared(path, path, engine, "mujoco"))
+    found = agrees(compared(path, path, "pybullet", "mujoco"))
     names = found.models[0].coordinates or ()
-    elbow = sampled(path, path, engine, "mujoco").runs.start[:, names.index("elbow")]
+    elbow = sampled(path, path, "pybullet", "mujoco").runs.start[:, names.index("elbow")]
     assert elbow.min() > -3.07
     assert elbow.max() < -0.07
 
@@ -107,14 +106,13 @@ def test_starts_are_within_the_limits_of_both(tmp_path: Path) -> None:
     assert idle(found) == ["range of joint reach: -0.2 to 0.3 in A, 0.1 to 0.4 in B"]
 
 
-@pytest.mark.parametrize("mass", ["0.90000009", "0.909"])
-def test_one_mass_across_formats_is_one_line(tmp_path: Path, mass: str) -> None:
+def test_one_mass_across_formats_is_one_line(tmp_path: Path) -> None:
+    mass = "0.90000009"
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('mass value="0.9"', f'mass value="{mass}"'))
     found = compared(a, b, engine_b="mujoco")
     assert found.outcome is Outcome.DIFFERS
-    share = "+1.0e-07" if mass == "0.90000009" else "+1 %"
-    assert moving(found) == [f"link fore: mass 0.9 in A, {mass} in B ({share})"]
+    assert moving(found) == [f"link fore: mass 0.9 in A, {mass} in B (+1.0e-07)"]
     line = MJCF[: MJCF.index('mass="0.9"')].count("\n") + 1
     difference = result(found).properties[0]
     assert str(difference.where_a) == f"{a}:{line}"

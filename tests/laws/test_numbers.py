@@ -25,7 +25,6 @@ FAULTS = {
     "range": (STOP, "-60 40", "-60 40.00004", "joint[a]@range[1]", 40.00004),
     OTHER_ROWS: (STOP, "-60 40", "-60.6 40", "joint[a]@range[0]", -60.6),
     "frictionloss": (STOP, 'loss="0.3"', 'loss="0.303"', "joint[a]@frictionloss", 0.303),
-    "margin": (LIMITS, 'margin=".02"', 'margin=".0202"', "joint[a]@margin", 0.0202),
     "solimp": (LIMITS, ".97 .05", ".9700097 .05", "joint[a]@solimplimit[1]", 0.9700097),
     "friction": (TOUCH[3], 'friction=".7', 'friction=".7000007', "geom[floor]@friction[0]",
                  0.7000007),

@@ -29,7 +29,6 @@ from physics_crosscheck.reference.mechanism.planar import (
 )
 from tests.laws.spaces import BALL, HEAD, JOINTS, STACK, TAIL
 
-SPACES = {"ball": BALL, "stack": STACK, "joints": JOINTS}
 STEP = {"step": 0.004}
 
 
@@ -44,18 +43,38 @@ def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck | Non
     )
 
 
-@pytest.mark.parametrize("space", SPACES)
-def test_every_joint_and_contact_follows_its_law(tmp_path: Path, space: str) -> None:
-    """Catch a joint, a spring, a mixing rule or a cached impulse that is stated wrong."""
-    check = checked(tmp_path, SPACES[space])
+def test_a_ball_follows_its_law(tmp_path: Path) -> None:
+    """Catch a check that compares nothing, or with other numbers."""
+    check = checked(tmp_path, BALL)
     assert check is not None
     assert check.judgement is not None
     assert check.record.outcome is Outcome.AGREES
     assert check.judgement.largest_discrepancy < 1e-12
-    acted = {term.name for term in check.record.acted}
-    assert acted >= (
-        {"limits", "motors", "springs", "joints"} if space == "joints" else {"contacts"}
-    )
+    assert "contacts" in {term.name for term in check.record.acted}
+
+
+@cache
+def sound(folder: Path, space: str) -> tuple[list[tuple[Array, Array]], list[PlanarSample]]:
+    """Return drawn states of a Space, and both steps there."""
+    file = folder / "space.py"
+    file.write_text(space)
+    whole = engines()["pymunk"].load_planar(ModelSpec(file, settings=STEP))
+    assert whole is not None
+    law, states = PlanarModel(laws=whole.laws), list(drawn_states(whole, whole.laws))
+    return states, [PlanarSample.from_state(law, whole, *state) for state in states]
+
+
+@pytest.mark.parametrize("space", [STACK, JOINTS], ids=["stack", "joints"])
+def test_every_joint_and_contact_follows_its_law(
+    tmp_path_factory: pytest.TempPathFactory, space: str
+) -> None:
+    """Catch a joint, a spring, a mixing rule or a cached impulse that is stated wrong."""
+    pytest.importorskip("pymunk")
+    _, samples = sound(tmp_path_factory.getbasetemp(), space)
+    compared = compare(samples, STEP["step"])
+    assert np.all(np.abs(compared.defect) <= np.maximum(compared.uncertainty, 1e-12))
+    acted = {name for one in samples for state in one.law for name, count in state.acted if count}
+    assert acted >= ({"limits", "motors", "springs", "joints"} if space == JOINTS else {"contacts"})
 
 
 FAULTS = {
@@ -78,17 +97,6 @@ FAULTS = {
     "center": (JOINTS, "(0.02, 0.01)", "(0.020001, 0.01)"),
     "damping": (JOINTS, "damping = 0.9", "damping = 0.900001"),
 }
-
-
-@cache
-def sound(folder: Path, space: str) -> tuple[list[tuple[Array, Array]], list[PlanarSample]]:
-    """Return drawn states of a Space, and both steps there."""
-    file = folder / "space.py"
-    file.write_text(space)
-    whole = engines()["pymunk"].load_planar(ModelSpec(file, settings=STEP))
-    assert whole is not None
-    law, states = PlanarModel(laws=whole.laws), list(drawn_states(whole, whole.laws))
-    return states, [PlanarSample.from_state(law, whole, *state) for state in states]
 
 
 @pytest.mark.parametrize("fault", FAULTS)

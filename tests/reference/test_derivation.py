@@ -217,15 +217,6 @@ def test_kanes_method_tells_a_drum_with_the_inertia_of_a_hoop() -> None:
     assert not kane_matches("drum_pendulum", hoop)
 
 
-def test_kanes_method_tells_a_damper_left_out() -> None:
-    def undamped(p: Mechanism) -> None:
-        kane_cart(p)
-        p.value["c2"] = sp.Integer(0)
-        p.loads.pop()
-
-    assert not kane_matches(CART.name, undamped)
-
-
 # heyoka's own formulation, numerically, at random states.
 
 

@@ -2,9 +2,6 @@
 
 import dataclasses
 import pickle
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,7 +67,7 @@ def test_a_motion_between_its_nodes_is_what_direct_integration_gives(
     for span, piece in zip(motion.spans, signals, strict=True):
         chosen = slice(first, first + span.count)
         first += span.count
-        for part in (0.03, 0.31, 0.5, 0.77, 0.97):
+        for part in (0.03, 0.5, 0.97):
             times, starts = motion.t[chosen], motion.start[chosen]
             direct, _ = collocate(field_of(equations, piece), times, starts, part * span.length)
             gap = np.max(np.abs(motion.states_at(times + part * span.length) - direct), axis=0)
@@ -120,22 +117,6 @@ def test_a_motion_travels_without_sympy(name: str, scenario: str) -> None:
     np.testing.assert_array_equal(back.end, motion.end)
     np.testing.assert_array_equal(back.inputs(times), motion.inputs(times))
     np.testing.assert_array_equal(back.states_at(times), motion.states_at(times))
-
-
-def test_a_motion_is_unpickled_in_another_process(tmp_path: Path) -> None:
-    motion = motion_of("simple_pendulum", "chirp")
-    path = tmp_path / "motion.pickle"
-    path.write_bytes(pickle.dumps(motion))
-    code = (
-        "import pickle, sys, numpy\n"
-        "motion = pickle.load(open(sys.argv[1], 'rb'))\n"
-        "print(motion.inputs(numpy.array([1.5]))[0, 0].hex())\n"
-    )
-    root = str(__file__).split("/tests/")[0]
-    done = subprocess.run(
-        [sys.executable, "-c", code, path], cwd=root, check=True, text=True, capture_output=True
-    )
-    assert done.stdout.strip() == float(motion.inputs(np.array([1.5]))[0, 0]).hex()
 
 
 # The built-in scenarios are not timid.
