@@ -21,14 +21,26 @@ PATIENCE = 20.0
 """Seconds after which what is waited for is given up: for slow machines, not for slow pages."""
 
 
+ARRIVED = """(() => {
+  const place = document.getElementById(decodeURIComponent(location.hash.slice(1)) || "overview");
+  return place?.closest(".view")?.classList.contains("current") ?? true;
+})()"""
+"""Whether the view of the address is shown."""
+
+
 class Tab:
-    """One page: what it does, what went wrong in it, what it asked for."""
+    """One page: what it does, what went wrong in it, what it asked for.
+
+    Attributes:
+        changed: whether the next opening loads the page anew, also where it is open already.
+    """
 
     def __init__(self, browser: Browser, session: str) -> None:
         self.browser = browser
         self.session = session
         self.problems: list[str] = []
         self.requests: list[str] = []
+        self.changed = False
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.send(f"{domain}.enable")
 
@@ -36,9 +48,13 @@ class Tab:
         return self.browser.send(method, self.session, **params)
 
     def open(self, address: str) -> None:
-        """Load a page, and wait until it says that it is ready."""
+        """Load a page, or go to another place of the one that is open; wait until it is ready."""
+        if self.changed:
+            self.send("Page.navigate", url="about:blank")
+        self.changed = False
         self.send("Page.navigate", url=address)
         self.until("document.documentElement?.dataset.ready === 'yes'")
+        self.until(ARRIVED)
 
     def go(self, fragment: str) -> None:
         """Follow a permalink within the page."""
@@ -103,7 +119,9 @@ class Tab:
             case "Log.entryAdded" if params["entry"]["level"] in ("error", "warning"):
                 self.problems.append(params["entry"]["text"])
             case "Network.requestWillBeSent":
-                self.requests.append(params["request"]["url"])
+                url = params["request"]["url"]
+                # The page itself made the content of a blob and of such an address.
+                self.requests += [] if url.startswith(("blob:", "data:")) else [url]
 
 
 class Browser:

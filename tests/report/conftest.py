@@ -45,8 +45,25 @@ def address(tmp_path_factory: pytest.TempPathFactory, troubled: Results) -> str:
     return path.as_uri()
 
 
-@pytest.fixture
-def tab(browser: Browser, address: str) -> Iterator[Tab]:
+@pytest.fixture(scope="session")
+def shared_tab(browser: Browser) -> Iterator[Tab]:
     with browser.tab() as tab:
         yield tab
-        sound(tab, address)
+
+
+@pytest.fixture
+def seen(shared_tab: Tab, address: str) -> Iterator[Tab]:
+    """The page of the samples as the last test left it, for tests that only look at it."""
+    shared_tab.problems.clear()
+    shared_tab.send("Page.bringToFront")
+    shared_tab.window()
+    yield shared_tab
+    sound(shared_tab, address)
+
+
+@pytest.fixture
+def tab(seen: Tab) -> Iterator[Tab]:
+    """A page that is loaded anew, for tests that change it."""
+    seen.changed = True
+    yield seen
+    seen.changed = True

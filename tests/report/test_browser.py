@@ -15,7 +15,6 @@ from tests.report.steps import (
     BUILT,
     CASE,
     PLOTS,
-    SYSTEM,
     TALL,
     needs_browser,
     rows,
@@ -70,8 +69,8 @@ def test_plots_of_a_case_that_is_left_at_once_are_not_drawn_behind_it(
       Response.prototype.text = async function () {  // as on a busy machine
         const content = await text.call(this);
         location.hash = '#overview';
-        await new Promise((done) => setTimeout(done, 500));
-        setTimeout(() => { window.long = true; }, 2500);  // later than plots that are not near
+        await new Promise((done) => setTimeout(done, 200));
+        setTimeout(() => { window.long = true; }, 1900);  // later than plots that are not near
         return content;
       };
     })()""")
@@ -81,26 +80,25 @@ def test_plots_of_a_case_that_is_left_at_once_are_not_drawn_behind_it(
     assert tab.run("document.querySelectorAll('[data-drawn]').length") == 0
 
 
-def test_a_permalink_opens_its_case_and_the_way_back_the_overview(tab: Tab, address: str) -> None:
-    tab.open(f"{address}#{BOTH}")
-    assert shown(tab) == [BOTH]
-    assert "system_1/robot.urdf/driven" in tab.run("document.title")
-    tab.go("overview")
-    tab.until("document.querySelector('#overview').checkVisibility()")
-    assert shown(tab) == ["overview"]
-    tab.run("history.back()")
-    tab.until(f"document.getElementById('{BOTH}').checkVisibility()")
-    tab.go("case-of/nothing")
-    tab.until("document.querySelector('#overview').checkVisibility()")
-    assert shown(tab) == ["overview"]
+def test_a_permalink_opens_its_case_and_the_way_back_the_overview(seen: Tab, address: str) -> None:
+    seen.open(f"{address}#{BOTH}")
+    assert shown(seen) == [BOTH]
+    assert "system_1/robot.urdf/driven" in seen.run("document.title")
+    seen.go("overview")
+    seen.until("document.querySelector('#overview').checkVisibility()")
+    assert shown(seen) == ["overview"]
+    seen.run("history.back()")
+    seen.until(f"document.getElementById('{BOTH}').checkVisibility()")
+    seen.go("case-of/nothing")
+    seen.until("document.querySelector('#overview').checkVisibility()")
+    assert shown(seen) == ["overview"]
 
 
-@pytest.mark.parametrize("place", [SYSTEM, CASE])
 def test_a_permalink_that_is_opened_leaves_the_header_in_sight(
-    browser: Browser, address: str, place: str
+    browser: Browser, address: str
 ) -> None:
     with browser.tab() as fresh:
-        fresh.open(f"{address}#{place}")
+        fresh.open(f"{address}#{CASE}")
         fresh.until("document.readyState === 'complete'")
         assert fresh.run("new Promise((done) => setTimeout(() => done(scrollY), 300))") == 0
 
@@ -145,7 +143,7 @@ def test_a_case_opens_at_its_worst_time_with_wide_plots_of_motion_and_error(
 ) -> None:
     tab.window(1440, 900)
     tab.open(f"{address}#{CASE}")
-    tab.until(BUILT)
+    tab.until("document.querySelectorAll('.view.current .lead [data-drawn]').length === 2")
     boxes = tab.run("""[...document.querySelectorAll(
       ".view.current .moving, .view.current .lead .plot")].map((one) => {
       const {bottom, width} = one.getBoundingClientRect(); return [bottom, width]; })""")
@@ -168,6 +166,7 @@ def test_a_case_opens_at_its_worst_time_with_wide_plots_of_motion_and_error(
 
 
 def test_tabs_are_chosen_by_keys_and_stay_chosen_in_the_next_case(tab: Tab, address: str) -> None:
+    tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
     tab.until(BUILT)
     names = ["Motion", "Error", "Step size", "Linear equations", "Numbers"]
@@ -196,7 +195,7 @@ def test_keys_alone_lead_from_the_overview_to_the_tabs_of_a_case(tab: Tab, addre
     tab.open(address)
     tab_to(tab, f"#overview a[href='#{CASE}']", 120)
     tab.key("Enter", 13)
-    tab.until(BUILT)
+    tab.until("document.querySelector('.view.current [data-drawn]')")
     tab_to(tab, "[role=tab]")
     tab.key("ArrowRight", 39)
     assert tab.run(PANELS) == ["Error"]
@@ -353,26 +352,27 @@ def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
 
 
 def test_a_system_without_a_sketch_says_so_and_its_cursor_still_moves(
-    tab: Tab, address: str
+    seen: Tab, address: str
 ) -> None:
-    tab.open(f"{address}#{BOTH}")
-    tab.until("document.querySelector('.view.current .controls')")
-    assert "declares no sketch" in tab.run("document.querySelector('.view.current').innerText")
-    assert tab.run("document.querySelector('.view.current .moving')") is None
+    seen.open(f"{address}#{BOTH}")
+    seen.until("document.querySelector('.view.current .controls')")
+    assert "declares no sketch" in seen.run("document.querySelector('.view.current').innerText")
+    assert seen.run("document.querySelector('.view.current .moving')") is None
 
 
 def test_each_plot_has_words_and_a_table_of_its_numbers(
-    tab: Tab, address: str, troubled: Results
+    seen: Tab, address: str, troubled: Results
 ) -> None:
-    tab.open(f"{address}#{CASE}")
-    tab.until(BUILT)
-    told = tab.run("[...document.querySelectorAll('.view.current .plot')].map(p => p.ariaLabel)")
+    seen.window(height=TALL)
+    seen.open(f"{address}#{CASE}")
+    seen.until(BUILT)
+    told = seen.run("[...document.querySelectorAll('.view.current .plot')].map(p => p.ariaLabel)")
     assert all(len(text) > 40 for text in told)
-    assert not tab.run("document.querySelector('.view.current .told').checkVisibility()")
+    assert not seen.run("document.querySelector('.view.current .told').checkVisibility()")
     motion = ".view.current .lead .data"
-    tab.run(f"document.querySelector('{motion}').open = true")
-    tab.until(f"document.querySelector('{motion} table')")
-    cells = tab.run(
+    seen.run(f"document.querySelector('{motion}').open = true")
+    seen.until(f"document.querySelector('{motion} table')")
+    cells = seen.run(
         "[...document.querySelectorAll('.view.current .data table')].map(t =>"
         " [...t.tBodies[0].rows].map(r => [...r.cells].map(c => Number(c.textContent))))"
     )

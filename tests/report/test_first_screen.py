@@ -45,20 +45,26 @@ VISIBLE = """(() => {
 """What stands within the window, without scrolling."""
 
 
-@pytest.fixture
-def planted_tab(browser: Browser, tmp_path: Path) -> Iterator[Tab]:
-    path = tmp_path / "reports" / "index.html"
-    write_report(path, planted(EIGHT))
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("planted") / "reports"
+    write_report(folder / "index.html", planted(EIGHT))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def planted_tab(browser: Browser, reports: Path) -> Iterator[Tab]:
+    address = (reports / "index.html").as_uri()
     with browser.tab() as tab:
         tab.window(1440, 900)
-        tab.open(path.as_uri())
+        tab.open(address)
         yield tab
-        sound(tab, path.as_uri())
+        sound(tab, address)
 
 
 @needs_browser
 def test_one_planted_fault_is_found_and_mended_from_the_first_screen(
-    planted_tab: Tab, tmp_path: Path
+    planted_tab: Tab, reports: Path
 ) -> None:
     text = planted_tab.run(VISIBLE)
     for wanted in (
@@ -68,7 +74,7 @@ def test_one_planted_fault_is_found_and_mended_from_the_first_screen(
         "38.25",
         "39.5",
         f"- {STIFFNESS.strip()}",
-        f"crosscheck run --last-failed --out {tmp_path / 'reports'}",
+        f"crosscheck run --last-failed --out {reports}",
         "Copy patch",
     ):
         assert wanted in text, wanted

@@ -40,60 +40,60 @@ def brightness(colour: str) -> int:
     return sum(map(int, re.findall(r"\d+", colour)))
 
 
-def test_plots_follow_the_page_from_light_to_dark_and_back(tab: Tab, address: str) -> None:
-    tab.window(height=TALL)
-    tab.open(f"{address}#{CASE}")
-    tab.until(BUILT)
-    paper, light = tab.run(COLOURS)
+def test_plots_follow_the_page_from_light_to_dark_and_back(seen: Tab, address: str) -> None:
+    seen.window(height=TALL)
+    seen.open(f"{address}#{CASE}")
+    seen.until(BUILT)
+    paper, light = seen.run(COLOURS)
     assert paper == "rgb(255, 255, 255)"
     assert all(brightness(colour) < 400 for plot in light for colour in plot)
-    tab.window(height=TALL, scheme="dark")
-    paper, dark = tab.run(COLOURS)
+    seen.window(height=TALL, scheme="dark")
+    paper, dark = seen.run(COLOURS)
     assert brightness(paper) < 120
     assert all(brightness(colour) > 450 for plot in dark for colour in plot)
-    tab.window(height=TALL, scheme="light")
-    assert tab.run(COLOURS)[1] == light
+    seen.window(height=TALL, scheme="light")
+    assert seen.run(COLOURS)[1] == light
 
 
-@pytest.mark.parametrize("view", ["overview", SYSTEM, CASE, DIAGNOSIS])
-def test_a_narrow_screen_needs_no_scrolling_sideways(tab: Tab, address: str, view: str) -> None:
-    tab.window(390, 844)
-    tab.open(f"{address}#{view}")
-    look(tab)
-    assert tab.run("document.documentElement.scrollWidth") <= 390
+def test_a_narrow_screen_needs_no_scrolling_sideways(seen: Tab, address: str) -> None:
+    seen.window(390, 844)
+    for view in ("overview", SYSTEM, CASE, DIAGNOSIS):
+        seen.open(f"{address}#{view}")
+        look(seen)
+        assert seen.run("document.documentElement.scrollWidth") <= 390, view
 
 
-def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(tab: Tab, address: str) -> None:
-    tab.window(scheme="dark", media="print")
-    tab.open(address)
-    assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(seen: Tab, address: str) -> None:
+    seen.window(scheme="dark", media="print")
+    seen.open(address)
+    assert seen.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     for hidden in (".filters", ".bar nav", ".skip", ".copy"):
-        assert not tab.run(f"document.querySelector('{hidden}').checkVisibility()")
-    assert tab.run("document.querySelector('.matrix').checkVisibility()")
-    pdf = tab.send("Page.printToPDF", landscape=True)["data"]
+        assert not seen.run(f"document.querySelector('{hidden}').checkVisibility()")
+    assert seen.run("document.querySelector('.matrix').checkVisibility()")
+    pdf = seen.send("Page.printToPDF", landscape=True)["data"]
     assert len(pdf) > 10_000
 
 
-def test_paper_has_every_tab_with_its_plots(tab: Tab, address: str) -> None:
-    tab.open(f"{address}#{CASE}")
-    look(tab)
-    tab.run("""addEventListener("beforeprint", () => { window.waiting = document
+def test_paper_has_every_tab_with_its_plots(seen: Tab, address: str) -> None:
+    seen.open(f"{address}#{CASE}")
+    look(seen)
+    seen.run("""addEventListener("beforeprint", () => { window.waiting = document
       .querySelectorAll(".view.current figure:has(.plot):not([data-drawn])").length; })""")
-    tab.send("Page.printToPDF")
-    tab.until("window.waiting === 0")
-    tab.window(1050, 740, media="print")
+    seen.send("Page.printToPDF")
+    seen.until("window.waiting === 0")
+    seen.window(1050, 740, media="print")
     panels = "[...document.querySelectorAll('.view.current [role=tabpanel]')]"
     shown_panels = f"{panels}.filter((p) => p.checkVisibility({{visibilityProperty: true}}))"
-    assert tab.run(f"{shown_panels}.length === {panels}.length")
-    assert tab.run(f"{panels}.map((p) => p.querySelector('h3').checkVisibility())") == [True] * 5
-    assert not tab.run("document.querySelector('.view.current .tabs').checkVisibility()")
+    assert seen.run(f"{shown_panels}.length === {panels}.length")
+    assert seen.run(f"{panels}.map((p) => p.querySelector('h3').checkVisibility())") == [True] * 5
+    assert not seen.run("document.querySelector('.view.current .tabs').checkVisibility()")
     heights = f"{panels}.map((p) => p.getBoundingClientRect().height)"
-    assert min(tab.run(heights)) > 100
+    assert min(seen.run(heights)) > 100
     beside = (
         "['.motion', '.lead .group'].map((n) => document.querySelector(`.view.current ${n}`)"
         ".getBoundingClientRect().top)"
     )
-    top, other = tab.run(beside)
+    top, other = seen.run(beside)
     assert top == other, "motion and plots beside each other"
 
 
@@ -106,18 +106,18 @@ def test_plots_that_were_drawn_on_a_dark_ground_are_light_on_paper(tab: Tab, add
     assert all(brightness(colour) < 400 for colour in first)
 
 
-def test_plots_are_as_wide_as_their_column(tab: Tab, address: str) -> None:
-    tab.open(f"{address}#{CASE}")
-    look(tab)
+def test_plots_are_as_wide_as_their_column(seen: Tab, address: str) -> None:
+    seen.open(f"{address}#{CASE}")
+    look(seen)
     beside = f"{PLOTS}.every((plot) => plot.svg.width.baseVal.value === plot.element.clientWidth)"
-    assert tab.run(beside)
-    tab.window(700, 900)
-    tab.until(f"{PLOTS}.every((plot) => plot.element.clientWidth < 700) && {beside}")
+    assert seen.run(beside)
+    seen.window(700, 900)
+    seen.until(f"{PLOTS}.every((plot) => plot.element.clientWidth < 700) && {beside}")
     # Paper shrinks them as they are.
-    tab.window(500, 900, media="print")
+    seen.window(500, 900, media="print")
     inside = """[...document.querySelectorAll(".view.current .plot > svg")]
       .every((svg) => svg.getBoundingClientRect().right <= 500)"""
-    assert tab.run(inside)
+    assert seen.run(inside)
 
 
 def test_without_javascript_everything_but_the_plots_is_there(

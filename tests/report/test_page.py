@@ -78,8 +78,11 @@ def hostile(name: str, found: Results) -> Results:
 
 def test_the_samples_of_these_tests_are_results(agreeing: Results, troubled: Results) -> None:
     for found in (agreeing, troubled):
-        jsonschema.validate(msgspec.json.decode(encoded(found)), schema(Results))
         assert decoded(encoded(found).encode(), Results) == found
+    # One case of each outcome: checking all series takes seconds.
+    cases = tuple({case.outcome: case for case in troubled.cases}.values())
+    few = encoded(replace(troubled, cases=cases))
+    jsonschema.validate(msgspec.json.decode(few), schema(Results))
 
 
 def test_every_case_is_on_the_page_and_every_link_leads_somewhere(
@@ -148,15 +151,15 @@ def test_every_view_has_numbers_where_it_has_plots(troubled_page: Page) -> None:
     assert wanted <= set(troubled_page.packs)
 
 
-@pytest.fixture(scope="module", params=HOSTILE, ids=range(len(HOSTILE)))
-def spoiled(request: pytest.FixtureRequest, troubled: Results) -> tuple[str, Page]:
-    return request.param, Page(render(hostile(request.param, troubled)))
+@pytest.fixture(scope="module")
+def spoiled(troubled: Results) -> Page:
+    return Page(render(hostile("".join(HOSTILE), troubled)))
 
 
 def test_names_and_messages_with_markup_are_shown_as_text(
-    spoiled: tuple[str, Page], troubled_page: Page
+    spoiled: Page, troubled_page: Page
 ) -> None:
-    name, page = spoiled
+    page = spoiled
     # The same elements with the same attributes, whatever the texts: none was made of a text.
     assert [(tag, set(attrs)) for tag, attrs in page.elements] == [
         (tag, set(attrs)) for tag, attrs in troubled_page.elements
@@ -164,15 +167,15 @@ def test_names_and_messages_with_markup_are_shown_as_text(
     assert len(page.contents["script"]) == 2
     assert page.contents == troubled_page.contents
     page.source.encode()
-    if name.isprintable():
-        assert name in page.text
+    for name in HOSTILE:
+        assert name in page.text or not name.isprintable()
     assert not re.search("[\x00-\x08\x0b-\x1f\u202a-\u202e\u2066-\u2069]", page.text)
 
 
-def test_packed_numbers_stay_within_their_elements(spoiled: tuple[str, Page]) -> None:
+def test_packed_numbers_stay_within_their_elements(spoiled: Page) -> None:
     element = r'<script type="text/plain"[^>]*>(.*?)</script>'
-    contents = re.findall(element, spoiled[1].source, re.DOTALL)
-    assert len(contents) == len(spoiled[1].packs) > 2
+    contents = re.findall(element, spoiled.source, re.DOTALL)
+    assert len(contents) == len(spoiled.packs) > 2
     for content in contents:
         assert re.fullmatch("[A-Za-z0-9+/=]+", content)
 

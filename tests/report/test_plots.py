@@ -163,12 +163,13 @@ def shown_part(tab: Tab, place: int = 0) -> list[float]:
 
 
 @pytest.fixture
-def case(tab: Tab, address: str) -> Tab:
+def case(seen: Tab, address: str) -> Tab:
     """A case's page with its leading plots drawn: of a motion, and of an error, over time."""
-    tab.open(f"{address}#{BOTH}")
-    look(tab)
-    tab.until(f"{PLOTS}.length >= 2")
-    return tab
+    seen.open(f"{address}#{BOTH}")
+    look(seen)
+    seen.until(f"{PLOTS}.length >= 2")
+    seen.run("document.querySelector('.view.current [aria-label=\"Reset the zoom\"]').click()")
+    return seen
 
 
 def test_a_box_zooms_both_axes_and_reset_shows_all_again(case: Tab) -> None:
@@ -280,34 +281,35 @@ def test_tips_of_curves_that_lie_on_each_other_do_not_cover_each_other(case: Tab
     case.until(f"{TIPS}.length === 0")
 
 
-def test_the_tip_of_a_hypothesis_names_it(tab: Tab, address: str) -> None:
-    tab.open(f"{address}#{DIAGNOSIS}")
-    look(tab)
-    at = box(tab)
-    share = tab.run(f"{PLOTS}[0].x.scale()(0.4)")
-    tab.mouse("mouseMoved", at["left"] + share, at["top"] + at["height"] * 2.5 / 3)
-    tab.until(f"{TIPS}.length === 1")
-    assert tab.run(TIPS)[0].split() == ["mass", "x:", "0.4"]
+def test_the_tip_of_a_hypothesis_names_it(seen: Tab, address: str) -> None:
+    seen.open(f"{address}#{DIAGNOSIS}")
+    look(seen)
+    at = box(seen)
+    share = seen.run(f"{PLOTS}[0].x.scale()(0.4)")
+    seen.mouse("mouseMoved", at["left"] + share, at["top"] + at["height"] * 2.5 / 3)
+    seen.until(f"{TIPS}.length === 1")
+    assert seen.run(TIPS)[0].split() == ["mass", "x:", "0.4"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_plot_is_saved_as_a_file_that_stands_alone(
-    browser: Browser, address: str, tmp_path: Path, scheme: str
+    seen: Tab, address: str, tmp_path: Path, scheme: str
 ) -> None:
-    with browser.tab() as tab:
-        tab.window(scheme=scheme)
-        tab.open(f"{address}#{CASE}")
-        look(tab)
-        browser.send("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
-        for ending in ("SVG", "PNG"):
-            tab.run(
-                f"document.querySelector('.view.current [aria-label=\"Save as {ending}\"]').click()"
-            )
-        files = [tmp_path / f"q0-reference-and-engines.{ending}" for ending in ("svg", "png")]
-        browser.until(lambda: all(file.exists() and file.stat().st_size for file in files), "files")
-        time.sleep(0.1)
-        assert tab.problems == []
-        size = tab.run(f"[{PLOTS}[0].svg.width.baseVal.value, {PLOTS}[0].svg.height.baseVal.value]")
+    seen.window(scheme=scheme)
+    seen.open(f"{address}#{CASE}")
+    look(seen)
+    allowed = {"behavior": "allow", "downloadPath": str(tmp_path)}
+    seen.browser.send("Browser.setDownloadBehavior", **allowed)
+    for ending in ("SVG", "PNG"):
+        seen.run(
+            f"document.querySelector('.view.current [aria-label=\"Save as {ending}\"]').click()"
+        )
+    files = [tmp_path / f"q0-reference-and-engines.{ending}" for ending in ("svg", "png")]
+    seen.browser.until(
+        lambda: all(file.exists() and file.stat().st_size for file in files), "files"
+    )
+    time.sleep(0.1)
+    size = seen.run(f"[{PLOTS}[0].svg.width.baseVal.value, {PLOTS}[0].svg.height.baseVal.value]")
     text = files[0].read_text("utf-8")
     root = fromstring(text)
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
@@ -323,18 +325,18 @@ def test_a_plot_is_saved_as_a_file_that_stands_alone(
     assert [wide, high] == [2 * value for value in size]
 
 
-def test_the_page_draws_each_point_at_its_place(tab: Tab, address: str) -> None:
+def test_the_page_draws_each_point_at_its_place(seen: Tab, address: str) -> None:
     """The path of the reference, read back, is the data of the table."""
-    tab.window(height=TALL)
-    tab.open(f"{address}#{CASE}")
-    tab.until(BUILT)
-    path, x, y = tab.run(f"""(() => {{
+    seen.window(height=TALL)
+    seen.open(f"{address}#{CASE}")
+    seen.until(BUILT)
+    path, x, y = seen.run(f"""(() => {{
       const plot = {PLOTS}.find((each) => each.chart.title.startsWith("q0: reference"));
       const layer = plot.layers.find((each) => each.curve.role === "reference");
       return [layer.path.getAttribute("d"), layer.curve.x, layer.curve.y];
     }})()""")
     drawn = np.array([point.split(",") for point in path[1:].split("L")], dtype=float)
-    at = box(tab)
+    at = box(seen)
     time_shown = at["start"] + drawn[:, 0] / at["width"] * (at["end"] - at["start"])
     value = at["high"] - drawn[:, 1] / at["height"] * (at["high"] - at["low"])
     expected = np.interp(time_shown, x, y)

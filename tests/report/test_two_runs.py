@@ -22,8 +22,9 @@ ROWS = """[...document.querySelectorAll("main > section .moves tbody tr")]
   .map((row) => [...row.cells].map((cell) => cell.innerText.trim()))"""
 
 
-@pytest.fixture
-def address(tmp_path: Path) -> str:
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> str:
+    tmp_path = tmp_path_factory.mktemp("runs")
     before = results(1)
     worse = judged(
         before.cases[4], Outcome.DIFFERS, "q0 ends 3.1e-06 off", discrepancy=3.1e-6,
@@ -66,17 +67,15 @@ def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address:
 
 
 @needs_browser
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_an_accessibility_checker_finds_nothing_serious(
-    browser: Browser, address: str, scheme: str
-) -> None:
+def test_an_accessibility_checker_finds_nothing_serious(browser: Browser, address: str) -> None:
     axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
     with browser.tab() as tab:
-        tab.window(scheme=scheme)
         tab.send("Page.navigate", url=address)
         tab.until("document.querySelectorAll('footer').length === 1")
         tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
-        assert tab.run(CHECK) == []
+        for scheme in ("light", "dark"):
+            tab.window(scheme=scheme)
+            assert tab.run(CHECK) == [], scheme
 
 
 def test_a_run_without_a_report_is_not_linked_and_hostile_names_are_text(tmp_path: Path) -> None:
