@@ -64,12 +64,6 @@ DRAWN = (
      '<body name="pendulum" pos="0 0 1" quat="0.9689124217106447 0 -0.24740395925452294 0">'),
     (XML, 'axis="0 -1 0"', 'axis="0 -1 0" ref="0.5"'),
 )  # fmt: skip
-# The same pair with a springref that, without a spring on the joint, does nothing.
-APART = (
-    (XML, '<joint name="x2" type="slide" axis="1 0 0"',
-     '<joint name="x2" type="slide" axis="1 0 0" springref="0.1"'),
-)  # fmt: skip
-
 MISTAKES = (
     xml("damping left out", MSD, ' damping="0.9"', "", "c", "damping on x"),
     urdf("damping left out", MSD, 'damping="0.9"', 'damping="0"', "joint[x]/dynamics@damping"),
@@ -90,8 +84,6 @@ MISTAKES = (
     xml("a soft equality with the default solref", DRUM,
         '\n           solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"', "",
         "soft equality (solref, solimp)", model="mujoco_rolling.xml"),
-    xml("springlength left at -1 in a pose that is not at rest", FREE,
-        ' springlength="0"', "", "zero of x2", "offset force on x2", needs=APART),
     setting("PyBullet's damping left on", MSD, "link_damping = 0.04",
             "PyBullet's own damping of links"),
     setting("PyBullet's motors left on", MSD, "motors = true", "PyBullet's own motors"),
