@@ -151,8 +151,9 @@ DAMAGE: dict[str, tuple[Callable[[Rows], None], str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", DAMAGE)
-@pytest.mark.parametrize("resumed", [False, True], ids=["summary", "resumed"])
+@pytest.mark.parametrize(
+    ("name", "resumed"), [*((name, False) for name in DAMAGE), ("contradicts", True)]
+)
 def test_damaged_rows_are_told_by_file_and_row(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, resumed: bool
 ) -> None:
@@ -184,9 +185,9 @@ def test_a_part_that_is_no_parquet_is_told_likewise(
 
 
 def test_what_a_declaration_reads_elsewhere_makes_another_plan(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    own, mass = shutil.copytree(folder, tmp_path / "mass"), tmp_path / "mass.txt"
+    own, mass = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "mass.txt"
     mass.write_text("1")
     text = (own / "system.py").read_text()
     (own / "system.py").write_text(f"open({str(mass)!r}, 'r+').read()\n{text}")

@@ -11,6 +11,7 @@ import pytest
 from physics_crosscheck import MotionError, check, compare, load, simulate, solve
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import builtin
+from tests.standing import brief, without
 
 PENDULUM = """<robot name="pendulum">
   <link name="base"/>
@@ -72,8 +73,8 @@ def test_a_file_and_a_folder_answer_alike(pendulum: Path) -> None:
             solve(pendulum, start, duration=0.2),
         ),
         (
-            simulate("simple_pendulum/robot.urdf", "free", engine="mujoco"),
-            solve("simple_pendulum", "free"),
+            simulate("simple_pendulum/robot.urdf", "free", duration=1, engine="mujoco"),
+            solve("simple_pendulum", "free", duration=1),
         ),
     ):
         name = exact.names[0]
@@ -151,6 +152,8 @@ def test_causes_name_the_wrong_number_and_its_line(tmp_path: Path) -> None:
     for name in ("mujoco.xml", "robot.sdf", "space.py"):
         (folder / name).unlink()
         (folder / f"{name}.toml").unlink()
+    without(folder, "free", "large", "chirp")
+    brief(folder, 8)
     file = folder / "robot.urdf"
     text = file.read_text()
     assert text.count('<mass value="0.45"/>') == 1

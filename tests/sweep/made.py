@@ -17,10 +17,10 @@ SYSTEM = "mass_spring_damper"
 
 
 def swept_folder(place: Path, *models: str) -> Path:
-    """The mass on its spring, released for 2 s, with some of its built-in models."""
+    """The mass on its spring, released for 1 s, with some of its built-in models."""
     folder = one_scenario(SYSTEM, place, "free")
     text = (folder / "system.py").read_text()
-    (folder / "system.py").write_text(text.replace("duration=14.5", "duration=2.0"))
+    (folder / "system.py").write_text(text.replace("duration=14.5", "duration=1.0"))
     for model in models:
         for name in (model, f"{model}.toml"):
             shutil.copy(ROOT / "models" / SYSTEM / name, folder / name)
