@@ -14,7 +14,7 @@ report: .venv/.report
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # The checks of the code run beside the tests. Motions with events are among the slow ones, and
-# `make test-engines` runs all built-in models in all engines, with every check.
+# `make test-engines` runs all built-in models with every check; `gate --all` there, in all engines.
 QUICK := mass_spring_damper simple_pendulum drum_pendulum
 test: .venv/.test
 	$(MAKE) --no-print-directory --jobs 2 check pytest
@@ -37,7 +37,8 @@ ALL := .venv-engines/bin
 test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
 		tests/files/test_motions.py tests/numerics/test_stepping.py tests/numerics/test_forward_dynamics.py
-	$(ALL)/python -m pytest -n 2 --crosscheck models --crosscheck-thorough --ignore models/events models
+	$(ALL)/python -m pytest -n 2 -m "mujoco or pybullet or pymunk or pinocchio" --crosscheck models \
+		--crosscheck-thorough --ignore models/events models
 	$(ALL)/crosscheck gate --all --out build/gate
 
 # Another Python, with the engines that have wheels for it: make test-python PYTHON=python3.12
