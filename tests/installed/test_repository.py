@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 
+from tests.commands import crosscheck
 from tests.installed.conftest import CHECKOUT
 from tests.installed.workflow import Job, run_job, steps_of
 from tests.standing import brief
@@ -30,11 +32,17 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> 
             file.unlink()
 
     def does(command: str, code: int = 0, **environment: str) -> str:
-        done = CHECKOUT.shell(command, place, **environment)
+        if command.startswith("crosscheck"):
+            words = shlex.split(command)[1:]
+            given: dict[str, str | None] = {"CI": None, "COLUMNS": None, **environment}
+            done = crosscheck(*words, cwd=place, known=False, **given)
+        else:
+            done = CHECKOUT.shell(command, place, **environment)
         assert done.returncode == code, f"{command}\n{done.stdout}{done.stderr}"
         return done.stdout
 
-    assert "All 4 cases agree" in does("git init --quiet && crosscheck run models")
+    does("git init --quiet")
+    assert "All 4 cases agree" in does("crosscheck run models")
     assert "6 passed" in does("pytest -q --crosscheck models")
     told = does("crosscheck accept --folder models --reason measured")
     assert told.count("Accepted 2 cases of ") == 2
