@@ -190,30 +190,28 @@ def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_othe
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
     words = "sweep", "oscillator"
-    ran = home.run(*words, "--versions", "toy", "1.0", "2.0", "3.0", "--out", "rows")
+    ran = home.run(*words, "--versions", "toy", "1.0", "2.0", "--out", "rows")
     assert ran.returncode == 1, ran.stdout + ran.stderr
     rows = {
         version: {row.index: row for row in read_rows(home.place / "rows" / f"toy-{version}")}
-        for version in ("1.0", "2.0", "3.0")
+        for version in ("1.0", "2.0")
     }
     assert {len(found) for found in rows.values()} == {2}
     for index, row in rows["1.0"].items():
         assert row.outcome.value == "AGREES"
         assert rows["2.0"][index].outcome.value == "DIFFERS"
-        assert rows["3.0"][index].discrepancy == row.discrepancy
     lines = ran.stdout.splitlines()
-    first, second = (line for line in lines if line.startswith("toy") and " -> " in line)
-    assert first.startswith(
+    (line,) = (line for line in lines if line.startswith("toy") and " -> " in line)
+    assert line.startswith(
         "toy 1.0 -> 2.0: 2 cases: 2 with another verdict; 2 with another discrepancy"
     )
-    assert second.startswith("toy 2.0 -> 3.0: 2 cases: 2 with another verdict")
     # Each case by its own command, under the version that it was run under.
     _, *again = shlex.split(rows["2.0"][1].command)
     assert again[-5:] == ["--versions", "toy", "2.0", "--only", "1"]
     alone = home.run(*again)
     assert alone.returncode == 1
     assert "FAIL  #1 " in alone.stdout
-    # Gone on with: nothing is run again.
+    # Gone on with: 1.0 is not run again, and 3.0 is as it was.
     more = home.run(*words, "--versions", "toy", "1.0", "3.0", "--out", "rows")
     assert more.returncode == 0, more.stdout + more.stderr
     assert "toy 1.0 -> 3.0: 2 cases: none changed" in more.stdout
