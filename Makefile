@@ -27,7 +27,7 @@ pytest: .venv/.test
 # imported; the longest are dealt first.
 LONG := $(addprefix tests/,installed/test_documents.py installed/test_installed.py \
 	versions/test_two_versions.py cases/test_events.py laws/test_mistakes.py \
-	faults/test_real_engines.py installed/test_repository.py diagnosis/test_builtin_faults.py)
+	faults/test_real_engines.py installed/test_repository.py test_site.py gate/test_kinds_of_change.py)
 SLOW = $(LONG) $(filter-out $(LONG),$(shell grep -rl --include 'test_*.py' 'mark\.slow' tests))
 test-slow: .venv/.test
 	$(PYTEST) $(SLOW) -m slow
