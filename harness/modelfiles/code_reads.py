@@ -478,6 +478,7 @@ def record_reads(folder: Path) -> Iterator[ReadRecording]:
     matters.
     """
     _hook_once()
+    _roots()  # before imports are recorded: in Python 3.12 a `Path` imports a module itself
     _forget()
     reads = ReadRecording(folder, sys._getframe(2))
     path = list(sys.path)

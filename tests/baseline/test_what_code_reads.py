@@ -182,6 +182,29 @@ def test_packages_that_another_environment_lends_are_installed_ones(
         physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
 
 
+def test_a_path_that_imports_a_module_is_no_endless_recursion(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catch a failure of every folder in Python 3.12.3, whose `Path` imports `ntpath`."""
+    room = physics_crosscheck.harness.modelfiles.code_reads
+    (folder / "system.py").write_text(SYSTEM)
+
+    def importing() -> frozenset[str]:
+        exec(compile("import ntpath", "/usr/lib/python3.12/pathlib.py", "exec"))
+        return frozenset()
+
+    monkeypatch.setattr(room, "package_folders", importing)
+    room._roots.cache_clear()
+    room._origin.cache_clear()
+    try:
+        with record_reads(folder):
+            assert load_system(folder).name == "oscillator"
+    finally:
+        monkeypatch.undo()
+        room._roots.cache_clear()
+        room._origin.cache_clear()
+
+
 def test_a_file_that_the_code_makes_itself_is_no_input_of_a_case(
     folder: Path, tmp_path: Path
 ) -> None:

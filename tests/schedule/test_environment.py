@@ -63,17 +63,17 @@ def last_line(program: str, **given: str) -> str:
 
 
 def test_the_program_has_one_and_says_so_before_numpy_is_imported() -> None:
-    assert last_line(PROGRAM) == "False 1,1,1,1,1048576,disable 0"
+    assert last_line(PROGRAM) == "False 1,1,1,1,1048576,disable,cpu,false 0"
 
 
 def test_workers_of_a_library_have_one_and_the_library_is_left_as_it_was() -> None:
-    assert last_line(LIBRARY) == "1,1,1,1,1048576,disable 0 True"
+    assert last_line(LIBRARY) == "1,1,1,1,1048576,disable,cpu,false 0 True"
 
 
 @pytest.mark.parametrize(("program", "rest"), [(PROGRAM, "False "), (LIBRARY, "")])
 def test_what_a_user_has_set_stands(program: str, rest: str) -> None:
-    given = {"OPENBLAS_NUM_THREADS": "2", MAPPED_FROM: "300000"}
-    assert last_line(program, **given).startswith(f"{rest}2,1,1,1,300000,disable ")
+    given = {"OPENBLAS_NUM_THREADS": "2", MAPPED_FROM: "300000", "JAX_PLATFORMS": "cuda"}
+    assert last_line(program, **given).startswith(f"{rest}2,1,1,1,300000,disable,cuda,false ")
 
 
 IS_MMAPPED = 2
