@@ -71,7 +71,7 @@ def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(
     asked = ("--engine", "mujoco", "--out", "out dir", "--verbose")
     done = by_itself("run", folder, *asked, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "All 2 cases agree to " in done.stdout
+    assert "Both cases agree to " in done.stdout
     found = json.loads((tmp_path / "out dir" / "results.json").read_text())
     jsonschema.validate(found, schema(Results))
     assert {case["engine"] for case in found["cases"]} == {"mujoco"}
