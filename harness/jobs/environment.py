@@ -8,10 +8,6 @@ An engine may allocate 12 MB with each model that it compiles. When larger block
 raises the size from which it maps memory. It then puts such blocks on its heap, and reserves 12 MB
 more each time: 24 GB for the 1299 models of one count, of which 0.4 GB are used. With a constant
 size, it reserves 0.4 GB.
-
-JAX takes a graphics processor by default, and reserves three quarters of its memory in each
-process. One worker then exceeds its limit, and eight have no room. Models here are small, so they
-run on the processor, unless the user sets another platform.
 """
 
 from __future__ import annotations
@@ -21,6 +17,8 @@ import os
 import sys
 import types
 from collections.abc import Iterator
+
+from physics_crosscheck.harness.engines.environment import VARIABLES
 
 COUNTS = (
     "OPENBLAS_NUM_THREADS",
@@ -33,13 +31,7 @@ COUNTS = (
 MAPPED_FROM = "MALLOC_MMAP_THRESHOLD_"
 """Environment variable that glibc reads when a process starts."""
 
-NO_WINDOWS = {"MUJOCO_GL": "disable"}
-"""Setting with which MuJoCo imports no library for windows: a quarter of the time it takes."""
-
-JAX = {"JAX_PLATFORMS": "cpu", "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
-"""Environment variables that JAX reads on its first use."""
-
-DEFAULTS = {**dict.fromkeys(COUNTS, "1"), MAPPED_FROM: str(2**20), **NO_WINDOWS, **JAX}
+DEFAULTS = {**dict.fromkeys(COUNTS, "1"), MAPPED_FROM: str(2**20), **VARIABLES}
 """Values for worker processes, unless the user sets others."""
 
 
