@@ -1,10 +1,11 @@
-"""Environment variables of engines in worker processes, unless the user sets others.
+"""Environment variables of engines in worker processes; values of the user stay.
 
-MuJoCo imports libraries for windows unless it draws none: a quarter of the time that it takes.
+They must be set before any engine is imported, so this module imports none.
 
-JAX takes a graphics processor by default, and reserves three quarters of its memory in each
-process. One worker then exceeds its limit, and eight have no room. Models here are small, so they
-run on the processor, unless the user sets another platform.
+MuJoCo imports graphics libraries unless they are disabled: a quarter of its import time.
+
+JAX selects a GPU by default, and reserves three quarters of its memory in each process. One worker
+then exceeds its memory limit, and several do not fit. Models are small, so they run on the CPU.
 """
 
 VARIABLES = {

@@ -41,6 +41,22 @@ class ReferenceError(LocatedError, RuntimeError):
     kind = "reference"
 
 
+def once_per_times(inputs: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """Return inputs that are not evaluated again for the same array of times.
+
+    All iterations of a step of `collocate` have the same one.
+    """
+    last, values = np.empty(0), np.empty(0)
+
+    def evaluated(times: Array) -> Array:
+        nonlocal last, values
+        if times is not last:
+            last, values = times, inputs(times)
+        return values
+
+    return evaluated
+
+
 def collocate(
     field: Field,
     times: Array,

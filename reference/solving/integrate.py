@@ -16,7 +16,12 @@ from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs
-from physics_crosscheck.reference.solving.collocation import STAGES, Field, collocate
+from physics_crosscheck.reference.solving.collocation import (
+    STAGES,
+    Field,
+    collocate,
+    once_per_times,
+)
 from physics_crosscheck.reference.solving.collocation import ReferenceError as ReferenceError
 from physics_crosscheck.reference.solving.segments import Motion, Span, start_times
 
@@ -31,12 +36,10 @@ def field_of(equations: EquationsOfMotion, signal: SignalPiece) -> Field:
     """Return dy/dt under the inputs of one piece, vectorized."""
     acceleration = equations.numeric_acceleration
     n = len(equations.system.coordinates)
-    evaluated, u = np.empty(0), np.empty(0)
+    inputs = once_per_times(lambda times: signal.numeric(times.reshape(-1, 1)))
 
     def field(times: Array, states: Array) -> Array:
-        nonlocal evaluated, u
-        if times is not evaluated:  # the collocation iterates at the same times
-            evaluated, u = times, signal.numeric(times.reshape(-1, 1)).reshape(*times.shape, -1)
+        u = inputs(times).reshape(*times.shape, -1)
         out = np.empty_like(states)
         out[..., :n] = states[..., n:]
         out[..., n:] = acceleration(states[..., :n], states[..., n:], u, times[..., None])

@@ -22,7 +22,7 @@ from physics_crosscheck.reference.mechanism.numeric import (
     Rows,
     compile_function,
 )
-from physics_crosscheck.reference.solving.collocation import collocate
+from physics_crosscheck.reference.solving.collocation import collocate, once_per_times
 from physics_crosscheck.reference.solving.segments import Segments
 
 Kind = Literal[
@@ -88,21 +88,16 @@ class Variants:
         count, batch = len(points), len(rows)
         rows, parameters = np.tile(rows, count), np.repeat(points, batch, axis=0)
         n = segments.start.shape[1] // 2
-
-        evaluated, u = np.empty(0), np.empty(0)
+        inputs = once_per_times(
+            lambda instants: segments.inputs_within(rows, instants.reshape(len(rows), -1))
+        )
 
         def field(instants: Array, states: Array) -> Array:
-            nonlocal evaluated, u
-            if instants is not evaluated:  # the collocation iterates at the same times
-                evaluated, u = (
-                    instants,
-                    segments.inputs_within(rows, instants.reshape(len(rows), -1)),
-                )
             shape = (len(rows),) + (1,) * (states.ndim - 2) + (parameters.shape[1],)
             a = self.acceleration(
                 states[..., :n],
                 states[..., n:],
-                u.reshape(*instants.shape, -1),
+                inputs(instants).reshape(*instants.shape, -1),
                 instants[..., None],
                 parameters.reshape(shape),
             )

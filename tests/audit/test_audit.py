@@ -29,7 +29,7 @@ DRUM = "drum_pendulum"
 
 
 def test_a_built_in_model_has_no_finding() -> None:
-    """Catch accelerations that the audit can't resolve; findings of others fail `make test`."""
+    """Catch unresolved accelerations; findings of other models fail `pytest --crosscheck`."""
     name, engine = "mujoco_rolling.xml", "mujoco"
     found = audit(prepared(DRUM), read_sidecar(MODELS / DRUM / f"{name}.toml"), engine)
     assert grave(found) == []
