@@ -5,13 +5,15 @@ BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test pytest test-slow test-engines test-python dist check docs bench soak fuzz clean
+.PHONY: report test pytest test-slow test-release test-engines test-python dist check docs bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck demo --out reports
 
-# Two workers; a file's tests stay together, and files are dealt as they stand: the built-in systems last.
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+# Three workers fill two cores; a file's tests stay together, and files are dealt as they stand: the
+# built-in systems last.
+WORKERS := -n 3 --dist loadfile --no-loadscope-reorder
+PYTEST := $(BIN)/python -m pytest $(WORKERS)
 
 # The checks of the code run beside the tests. Motions with events are among the slow ones, and
 # `make test-engines` runs all built-in models with every check; `gate --all` there, in all engines.
@@ -20,17 +22,23 @@ test: .venv/.test
 	$(MAKE) --no-print-directory --jobs 2 check pytest
 
 pytest: .venv/.test
-	$(PYTEST) tests -m "not slow and not pinocchio" --require-engines --durations 10 \
+	$(PYTEST) tests -m "not slow and not release and not pinocchio" --require-engines --durations 10 \
 		$(QUICK:%=--crosscheck models/%)
 
-# Whole pages, files and matrices, each five seconds and more. Files without slow tests are not
-# imported; the longest are dealt first.
-LONG := $(addprefix tests/,installed/test_documents.py installed/test_installed.py \
-	versions/test_two_versions.py cases/test_events.py laws/test_mistakes.py \
-	faults/test_real_engines.py installed/test_repository.py test_site.py gate/test_kinds_of_change.py)
-SLOW = $(LONG) $(filter-out $(LONG),$(shell grep -rl --include 'test_*.py' 'mark\.slow' tests))
+# Whole files and matrices, each five seconds and more. Files without such tests are not imported;
+# the longest are dealt first.
+LONG := $(wildcard $(addprefix tests/,cases/test_events.py scaffold/test_new.py laws/test_whole_step.py \
+	laws/test_mistakes.py faults/test_real_engines.py scaffold/test_new_bodies.py \
+	scaffold/test_scenarios.py diagnosis/test_builtin_faults.py schedule/test_cluster.py))
+marked = $(shell grep -rl --include 'test_*.py' 'mark\.$(1)' tests)
 test-slow: .venv/.test
-	$(PYTEST) $(SLOW) -m slow
+	$(PYTEST) $(LONG) $(filter-out $(LONG),$(call marked,slow)) -m slow
+
+# What is published: the wheel, pages run line by line, the site, and two versions of an engine.
+LONG_RELEASE := $(wildcard $(addprefix tests/,installed/test_documents.py versions/test_two_versions.py \
+	installed/test_installed.py test_site.py versions/test_mujoco_versions.py))
+test-release: .venv/.test
+	$(PYTEST) $(LONG_RELEASE) $(filter-out $(LONG_RELEASE),$(call marked,release)) -m release
 
 # Every engine of an extra: its tests, its conformance, and all accepted cases. 4 GB, 3 minutes to set up.
 ALL := .venv-engines/bin
@@ -42,13 +50,14 @@ test-engines: .venv-engines/.ready
 	$(ALL)/crosscheck gate --all --out build/gate
 
 # Another Python, with the engines that have wheels for it: make test-python PYTHON=python3.12
+# The wheel is tested there too, so `release` is not left out.
 OTHER := .venv-$(notdir $(PYTHON))
 test-python:
 	$(PYTHON) -m venv $(OTHER)
 	$(OTHER)/bin/python -m pip --disable-pip-version-check --quiet install \
 		--constraint constraints.txt --editable '.[portable]'
-	$(OTHER)/bin/python -m pytest -n 2 --dist loadfile -m "not slow" \
-		tests/reference tests/robots tests/records tests/text tests/installed/test_installed.py
+	$(OTHER)/bin/python -m pytest $(WORKERS) -m "not slow" tests/installed/test_installed.py \
+		tests/reference tests/robots tests/records tests/text
 	$(OTHER)/bin/crosscheck demo --engine mujoco --engine pymunk --out build/$(OTHER)
 
 # The wheel comes from the source distribution, as it does where people build it.

@@ -17,7 +17,7 @@ from tests.report.steps import needs_browser
 ROOT = Path(__file__).parents[1]
 
 
-pytestmark = pytest.mark.slow  # a build takes most of a minute, with the notebooks executed
+pytestmark = pytest.mark.release  # a build takes most of a minute, with the notebooks executed
 
 
 def sources() -> list[Path]:

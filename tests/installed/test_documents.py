@@ -71,12 +71,12 @@ def follow(document: str, known: Known, place: Path) -> None:
         check_shown(command, done.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_tutorial_does_what_it_says(known: Known, tmp_path: Path) -> None:
     follow("docs/tutorial.md", known, tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_coordinates_are_mapped_as_the_page_on_folders_says(known: Known, tmp_path: Path) -> None:
     follow("docs/folder.md", known, tmp_path)
 
@@ -88,14 +88,14 @@ PAGES = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize("page", [page for page in PAGES if commands((ROOT / page).read_text())[0]])
 def test_a_page_does_what_it_shows(known: Known, tmp_path: Path, page: str) -> None:
     shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
     follow(page, known, tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_commands_of_the_readme_work(known: Known, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
     data = Path(pytest.importorskip("pybullet_data").getDataPath())

@@ -10,7 +10,7 @@ import pytest
 from tests.installed.conftest import ROOT, Installed
 from tests.standing import brief
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.release
 
 TRAP = "raise RuntimeError('the package of the user')\n"
 
@@ -55,11 +55,11 @@ def test_new_and_run_work_beside_packages_called_like_ours(
 ) -> None:
     new_rod(installed, place, "models/rod")
     # The first thing on the path, as many set it, is the user's folder.
-    done = installed.shell("crosscheck run models --engine pybullet", place, PYTHONPATH=str(place))
+    done = installed.shell("crosscheck run models --engine pymunk", place, PYTHONPATH=str(place))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "All 3 cases agree" in done.stdout
     found = json.loads((place / "reports" / "results.json").read_text())
-    assert {m["engine"] for m in found["models"]} == {"pybullet"}
+    assert {m["engine"] for m in found["models"]} == {"pymunk"}
     (place / "reports" / "index.html").unlink()
     assert installed.shell("crosscheck report", place).returncode == 0
     assert (place / "reports" / "index.html").stat().st_size > 10_000
@@ -97,7 +97,7 @@ def test_the_plugin_works_beside_packages_called_like_ours(
         new_rod(installed, place, "models/rod")
     # `python -m pytest` puts the user's folder first, and so is their `mujoco.py`.
     done = installed.shell(
-        "python -m pytest -q --crosscheck models -m pybullet", place, PYTHONPATH=str(place)
+        "python -m pytest -q --crosscheck models -m pymunk", place, PYTHONPATH=str(place)
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "4 passed" in done.stdout  # three motions and the audit

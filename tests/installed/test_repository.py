@@ -22,7 +22,7 @@ ACTION = yaml.safe_load((ROOT / "action.yml").read_text())
 HOOKS = ROOT / ".pre-commit-hooks.yaml"
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> None:
     place = tmp_path / "robots"
     system = place / "models" / "cart_pole"
@@ -94,7 +94,7 @@ def run_action(place: Path, tools: Path, **given: str) -> Job:
     return run_job(ACTION["runs"]["steps"], CHECKOUT, place, tools, inputs)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_action_runs_the_command_that_it_is_given(tmp_path: Path) -> None:
     place = tmp_path / "robots"
     place.mkdir()
@@ -132,4 +132,7 @@ def test_the_workflows_of_this_repository_call_targets_that_there_are() -> None:
             .get("matrix", {})
             .get("target", ())
         )
-    assert {"test", "test-slow", "test-engines", "test-python", "dist"} == called <= targets
+    parts = {"test", "test-slow", "test-release", "test-engines"}
+    assert called == parts | {"test-python", "dist"} <= targets
+    script = (ROOT / ".ci" / "run").read_text()
+    assert parts == set(re.findall(r"^make ([\w-]+)$", script, re.MULTILINE))

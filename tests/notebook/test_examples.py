@@ -73,7 +73,7 @@ FAULTS = {
 """By notebook: what is right, and what its asserts must notice."""
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize(
     ("name", "right", "wrong"),
     [(name, *pair) for name, pairs in FAULTS.items() for pair in pairs],
@@ -89,7 +89,7 @@ def test_a_fault_in_a_notebook_is_noticed(
         run([cell.replace(right, wrong) for cell in code], tmp_path, monkeypatch)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pandas")
     blocks = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE.read_text(), re.DOTALL | re.MULTILINE)

@@ -56,7 +56,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit(
     tmp_path: Path, cache: Path
 ) -> None:
@@ -92,7 +92,7 @@ def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit
     assert one.models == ()
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_a_gripper_that_pulls_its_wrist_down_is_told_as_the_page_has_it(
     tmp_path: Path, cache: Path
 ) -> None:

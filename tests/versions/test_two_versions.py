@@ -119,7 +119,7 @@ def done(home: Home) -> subprocess.CompletedProcess[str]:
     return home.versions(*words)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_what_a_version_changes_is_told_and_that_the_next_takes_it_back(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
@@ -142,7 +142,7 @@ def test_what_a_version_changes_is_told_and_that_the_next_takes_it_back(
     assert "\nFAIL  toy 1.0 -> 3.0 changes results. Check them before you upgrade" in done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_each_version_leaves_its_report_and_one_page_leads_to_them(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
@@ -155,7 +155,7 @@ def test_each_version_leaves_its_report_and_one_page_leads_to_them(
     assert done.stdout.splitlines()[-1].startswith("reports/versions/index.html")
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_environments_are_made_once_and_one_of_ones_own_will_do(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
@@ -173,7 +173,7 @@ def test_environments_are_made_once_and_one_of_ones_own_will_do(
     assert wrong.stderr.strip().endswith("it has toy 2.0")
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_a_version_that_is_not_there_is_told_before_anything_is_run(home: Home) -> None:
     missing = home.versions("oscillator", "--engine", "toy", "1.0", "9.9", "--out", "nothing")
     assert missing.returncode == 3
@@ -185,7 +185,7 @@ def test_a_version_that_is_not_there_is_told_before_anything_is_run(home: Home) 
     assert not list((home.place / "cache").rglob("toy-9.9-*/"))
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_others(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
