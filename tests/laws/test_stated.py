@@ -36,9 +36,18 @@ CLASSES = """<mujoco><compiler autolimits="false"/><option timestep="0.002" cone
  ctrllimited="true"/><position joint="c" timeconst=".05"/><motor joint="c" gear="3"/></actuator>
 </mujoco>""".replace('<contact><exclude body1="world" body2="world"/></contact>', "")
 
+PLACES = """<mujoco><option integrator="implicitfast"/><worldbody><body pos="1 0 0">
+<inertial mass="2" pos=".1 .2 .3" diaginertia=".3 .2 .1"/><geom size=".1"/></body>
+<body><inertial mass="3" pos="0 0 -.5" quat="1 1 0 0" diaginertia=".3 .2 .1"/>
+<joint name="a" axis="0 1 0" pos="0 .4 0" range="-9 9"/><frame pos="0 0 1"><joint pos="0 .1 0"/>
+</frame>
+<geom size=".1" mass="7"/></body></worldbody></mujoco>"""
+"""A body that stands still, and hinges whose places along their axes move nothing."""
+
 SCENES = {
-    "classes": CLASSES, "drives": DRIVES, "limits": LIMITS, "connect": CONNECT, "weld": WELD,
-    "pair": PAIR, **{f"touch {dimension}": scene for dimension, scene in TOUCH.items()},
+    "classes": CLASSES, "places": PLACES, "drives": DRIVES, "limits": LIMITS, "connect": CONNECT,
+    "weld": WELD, "pair": PAIR,
+    **{f"touch {dimension}": scene for dimension, scene in TOUCH.items()},
 }  # fmt: skip
 
 
@@ -88,6 +97,16 @@ MISREAD = {
     "polycoef": (CONNECT, ".1 .5", ".1 .6", "polycoef of joint #0"),
     "muscle": (DRIVES, 'force="30"', 'force="31"', "gainprm of muscle #7"),
     "pair": (PAIR, 'solref=".03 .9"', "", "solref of pair #0"),
+    "place along an axis": (PLACES, '"0 .4 0"', '"0 .4000001 0"', "pos of joint a"),
+    "mass of a fixed body": (PLACES, '"2"', '"2.000001"', "mass of inertial #0"),
+    "centre of a fixed body": (PLACES, '".1 .2 .3"', '".1 .3 .2"', "pos of inertial #0"),
+    "moments": (PLACES, '".3 .2 .1"/>\n', '".2 .3 .1"/>\n', "diaginertia of inertial #1"),
+    "inertias of shapes": (
+        PLACES,
+        "<option",
+        '<compiler inertiafromgeom="true"/><option',
+        "mass of inertial #1",
+    ),
 }
 
 

@@ -23,6 +23,7 @@ from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
+    Laws,
     SoftEquality,
     SoftFriction,
     SoftLimit,
@@ -104,6 +105,7 @@ def _kind(key: Key) -> str:
 
 
 _NOT_READ: Mapping[str, str] = {
+    "body": "inertias of generated or fused bodies",
     "joint": "limits and friction of generated joints",
     "geom": "contact parameters of generated or fused shapes",
     "drive": "generated drives, and drives of other transmissions",
@@ -118,10 +120,12 @@ def skipped_kinds(
 ) -> Iterator[tuple[str, str]]:
     """Yield kinds of elements that do not correspond one to one, each with a phrase."""
     laws = model.laws
+    bodies = [body.name for body in compiled.bodies]
     joints = [joint.name for body in compiled.bodies for joint in body.joints]
     geoms = [one.name.partition(":")[2] for one in compiled.placed if one.name.startswith("geom:")]
     drives = [one.name for one in compiled.actuators]
-    for kind, names in (("joint", joints), ("geom", geoms), ("drive", drives)):
+    kinds = (("body", bodies), ("joint", joints), ("geom", geoms), ("drive", drives))
+    for kind, names in kinds:
         mine = stated.names(kind)
         alike = len(mine) == len(names) and all(
             not one or one == other for one, other in zip(mine, names, strict=True)
@@ -153,16 +157,9 @@ def _compiled_rows(
             "refsafe": (float(laws.safe),),
         },
     )
-    for limit in laws.limits:
-        values = {"range": (limit.lower, limit.upper), "margin": (limit.margin,)}
-        yield _place("limit", limit), {**values, **_softness(limit.softness, "limit")}
-    for friction in laws.frictions:
-        values = {"frictionloss": (friction.force,)}
-        yield _place("friction", friction), {**values, **_softness(friction.softness, "friction")}
-    for joint, (limits, lifts) in laws.joint_ranges.items():
-        yield ("force of joint", joint), {
-            "actuatorfrcrange": limits, "actuatorgravcomp": (float(lifts),)
-        }  # fmt: skip
+    # A file may state no inertia, or a place in a frame.
+    placed = (row for row in _bodies_and_joints(compiled) if row[0] in stated.rows)
+    yield from (*placed, *_resistances(laws))
     tendons = [key[1] for key in stated.rows if key[0] == "force of tendon"]
     for k, (_, limits) in enumerate(laws.sums):
         index = tendons[k] if k < len(tendons) else -1 - k
@@ -182,6 +179,30 @@ def _compiled_rows(
         }  # fmt: skip
     for i, drive in enumerate(laws.drives):
         yield ("drive", i), _drive(drive, compiled.paths[drive.path].joints)
+
+
+def _bodies_and_joints(compiled: CompiledTree) -> Iterator[tuple[Key, Mapping[str, Values]]]:
+    """Yield inertias and places, which have an effect only where something moves."""
+    for b, body in enumerate(compiled.bodies):
+        inertia = {"mass": (body.mass,), "pos": body.centre, "diaginertia": body.moments}
+        yield ("inertia of body", b), inertia
+    joints = (joint for body in compiled.bodies for joint in body.joints)
+    for j, joint in enumerate(joints):
+        yield ("place of joint", j), {"pos": joint.position}
+
+
+def _resistances(laws: Laws) -> Iterator[tuple[Key, Mapping[str, Values]]]:
+    """Yield limits and dry friction, and the force ranges of joints."""
+    for limit in laws.limits:
+        values = {"range": (limit.lower, limit.upper), "margin": (limit.margin,)}
+        yield _place("limit", limit), {**values, **_softness(limit.softness, "limit")}
+    for friction in laws.frictions:
+        values = {"frictionloss": (friction.force,)}
+        yield _place("friction", friction), {**values, **_softness(friction.softness, "friction")}
+    for joint, (limits, lifts) in laws.joint_ranges.items():
+        yield ("force of joint", joint), {
+            "actuatorfrcrange": limits, "actuatorgravcomp": (float(lifts),)
+        }  # fmt: skip
 
 
 def _place(table: str, row: SoftLimit | SoftFriction) -> Key:

@@ -31,7 +31,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
 from physics_crosscheck.reference.mechanism.laws import Softness, Surface
 
 Key = tuple[str, int]
-"""A table of the laws, and the index of the joint, tendon, shape, drive or equality in its file."""
+"""A table, and the index of the body, joint, tendon, shape, drive or equality in its file."""
 
 REFERENCE, IMPEDANCE = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 """Defaults of `solref` and `solimp`."""
@@ -39,12 +39,17 @@ REFERENCE, IMPEDANCE = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 FRICTION = 1.0, 0.005, 0.0001
 """Default of a shape's `friction`."""
 
+ORIGIN = 0.0, 0.0, 0.0
+
 MACROS = ("replicate", "composite", "flexcomp", "attach")
 """Elements in bodies that generate others."""
 
 EQUALITIES = ("connect", "weld", "joint", "tendon")
 
 JOINTS = ("joint", "freejoint")
+
+WEIGHING = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")
+"""Attributes of `<compiler>` that change the masses of `<inertial>` elements."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,7 +88,7 @@ class StatedLaws:
     def __init__(self, path: Path) -> None:
         self._source = read_source_mjcf(path)
         self._classes = StatedClasses.from_source(self._source)
-        self._contents: dict[str, list[XmlElement]] = {"joint": [], "geom": []}
+        self._contents: dict[str, list[XmlElement]] = {"body": [], "joint": [], "geom": []}
         self._inherited: dict[XmlElement, str] = {}
         self._macros = set[str]()
         worlds = self._source.root.findall("worldbody")
@@ -101,6 +106,7 @@ class StatedLaws:
                 self._macros.add(element.tag)
         for element, inherited in flat:
             if element.tag == "body":
+                self._contents["body"].append(element)
                 self._collect([(element, element.get("childclass", inherited))])
 
     def _unread(self) -> Iterator[str]:
@@ -138,7 +144,7 @@ class StatedLaws:
         """Return the names of all elements of a kind in the compiler's order; some are empty.
 
         Args:
-            kind: "joint", "geom", "tendon", "drive", "equality" or "pair".
+            kind: "body", "joint", "geom", "tendon", "drive", "equality" or "pair".
         """
         return tuple(one.get("name") for one in self._elements[kind])
 
@@ -183,6 +189,7 @@ class StatedLaws:
         off = self._source.disabled
         options = Chain((self._source.root, *self._source.root.findall("option")))
         yield ("option", 0), options, self._options(options)
+        yield from self._inertia_rows()
         yield from self._joint_rows()
         yield from self._tendon_rows()
         for i, element in enumerate(self._elements["equality"]):
@@ -207,13 +214,27 @@ class StatedLaws:
             "refsafe": (float(not self._source.disabled("refsafe")),),
         }
 
+    def _inertia_rows(self) -> Iterator[_Row]:
+        changed = any(self._source.stating("compiler", key) is not None for key in WEIGHING)
+        if changed or self._source.stated("compiler", "inertiafromgeom") == "true":
+            return
+        for b, element in enumerate(self._elements["body"]):
+            for inertial in element.findall("inertial"):
+                chain = Chain([inertial])
+                values = {"mass": chain.numbers("mass", [0.0]), "pos": chain.numbers("pos", ORIGIN)}
+                if chain.states("diaginertia"):
+                    values["diaginertia"] = chain.numbers("diaginertia", ORIGIN)
+                yield ("inertia of body", b), chain, values
+
     def _joint_rows(self) -> Iterator[_Row]:
         for j, element in enumerate(self._elements["joint"]):
             if element.tag == "freejoint":
                 continue
             chain = self._chain(element)
-            turns = chain.word("type", "hinge") in ("hinge", "ball")
-            unit = radians(self._source) if turns else 1.0
+            kind = chain.word("type", "hinge")
+            unit = radians(self._source) if kind in ("hinge", "ball") else 1.0
+            if kind != "free" and element.parent is not None and element.parent.tag == "body":
+                yield ("place of joint", j), chain, {"pos": chain.numbers("pos", ORIGIN)}
             yield from self._resistances("joint", j, chain, unit)
 
     def _tendon_rows(self) -> Iterator[_Row]:
