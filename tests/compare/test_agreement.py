@@ -13,8 +13,7 @@ from tests.compare.chains import chain
 ACROSS = "mujoco.xml", None, "robot.urdf", "pybullet"
 IN_A_SPACE = "mujoco.xml", None, "space.py", None
 PAIRS = (
-    (*ACROSS, "drum_pendulum"), (*ACROSS, "anchored_pair"),
-    (*IN_A_SPACE, "drum_pendulum"), (*IN_A_SPACE, "free_pair"),
+    (*ACROSS, "drum_pendulum"), (*IN_A_SPACE, "free_pair"),
     ("robot.urdf", "mujoco", "robot.urdf", "pybullet", "torsional_disc"),
 )  # fmt: skip
 
@@ -145,9 +144,3 @@ def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path: Path) -> None:
     found = agrees(compared(touching, touching, include_constraints=True))
     assert 0 < result(found).runs.lost < result(found).runs.count
     assert "runs left out" in result(found).notes[-1]
-    # Well within the contact the motion is smooth again: the wall is a difference.
-    shipped = compared(touching, path, include_constraints=True)
-    assert shipped.outcome is Outcome.DIFFERS
-    # Left out unless it is asked for, and told.
-    found = agrees(compared(touching, path))
-    assert result(found).notes == ("not compared: contact geometry (2), in A",)

@@ -15,10 +15,6 @@ FAULTS = (
      ("stiffness of joint x: 47 in A, 47.000047 in B (+1.0e-06)",), "gazebo[x]/springStiffness"),
     ("mass_spring_damper", "space.py", "DAMPING = 0.9", "DAMPING = 0.9000009",
      ("damping of mass.x:", "(+1.0e-06)"), "DAMPING"),
-    ("drum_pendulum", "mujoco.xml", '"0.024 0.024 0.0001"', '"0.024 0.024000024 0.0001"',
-     (("link rod: principal moments of inertia (0.0001, 0.024, 0.024) in A, (0.0001, 0.024,"
-      " 0.024000024)"),),
-     "body[rod]/inertial@diaginertia[1]"),
     ("drum_pendulum", "mujoco.xml", '"0 0 -0.3"', '"0 0 -0.3000003"',
      ("link rod: centre of mass 3e-07 m apart: (0, 0, 0.7) in A, (0, 0, 0.6999997) in B",),
      "body[rod]/inertial@pos[2]"),
@@ -106,15 +102,14 @@ def test_an_element_more_is_tried_as_a_whole(tmp_path: Path) -> None:
     (trial,) = result(compared(path, other)).differences
     assert (trial.explained, trial.edits[0].what) == (1.0, "body[knob]")
     assert trial.edits[0].a == "nothing"
-    (trial,) = result(compared(other, path)).differences
-    assert (trial.explained, trial.edits[0].b) == (1.0, "nothing")
 
 
 def test_an_attribute_more_is_tried(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" armature="1e-5"/>'))
-    found = compared(path, other)
-    assert single(found)["joint[theta]@armature"].explained == 1.0
+    found = compared(other, path)
+    armature = single(found)["joint[theta]@armature"]
+    assert (armature.explained, armature.edits[0].b) == (1.0, "nothing")
     assert [one.kind for one in result(found).properties] == ["armature"]
 
 

@@ -128,3 +128,10 @@ URDF_BOX = f"""<robot name="box"><link name="body">{_INERTIAL.format(".01 0 .02"
 }</link>
 <joint name="axle" type="continuous"><parent link="body"/><child link="wheel"/>
 <origin xyz=".3 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
+
+URDF_BALLS = f"""<robot name="balls"><link name="body">{_INERTIAL.format(".01 0 .02", 2)}
+{_SHAPE.format("0 0 0", 'sphere radius=".1"', 0.7, "")}</link>
+<link name="wheel">{_INERTIAL.format("0 0 0", 0.3)}
+{_SHAPE.format("0 0 0", 'sphere radius=".07"', 0.9, "")}</link>
+<joint name="axle" type="continuous"><parent link="body"/><child link="wheel"/>
+<origin xyz=".3 0 0"/><axis xyz="0 1 0"/></joint></robot>"""

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
     law_problem,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.laws.scenes import LIMITS, URDF_ARM, URDF_BOX
+from tests.laws.scenes import URDF_ARM, URDF_BALLS
 
 pytest.importorskip("mujoco")
 pytest.importorskip("pybullet")
@@ -30,6 +30,14 @@ BALLS = """<mujoco><option cone="elliptic" impratio="3"/><worldbody>
  condim="3" solimp=".7 .95 .02 .4 2"/></body>
 <body pos="0 .3 .1"><freejoint/><geom type="sphere" size=".1" mass="2" friction=".9 .05 .001"
  condim="3"/></body></worldbody></mujoco>"""
+
+LIMITS = """<mujoco><option timestep="0.002" {}/><worldbody>
+<body><joint name="a" axis="0 1 0" range="-10 12"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".04" mass="1"/>
+<body pos=".4 0 0"><joint name="c" axis="0 1 0" frictionloss=".1"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass=".5"/></body></body></worldbody>
+<tendon><fixed range="-.1 .1"><joint joint="a" coef="1"/><joint joint="c" coef="-.5"/></fixed>
+</tendon></mujoco>"""
 
 SERVOS = """<mujoco><option timestep="0.002" {}/><worldbody>
 <body pos="0 0 1"><joint name="a" axis="0 1 0" damping=".3"/>
@@ -53,12 +61,13 @@ SOFT = {
     "ranges of controls are ignored": SERVOS,
     "damping of drives is merged with that of their joints": SERVOS,
 }
+URDF_BALL = URDF_BALLS.partition('<link name="wheel"')[0] + "</robot>"
 HARD = {
     "the limit of joint shoulder is ignored": URDF_ARM,
     "the effort of joint shoulder is ignored": URDF_ARM,
     "gains of drives are divided by 180/pi, as if they were per degree": URDF_ARM,
-    "restitution is lost: nothing bounces": URDF_BOX,
-    "the larger friction of two shapes acts": URDF_BOX,
+    "restitution is lost: nothing bounces": URDF_BALL,
+    "the larger friction of two shapes acts": URDF_BALLS,
 }
 
 
@@ -68,7 +77,7 @@ def problem_of(text: str) -> AnyLawProblem:
     is_urdf = text.startswith("<robot")
     file = Path(mkdtemp()) / ("robot.urdf" if is_urdf else "scene.xml")
     file.write_text(text)
-    prepared = prepare_tree(file, states=2, floating=text == URDF_BOX)
+    prepared = prepare_tree(file, states=2, floating=text in (URDF_BALL, URDF_BALLS))
     problem = law_problem(model_task(prepared, "pybullet" if is_urdf else "mujoco"))
     assert problem is not None
     return problem

@@ -15,10 +15,14 @@ from physics_crosscheck.harness.diagnosis.law_problem import law_problem
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.records.finding import Diagnosis
 from tests.coverage.test_robot import STOP
-from tests.laws.scenes import LIMITS, TOUCH, URDF_ARM, URDF_BOX
+from tests.laws.scenes import LIMITS, URDF_ARM, URDF_BOX
 
 pytest.importorskip("mujoco")
 
+BOX = """<mujoco><option {}/><worldbody>
+<geom name="floor" type="plane" size="3 3 .1" friction=".7 .02 .003"/>
+<body pos="0 0 .05"><freejoint/>
+<geom type="box" size=".1 .07 .05" mass="1" friction=".5 .05 .001"/></body></worldbody></mujoco>"""
 OPTIONS = 'integrator="implicitfast" cone="elliptic"'
 OTHER_ROWS = "range, where other rows act"
 FAULTS = {
@@ -26,9 +30,8 @@ FAULTS = {
     OTHER_ROWS: (STOP, "-60 40", "-60.6 40", "joint[a]@range[0]", -60.6),
     "frictionloss": (STOP, 'loss="0.3"', 'loss="0.303"', "joint[a]@frictionloss", 0.303),
     "solimp": (LIMITS, ".97 .05", ".9700097 .05", "joint[a]@solimplimit[1]", 0.9700097),
-    "friction": (TOUCH[3], 'friction=".7', 'friction=".7000007', "geom[floor]@friction[0]",
-                 0.7000007),
-    "solref": (TOUCH[3], '"-3000', '"-3030', "@solref[0]", -3030),
+    "friction": (BOX, 'friction=".7', 'friction=".7000007', "geom[floor]@friction[0]", 0.7000007),
+    "solref": (LIMITS, '"-800', '"-808', "joint[a]@solreflimit[0]", -808),
 }  # fmt: skip
 
 
@@ -41,16 +44,12 @@ def diagnosed(tmp_path: Path, text: str, loaded: str) -> Diagnosis:
     return diagnose_robot(task.with_file(copy), is_reference=True)
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [pytest.param(f, marks=pytest.mark.slow) if text is TOUCH[3] else f
-     for f, (text, *_) in FAULTS.items()],
-)  # fmt: skip
+@pytest.mark.parametrize("fault", FAULTS)
 def test_the_number_and_the_value_that_the_engine_acts_with_are_named(
     tmp_path: Path, request: pytest.FixtureRequest, fault: str
 ) -> None:
     """Catch a cause without a line, another number, or another value."""
-    if fault not in (OTHER_ROWS, "solref"):
+    if fault != OTHER_ROWS:
         request.getfixturevalue("few_states")
     scene, right, wrong, address, value = FAULTS[fault]
     scene = scene.format(OPTIONS)
@@ -73,8 +72,8 @@ def test_steps_that_agree_have_no_cause(tmp_path: Path) -> None:
 HARD_FAULTS = {
     "limit": (URDF_ARM, 'upper=".7"', 'upper=".71"', "joint[shoulder]/limit@upper", 0.71),
     "effort": (URDF_ARM, 'effort="7"', 'effort="7.00001"', "joint[shoulder]/limit@effort", 7.00001),
-    "restitution": (URDF_BOX, 'restitution value=".6"', 'restitution value=".606"',
-                    "link[body]/contact/restitution@value", 0.606),
+    "restitution": (URDF_BOX, 'restitution value=".6"', 'restitution value=".6000006"',
+                    "link[body]/contact/restitution@value", 0.6000006),
 }  # fmt: skip
 
 

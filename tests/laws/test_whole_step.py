@@ -65,8 +65,7 @@ def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck:
 PAIRS = [
     *(("drives", options) for options in OPTIONS),
     ("limits", OPTIONS[0]), ("connect", OPTIONS[1]), ("weld", OPTIONS[2]), ("touch 1", OPTIONS[0]),
-    *((scene, options) for scene in ("pair", "touch 4") for options in OPTIONS[1:]),
-    *((scene, options) for scene in ("touch 3", "touch 6") for options in OPTIONS[:2]),
+    ("pair", OPTIONS[2]), ("touch 4", OPTIONS[1]), ("touch 3", OPTIONS[0]), ("touch 6", OPTIONS[1]),
 ]  # fmt: skip
 
 
@@ -130,7 +129,6 @@ FAULTS = {
     "friction": (TOUCH[3], 'friction=".7', 'friction=".7000007'),
     "torsional friction": (TOUCH[4], ".02 .003", ".02000002 .003"),
     "solref": (PAIR, 'solref=".03 .9"', 'solref=".03000003 .9"'),
-    "solimp": (TOUCH[3], 'solimp=".7', 'solimp=".7000007'),
     "margin": (TOUCH[3], 'margin=".001"', 'margin=".001000001"'),
     "condim": (TOUCH[3], 'condim="3"', 'condim="4"'),
     "range": (LIMITS, 'range="-5 10"', 'range="-5 10.00001"'),
@@ -146,8 +144,6 @@ FAULTS = {
     "muscle": (DRIVES, 'force="30"', 'force="30.00003"'),
     "joint's force range": (DRIVES, 'actuatorfrcrange="-6 5"', 'actuatorfrcrange="-6 5.000005"'),
     "PyBullet, lower limit": (URDF_ARM.replace("900", "0"), 'lower="-1"', 'lower="-1.000001"'),
-    "PyBullet, upper limit": (URDF_ARM, 'upper=".7"', 'upper=".7000007"'),
-    "PyBullet, effort": (URDF_ARM, 'effort="7"', 'effort="7.00001"'),
     "PyBullet, lost effort": (URDF_ARM, 'effort="900"', 'effort="0"'),
     "PyBullet, range of targets": (URDF_ARM, 'upper=".4"', 'upper=".400001"'),
     "PyBullet, friction of a floating body": (
@@ -155,7 +151,6 @@ FAULTS = {
         'friction value="0.9"',
         'friction value="0.9000009"',
     ),
-    "PyBullet, restitution": (URDF_BOX, 'restitution value=".6"', 'restitution value=".6000006"'),
     "PyBullet, shape": (URDF_BOX, 'damping value="500"', 'damping value="500.001"'),
     "PyBullet, stiffness": (URDF_BOX, 'stiffness value="30000"', 'stiffness value="30000.1"'),
 }
@@ -219,12 +214,11 @@ def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     assert "noslip_iterations=0" in record.edits
 
 
-@pytest.mark.parametrize(("seed", "before"), [(52, 13), (53, 4)])
-def test_no_error_exceeds_its_uncertainty(tmp_path: Path, seed: int, before: int) -> None:
+def test_no_error_exceeds_its_uncertainty(tmp_path: Path) -> None:
     """Catch rounding of forces, arms and inertias that is not bounded, and a bound of solvers."""
     file = tmp_path / "scene.xml"
-    rng = np.random.default_rng(seed)
-    for _ in range(before):
+    rng = np.random.default_rng(52)
+    for _ in range(13):
         mujoco_scene(rng)
     file.write_text(mujoco_scene(rng))
     result = mujoco_result(file)
@@ -246,18 +240,18 @@ def test_nearly_rigid_rows_have_small_uncertainty(tmp_path: Path) -> None:
     assert check.judgement.largest_uncertainty < 1e-9
 
 
+@few
 @pytest.mark.slow
-def test_random_scenes_agree_and_their_planted_faults_differ(tmp_path: Path) -> None:
+def test_a_random_scene_agrees_and_its_planted_faults_differ(tmp_path: Path) -> None:
     """Catch a campaign that draws nothing that acts, or plants nothing that is seen."""
     rng = np.random.default_rng(7)
     file = tmp_path / "scene.xml"
-    for _ in range(3):
-        file.write_text(mujoco_scene(rng))
-        check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
-        assert check is not None
-        assert check.record.outcome is Outcome.AGREES
-        assert {"contacts", "limits"} <= {term.name for term in check.record.acted}
-    kinds = ("frictionloss", "range")
+    file.write_text(mujoco_scene(rng))
+    check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
+    assert check is not None
+    assert check.record.outcome is Outcome.AGREES
+    assert {"contacts", "limits"} <= {term.name for term in check.record.acted}
+    kinds = ("range",)
     faults = [fault for *_, fault in planted(file, 1, rng, kinds)]
     assert faults
     assert {(fault.outcome, fault.named) for fault in faults} == {("DIFFERS", True)}
