@@ -285,6 +285,7 @@ HOSTILE = {
 
 
 @pytest.mark.slow
+@pytest.mark.workers
 def test_a_declaration_costs_its_own_folder_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -311,6 +312,7 @@ def test_a_declaration_costs_its_own_folder_alone(
     assert "Traceback" not in capsys.readouterr().err
 
 
+@pytest.mark.workers
 def test_a_hostile_declaration_does_not_end_other_commands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

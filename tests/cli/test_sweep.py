@@ -184,6 +184,7 @@ def test_a_part_that_is_no_parquet_is_told_likewise(
     assert capsys.readouterr().err.startswith(f"crosscheck: {part}: can't be read (")
 
 
+@pytest.mark.workers
 def test_what_a_declaration_reads_elsewhere_makes_another_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

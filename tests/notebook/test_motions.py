@@ -324,6 +324,7 @@ def test_an_engine_that_is_not_installed_is_told_with_what_installs_it(
         simulate("simple_pendulum/space.py", "free")
 
 
+@pytest.mark.workers
 def test_a_crash_ends_the_call_alone_and_says_where(tmp_path: Path) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
     space = folder / "space.py"

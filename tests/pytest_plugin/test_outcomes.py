@@ -120,6 +120,7 @@ def test_what_failed_is_run_again_by_lf_and_by_its_id(project: Project, answers:
     done.stdout.fnmatch_lines(["XC301 DIFFERS: x is off", "no cause found: untold"])
 
 
+@pytest.mark.workers
 def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> None:
     folder = project.add(files=("space.py", "mujoco.xml"))
     project.edit(
@@ -136,6 +137,7 @@ def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.workers
 def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> None:
     folder = project.add(files=("space.py",))
     project.edit(folder / "space.py", "def build():", "def build():\n    while True: pass\n")

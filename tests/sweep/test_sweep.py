@@ -168,6 +168,7 @@ def test_a_case_that_can_not_be_run_is_a_row_beside_the_others(
     assert {row.code for row in found[1::2]} == {case_code(Outcome.FAILED, "long step")}
 
 
+@pytest.mark.workers
 def test_a_case_that_ends_its_process_costs_no_other(workers: Workers, tmp_path: Path) -> None:
     folder = swept_folder(tmp_path / "mass", "space.py")
     model = folder / "space.py"
