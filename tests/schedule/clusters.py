@@ -1,8 +1,9 @@
-"""A real scheduler and real workers on loopback, as processes of their own."""
+"""A real scheduler and real workers on loopback, as processes of their own, and tasks for them."""
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import re
 import signal
@@ -17,6 +18,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 120.0
+LIGHT = """from physics_crosscheck.harness.jobs import workers
+workers.PRELOADED = workers.PRELOADED_TO_DERIVE = ()
+"""
+"""Lets the processes of a dask worker start from a server that imports nothing."""
 
 
 @dataclass
@@ -40,19 +45,14 @@ class Loopback:
 
     def worker(self, name: str, *more: str, **environment: str) -> None:
         """One more, with the nanny that `dask worker` has by default, and one thread."""
-        arguments = ("worker", self.address, "--nthreads", "1", "--name", name, *more)
+        own = ("--nthreads", "1", "--name", name, "--local-directory", ".")
+        arguments = ("worker", self.address, *own, *more)
         self.workers[name] = self._start(name, *arguments, **environment)
         self._said(name, r"Registered to:\s+(tcp://\S+)")
 
     def kill(self, name: str) -> None:
         """Kill a worker without a warning, its nanny first, which would start it again."""
-        nanny = self.workers.pop(name)
-        below = children(nanny.pid)
-        os.kill(nanny.pid, signal.SIGKILL)
-        for pid in below:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-        nanny.wait()
+        _kill(self.workers.pop(name))
 
     @property
     def scheduler(self) -> int:
@@ -63,14 +63,9 @@ class Loopback:
         return (self.place / f"{name}.log").read_text(errors="replace")
 
     def close(self) -> None:
+        """Kill all: their own end takes seconds."""
         for process in reversed(self._all):
-            process.terminate()
-        for process in reversed(self._all):
-            try:
-                process.wait(20.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            _kill(process)
 
     def _start(self, name: str, *arguments: str, **environment: str) -> subprocess.Popen[bytes]:
         folder = self.place / f"{name}_folder"
@@ -95,6 +90,16 @@ class Loopback:
         raise AssertionError(f"{name} did not start:\n{self.log(name)}")
 
 
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process, then those that it started, which could not restart one another."""
+    started = children(process.pid)
+    process.kill()
+    for pid in started:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    process.wait()
+
+
 def children(pid: int) -> list[int]:
     """Processes that any thread of a process has started."""
     found = []
@@ -110,13 +115,64 @@ def below(pid: int) -> list[int]:
 
 
 @contextlib.contextmanager
-def loopback(place: Path, *workers: str) -> Iterator[Loopback]:
+def loopback(place: Path) -> Iterator[Loopback]:
+    """A scheduler with one worker, without a nanny; `place` has `light.py` to preload."""
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
     cluster = Loopback(place)
     try:
         cluster.start()
-        for name in workers:
-            cluster.worker(name)
+        (place / "light.py").write_text(LIGHT)
+        cluster.worker("one", "--no-nanny", "--preload", str(place / "light.py"))
         yield cluster
     finally:
         cluster.close()
+
+
+def crash(_: object) -> None:
+    os.write(2, b"about to fall\n")
+    ctypes.string_at(0)
+
+
+def spin(_: object) -> None:
+    print("still here", flush=True)
+    sum(iter(int, 1))
+
+
+def fill(_: object) -> int:
+    return len(bytearray(4 << 30))
+
+
+def slow(given: tuple[str, int]) -> int:
+    """Leaves the process that its own was started by, whose parent is the dask worker."""
+    folder, number = given
+    Path(folder, f"{number}").write_text(f"{os.getppid()}")
+    time.sleep(0.1)
+    return number
+
+
+def nap(file: str) -> None:
+    Path(file).write_text(f"{os.getpid()}")
+    time.sleep(600)
+
+
+def opened(file: Path) -> tuple[str, str, Path, str]:
+    """What is read of a file, which is told with all its names."""
+    return file.read_text(), str(file), file.resolve(), f"{file}: of {Path.cwd()}"
+
+
+def where(file: Path) -> list[str]:
+    """The parts of the path that a copy really has, none of which is taken for one."""
+    return list(file.resolve().parts)
+
+
+def refuse(file: Path) -> None:
+    print(f"about {file}")
+    raise ValueError(f"{file}: nothing in it")
+
+
+def unsendable(_: object) -> object:
+    return lambda: None
+
+
+def square(x: int) -> int:
+    return x * x

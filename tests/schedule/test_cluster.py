@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import json
 import os
 import re
@@ -30,59 +29,28 @@ from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.records.sweep import SweepRow
 from tests.faults.known_folder import ROOT, environment, one_scenario
-from tests.schedule.clusters import PATIENCE, Loopback, below, loopback
+from tests.schedule.clusters import (
+    PATIENCE,
+    Loopback,
+    below,
+    crash,
+    fill,
+    loopback,
+    nap,
+    opened,
+    refuse,
+    slow,
+    spin,
+    square,
+    unsendable,
+    where,
+)
 from tests.standing import standing_only
 from tests.sweep.made import swept_folder
 
 pytestmark = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
 
 LIMITS = Limits(seconds=1.0, memory=1.0)
-
-
-def crash(_: object) -> None:
-    os.write(2, b"about to fall\n")
-    ctypes.string_at(0)
-
-
-def spin(_: object) -> None:
-    print("still here", flush=True)
-    sum(iter(int, 1))
-
-
-def fill(_: object) -> int:
-    return len(bytearray(4 << 30))
-
-
-def slow(given: tuple[str, int]) -> int:
-    """Leaves the process that its own was started by, whose parent is the dask worker."""
-    folder, number = given
-    Path(folder, f"{number}").write_text(f"{os.getppid()}")
-    time.sleep(0.3)
-    return number
-
-
-def nap(file: str) -> None:
-    Path(file).write_text(f"{os.getpid()}")
-    time.sleep(600)
-
-
-def opened(file: Path) -> tuple[str, str, Path, str]:
-    """What is read of a file, which is told with all its names."""
-    return file.read_text(), str(file), file.resolve(), f"{file}: of {Path.cwd()}"
-
-
-def where(file: Path) -> list[str]:
-    """The parts of the path that a copy really has, none of which is taken for one."""
-    return list(file.resolve().parts)
-
-
-def refuse(file: Path) -> None:
-    print(f"about {file}")
-    raise ValueError(f"{file}: nothing in it")
-
-
-def unsendable(_: object) -> object:
-    return lambda: None
 
 
 ENGINE = ("mujoco",)
@@ -95,7 +63,7 @@ CLOCKED = {name: 0.0 for name in SweepRow.__struct_fields__ if name.endswith("se
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loopback]:
-    with loopback(tmp_path_factory.mktemp("cluster"), "one", "two") as running:
+    with loopback(tmp_path_factory.mktemp("cluster")) as running:
         yield running
 
 
@@ -136,6 +104,7 @@ def test_a_run_has_the_records_of_a_local_one(
     assert alike(there) == alike(here)
 
 
+@pytest.mark.slow
 def test_a_sweep_has_the_rows_of_a_local_one(
     cluster: Loopback, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,10 +132,6 @@ def test_a_failure_is_told_as_on_this_machine_and_the_worker_lives_on(
     assert all(isinstance(one, Failure) for one in here)
     assert there == [*here, 49]
     assert all(one.poll() is None for one in cluster.workers.values())
-
-
-def square(x: int) -> int:
-    return x * x
 
 
 def outcomes(pool: Executor, *tasks: tuple[Any, Any]) -> list[Any]:
@@ -215,7 +180,7 @@ def test_a_worker_that_joins_late_and_is_killed_costs_no_task(
         assert outcomes(pool, *((slow, (str(tmp_path), number)) for number in range(4))) == [
             *range(4)
         ]
-        cluster.worker("late")
+        cluster.worker("late", "--preload", str(cluster.place / "light.py"))
         doomed = cluster.workers["late"].pid
         asked: list[Any] = [pool.submit(slow, (str(tmp_path), n)) for n in range(4, 24)]
         until(lambda: pool.turn() is not None and begun_by(tmp_path) & set(below(doomed)))
@@ -275,7 +240,7 @@ def test_a_scheduler_that_is_lost_is_told_and_what_is_done_is_kept(
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
     monkeypatch.setattr("physics_crosscheck.harness.jobs.cluster.ANSWER", 3.0)
     begun = tmp_path / "begun"
-    with loopback(tmp_path, "only") as own, executor(scheduler=own.address, engines=ENGINE) as pool:
+    with loopback(tmp_path) as own, executor(scheduler=own.address, engines=ENGINE) as pool:
         pool.submit(nap, str(begun))
         until(lambda: pool.turn() is not None and begun.is_file())
         os.kill(own.scheduler, signal.SIGKILL)
@@ -343,7 +308,6 @@ def test_nothing_of_it_is_imported_where_no_scheduler_is_asked_for() -> None:
     subprocess.run([sys.executable, "-c", asked], check=True, env=environment())
 
 
-@pytest.mark.slow
 def test_more_than_a_run_may_send_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
