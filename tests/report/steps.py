@@ -10,6 +10,14 @@ needs_browser = pytest.mark.skipif(CHROMIUM is None, reason=f"no browser found: 
 
 CASE = "case-system_0/mujoco.xml/mujoco/free"
 BOTH = "case-system_1/robot.urdf/pybullet/driven"
+KINDS = {
+    CASE: 10, "case-system_0/mujoco.xml/mujoco/large": 0,
+    "case-system_0/robot.urdf/mujoco/driven": 9, BOTH: 14,
+}  # fmt: skip
+"""Plots of a case of one coordinate, of one that was not run, of one without linearization, of two.
+
+The leading plot of errors is in two tabs.
+"""
 SYSTEM, DIAGNOSIS = "system-system_0", "diagnosis-system_0/mujoco.xml/mujoco"
 TALL = 5000
 """A window in which every plot of a case is near: plots are drawn when they come near."""
@@ -21,6 +29,9 @@ BUILT = """(() => {
     && figures.every((figure) => figure.dataset.drawn);
 })()"""
 """Whether everything in the view is drawn."""
+
+HURRY = "(() => { const wait = setTimeout; window.setTimeout = (f, ms) => wait(f, ms / 5); })()"
+"""Lets what the page does later come sooner, until it is loaded anew."""
 
 PLOTS = "[...document.querySelectorAll('.plot')].map((each) => each.plot).filter(Boolean)"
 """The plots that are drawn."""

@@ -14,6 +14,8 @@ from tests.report.steps import (
     BOTH,
     BUILT,
     CASE,
+    HURRY,
+    KINDS,
     PLOTS,
     TALL,
     needs_browser,
@@ -26,7 +28,7 @@ pytestmark = needs_browser
 
 
 @pytest.mark.slow
-def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
+def test_each_kind_of_case_systems_and_diagnosis_open_with_all_their_plots(
     tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.window(height=TALL)
@@ -34,21 +36,19 @@ def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
     views = tab.run("[...document.querySelectorAll('.view')].map(v => v.id)")
     assert len([v for v in views if v.startswith("case-")]) == len(troubled.cases)
     drawn = []
-    for view in views:
+    for view in (*KINDS, *(one for one in views if not one.startswith("case-"))):
         tab.go(view)
         tab.until(BUILT)
         assert shown(tab) == [view]
         drawn += tab.run("[...document.querySelectorAll('[data-drawn]')].map(f => f.dataset.drawn)")
-    # Seven cases of one coordinate, two of them of a model without linearization; nine of two
-    # coordinates; two systems; a ranking, a motion corrected and its defects. The leading plot of
-    # errors is in two tabs.
-    one, two = 1 + 1 + 3 + 1 + 2 + 2, 2 + 2 + 5 + 1 + 2 + 2
-    assert len(drawn) == 7 * one - 2 + 9 * two + 2 + 3
+    # And of two systems; a ranking, a motion corrected and its defects.
+    assert len(drawn) == sum(KINDS.values()) + 2 + 3
     assert all(int(found.split()[0]) >= 1 and int(found.split()[2]) >= 2 for found in drawn)
 
 
 def test_nothing_is_drawn_before_it_is_looked_at(tab: Tab, address: str) -> None:
     tab.open(address)
+    tab.run(HURRY)
     assert tab.run("document.querySelectorAll('figure:has(.plot)').length") == 0
     tab.go(CASE)
     tab.until("document.querySelector('.view.current [data-drawn]')")
@@ -64,6 +64,7 @@ def test_plots_of_a_case_that_is_left_at_once_are_not_drawn_behind_it(
     tab: Tab, address: str
 ) -> None:
     tab.open(address)
+    tab.run(HURRY)
     tab.run("""(() => {
       const text = Response.prototype.text;  // which unpacks the numbers
       Response.prototype.text = async function () {  // as on a busy machine

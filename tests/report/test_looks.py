@@ -12,7 +12,6 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import write_report
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
-    BOTH,
     BUILT,
     CASE,
     DIAGNOSIS,
@@ -152,7 +151,7 @@ def test_an_accessibility_checker_finds_nothing_serious(
     tab.window(height=TALL, scheme=scheme)
     tab.open(address)
     tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
-    for view in ("overview", SYSTEM, CASE, BOTH, DIAGNOSIS):
+    for view in ("overview", SYSTEM, CASE, DIAGNOSIS):
         tab.go(view)
         tab.until(BUILT)
         assert tab.run(CHECK) == [], view

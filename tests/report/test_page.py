@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import msgspec
 import pytest
 from msgspec.structs import replace
@@ -15,7 +14,6 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.html import render, unbroken, write_report
@@ -79,10 +77,6 @@ def hostile(name: str, found: Results) -> Results:
 def test_the_samples_of_these_tests_are_results(agreeing: Results, troubled: Results) -> None:
     for found in (agreeing, troubled):
         assert decoded(encoded(found).encode(), Results) == found
-    # One case of each outcome: checking all series takes seconds.
-    cases = tuple({case.outcome: case for case in troubled.cases}.values())
-    few = encoded(replace(troubled, cases=cases))
-    jsonschema.validate(msgspec.json.decode(few), schema(Results))
 
 
 def test_every_case_is_on_the_page_and_every_link_leads_somewhere(
@@ -258,11 +252,11 @@ def test_results_without_any_case_make_a_page() -> None:
     assert "0 of 0 cases agree" in render(results(0))
 
 
-def test_a_report_of_85_cases_stays_below_six_megabytes(tmp_path: Path) -> None:
-    found = results(10)
-    assert len(found.cases) == 90
+def test_a_report_of_36_cases_stays_below_two_megabytes(tmp_path: Path) -> None:
+    found = results(4)
+    assert len(found.cases) == 36
     write_report(tmp_path / "index.html", found)
-    assert (tmp_path / "index.html").stat().st_size < 6e6
+    assert (tmp_path / "index.html").stat().st_size < 2e6
     assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
 
 

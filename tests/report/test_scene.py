@@ -173,6 +173,7 @@ def test_the_heat_map_and_the_sliders_work_by_mouse_and_by_keyboard(
     assert scene_tab.run(f"{BOX}.viewer.camera.yaw") < yaw
 
 
+@pytest.mark.slow
 @needs_browser
 def test_keys_alone_lead_to_the_wrong_link_its_line_and_all_controls(
     scene_tab: Tab, planted: Planted

@@ -66,6 +66,7 @@ def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address:
         assert tab.problems == []
 
 
+@pytest.mark.slow
 @needs_browser
 def test_an_accessibility_checker_finds_nothing_serious(browser: Browser, address: str) -> None:
     axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
