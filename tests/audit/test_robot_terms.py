@@ -45,6 +45,7 @@ def test_what_mujoco_makes_of_a_massless_inertia_is_told_by_the_audit_command(
     assert "in the model and" in out
 
 
+@pytest.mark.slow
 def test_a_large_robot_is_left_to_its_accelerations() -> None:
     (note,) = audit_terms(
         model_task(prepare_tree(DATA / "a1" / "a1.urdf", floating=True, states=4), "mujoco")

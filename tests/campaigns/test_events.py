@@ -72,6 +72,7 @@ def test_a_drive_that_leaves_its_limit_some_steps_early_is_resolved() -> None:
     assert total.max() < RESOLUTION
 
 
+@pytest.mark.slow
 def test_a_number_that_leaves_an_event_without_a_limit_is_named(tmp_path: Path) -> None:
     sidecar = read_sidecar(EVENTS / "pendulum_stop" / "space.py.toml")
     task = model_task(prepare_system(sidecar.model.parent, described=False), "pymunk", sidecar)

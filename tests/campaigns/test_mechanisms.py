@@ -31,9 +31,8 @@ from campaigns.mechanisms.trial import Posed, loaded, pose
 SMALL = Options(seed=5, joints=3, segments=9)
 
 
-@pytest.mark.parametrize(("first", "count"), [(0, 9), pytest.param(9, 27, marks=pytest.mark.slow)])
-def test_no_right_mechanism_fails_and_no_limit_is_outside(first: int, count: int) -> None:
-    results = [study(SMALL, index) for index in range(first, first + count)]
+def test_no_right_mechanism_fails_and_no_limit_is_outside() -> None:
+    results = [study(SMALL, index) for index in range(9)]
     assert {result.group.split(",")[0] for result in results} == {
         f"{engine} {integrator}".strip() for engine, integrator, _ in WAYS
     }
@@ -46,15 +45,15 @@ def test_no_right_mechanism_fails_and_no_limit_is_outside(first: int, count: int
 
 @pytest.mark.slow
 def test_every_fault_that_shows_is_told_and_no_other() -> None:
-    options = Options(seed=7, joints=3, segments=9, faults=4)
+    options = Options(seed=7, joints=3, segments=9, faults=2)
     results = [study(options, index) for index in range(9)]
     planted = [fault for result in results for fault in result.faults]
     for result in results:
         assert not result.wrong, offender(result, "")
-    assert len(planted) == 36
+    assert len(planted) == 18
     assert {fault.share for fault in planted} == {1e-6, 1e-8}
     seen = [fault for fault in planted if fault.fate is Fate.MOTION]
-    assert len(seen) > 18
+    assert len(seen) > 9
     for fault in planted:
         if fault.fate is Fate.INVISIBLE:
             assert fault.effect == 0
@@ -141,7 +140,7 @@ def test_the_fate_of_a_fault(
 
 def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
     options = replace(SMALL, engine="pybullet")
-    results = [study(options, index) for index in range(1, 14, 2)]
+    results = [study(options, index) for index in range(1, 10, 2)]
     explained = [result for result in results if result.explained]
     assert len(explained) > 1
     for result in explained:

@@ -25,7 +25,19 @@ def test_a_body_called_nut_and_bolt_with_a_wrong_mass_is_named_with_its_line(
         text = text.replace("body[mass]", "body[nut and bolt]")
         text = text.replace('body name="mass"', 'body name="nut and bolt"')
         (folder / name).write_text(text.replace('mass="1.3', 'mass="1.313'))
-    done = crosscheck("run", folder, "--out", "out", "--jobs", "1", cwd=tmp_path)
+    done = crosscheck(
+        "run",
+        folder,
+        "--engine",
+        "mujoco",
+        "-k",
+        "mujoco.xml",
+        "--out",
+        "out",
+        "--jobs",
+        "1",
+        cwd=tmp_path,
+    )
     assert done.returncode == 1, done.stderr
     assert "Traceback" not in done.stderr
     lines = (folder / "mujoco.xml").read_text().splitlines()

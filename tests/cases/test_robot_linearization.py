@@ -50,6 +50,7 @@ def test_poles_of_an_arm_are_those_of_its_formula(tmp_path: Path, engine: str) -
     assert not found.differs
 
 
+@pytest.mark.slow
 def test_a_step_of_a_floating_robot_is_that_of_mujoco_s_own_differences(tmp_path: Path) -> None:
     file = tmp_path / "adrift.urdf"
     file.write_text(ADRIFT)

@@ -9,16 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.checks.prepare import prepare_system
-from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated
-from physics_crosscheck.harness.commands.mutation.survey import survey
-from physics_crosscheck.harness.commands.mutation.text import mutation_lines
-from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.model_files import model_files
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.records.mutation import FaultVerdict
 from physics_crosscheck.harness.records.read import read_results
 from tests.commands import crosscheck
 from tests.standing import brief, standing_only
@@ -37,8 +28,6 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "file", "engine", "old", "new", "cause", "wanted"), [
-    ("drum_pendulum", "robot.urdf", "pybullet", 'xyz="0 0 -0.3"', 'xyz="0 0 -0.30003"',
-     "link[rod]/inertial/origin@xyz[2]", -0.3),
     ("anchored_pair", "robot.urdf.toml", "mujoco", "damping = 1.1", "damping = 1.16",
      "sidecar:spring[0].damping", 1.1),
 ])  # fmt: skip
@@ -87,38 +76,13 @@ def float_of(text: str) -> float:
 
 
 @pytest.mark.slow
-def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(
+def test_run_exits_1_for_a_literal_that_no_motion_depends_on(
     folder: Callable[[str], Path], tmp_path: Path
 ) -> None:
     path = folder("mass_spring_damper") / "mujoco.xml"
     text = path.read_text()
     path.write_text(re.sub(r'diaginertia="[\d. ]+"', 'diaginertia="0.03 0.03 0.03"', text))
-    done = crosscheck("audit", path.parent, "--engine", "mujoco", cwd=tmp_path)
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert re.search(r"finding +XC101 \S*mujoco.xml:\d+", done.stdout)
-    run = crosscheck("run", path.parent, "--engine", "mujoco", cwd=tmp_path)
+    run = crosscheck("run", path.parent, "--engine", "mujoco", "-k", "free", cwd=tmp_path)
     assert run.returncode == 1
-    assert "All 6 cases agree" in run.stdout
+    assert " 2 ok" in run.stdout.splitlines()[0]
     assert "mujoco.xml:" in run.stdout
-
-
-@pytest.mark.slow
-def test_every_small_fault_of_a_literal_that_matters_is_caught_and_named(
-    folder: Callable[[str], Path],
-) -> None:
-    """The smallest alone: `crosscheck mutate` plants all sizes in all systems."""
-    physics = prepare_system(folder("mass_spring_damper"), described=False)
-    rows = []
-    for sidecar in model_files(physics.place):
-        assert isinstance(sidecar, Sidecar)
-        for engine in (name for name in sidecar.engines if not engines()[name].extra):
-            model = model_task(physics, engine, sidecar)
-            known = survey(model)
-            small = [fault for fault in known.faults if fault.name == "1e-6"]
-            tasks = [MutationTask(model=model, survey=known, fault=fault) for fault in small]
-            rows += [mutated(task) for task in tasks]
-    seen = [row for row in rows if row.verdict is not FaultVerdict.UNTESTED]
-    assert len(seen) == 3 * 4  # constants, pairings
-    assert all(row.verdict is FaultVerdict.NAMED for row in seen)
-    assert all(row.estimate_error is not None and row.estimate_error < 0.01 for row in seen)
-    assert "small faults: 12 of 12 caught, 12 named" in "\n".join(mutation_lines(rows))

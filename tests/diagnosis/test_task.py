@@ -9,9 +9,6 @@ import msgspec
 import pytest
 
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
-from physics_crosscheck.harness.commands.mutation.faults import FAULTS
-from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated
-from physics_crosscheck.harness.commands.mutation.survey import survey
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -19,7 +16,6 @@ from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import Diagnosis
-from physics_crosscheck.harness.records.mutation import FaultVerdict
 from physics_crosscheck.harness.results.causes import cause_sentences
 from tests.physics import physics
 
@@ -69,15 +65,3 @@ def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
     assert found.corrected is not None
     assert len(found.corrected.causes) == 1
     assert msgspec.json.decode(msgspec.json.encode(found), type=Diagnosis) == found
-
-
-def test_a_fault_of_such_a_body_is_named(tmp_path: Path) -> None:
-    task = named(tmp_path, "1.3")
-    known = survey(task)
-    faults = [f for f in known.faults if f.location == MASS and f.name in FAULTS]
-    assert [fault.name for fault in faults] == list(FAULTS)
-    fault = next(fault for fault in faults if fault.name == "5 %")
-    row = mutated(MutationTask(model=task, survey=known, fault=fault))
-    assert (row.verdict, row.message) == (FaultVerdict.NAMED, MASS)
-    assert row.estimate_error is not None
-    assert row.estimate_error < 0.01

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.modelfiles.folders import FolderError, check_eng
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
+from tests.standing import brief
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -81,14 +82,6 @@ def test_where_nothing_else_runs_a_model_it_is_absent(folder: Path) -> None:
     assert "pip install 'physics-crosscheck[pinocchio]'" in found.cases[0].reason
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("absent")
-def test_what_is_absent_is_no_case_of_a_run_that_agrees(folder: Path) -> None:
-    found = check(folder, resolution=1e-6)
-    assert {case.engine for case in found.cases} == {"mujoco"}
-    assert found
-
-
 @pytest.mark.usefixtures("absent")
 def test_an_absent_engine_that_is_asked_for_is_refused_with_what_installs_it() -> None:
     with pytest.raises(FolderError, match=r"pip install 'physics-crosscheck\[pinocchio\]'"):
@@ -124,6 +117,7 @@ def test_the_line_is_told_once_where_a_run_ends(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder.parent)
+    brief(folder)
     assert main(["run", str(folder), "--resolution", "1e-6", "-v"]) == 0
     told = capsys.readouterr()
     assert told.err.count("crosscheck: not installed: pinocchio") == 1

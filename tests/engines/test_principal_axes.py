@@ -125,6 +125,7 @@ def test_the_cause_is_named_with_its_size_and_no_literal(
     assert found.fits[0].remaining < 1e-2
 
 
+@pytest.mark.slow
 def test_a_fault_of_a_thousandth_beside_it_is_named(
     hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:

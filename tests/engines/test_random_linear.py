@@ -5,7 +5,7 @@ import pytest
 
 from tests.engines.random_linear import PAIRINGS, summary, sweep
 
-COUNT = 6
+COUNT = 3
 """A pairing; `python -m tests.engines.random_linear` draws as many as are wanted."""
 
 SEED = 2025

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import gymnasium
@@ -35,12 +36,13 @@ DATA = Path(pybullet_data.getDataPath())
 KUKA, A1 = DATA / "kuka_iiwa" / "model.urdf", DATA / "a1" / "a1.urdf"
 
 
+prepared = cache(prepare_tree)
+
+
 def of_robot(
     file: Path, engine: str, *, floating: bool = False, resolution: float = 1e-9
 ) -> AccelerationComparison | None:
-    task = model_task(
-        prepare_tree(file, floating=floating, states=8), engine, resolution=resolution
-    )
+    task = model_task(prepared(file, floating=floating, states=8), engine, resolution=resolution)
     model, coordinates = task.load()
     stepped, drawn = SteppedBodies(task.target.tree), task.target.samples
     states, forces = mixed(drawn.start, drawn.start_inputs)
@@ -50,7 +52,7 @@ def of_robot(
 @pytest.mark.parametrize(("file", "engine", "floating"), [
     (KUKA, "mujoco", False), (KUKA, "pinocchio", False), (KUKA, "drake", False),
     (KUKA, "dart", False), (A1, "mujoco", True), (A1, "pinocchio", True), (A1, "drake", True),
-    (A1, "dart", True), (ASSETS / "ant.xml", "mujoco", False),
+    (A1, "dart", True),
 ])  # fmt: skip
 def test_a_robots_accelerations_are_the_equations(file: Path, engine: str, floating: bool) -> None:
     """DART's too where a root floats: it is in its steps that it turns such a root otherwise."""

@@ -275,11 +275,11 @@ def test_heyokas_dissipation_function_takes_energy_as_ours_does() -> None:
 
 
 def test_heyokas_lagrangian_tells_a_changed_damping() -> None:
-    system = CART
+    system = oscillator(2.0, 3.0, 5.0)
     changed = dataclasses.replace(system, D=system.D * sp.Rational(1000001, 1000000))
     states, forces = random_states(system)
     ours = derive(changed).numeric_acceleration(
-        states[:, :3], states[:, 3:], forces, np.zeros((len(states), 1))
+        states[:, :1], states[:, 1:], forces, np.zeros((len(states), 1))
     )
     theirs = heyoka_accelerations(system, states, forces)
     assert np.max(np.abs(ours - theirs)) > 1e6 * EPS * np.max(np.abs(theirs))

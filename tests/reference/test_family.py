@@ -42,6 +42,7 @@ def test_a_drawn_motion_is_that_of_the_equations_derived_there(
     assert np.max(np.abs(found.states_at(times) - wanted.states_at(times)) / size) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
     # Newton's method begins too far from it: its segments are started as those of a run are.
     system = load_system(builtin() / "drum_pendulum")

@@ -53,7 +53,7 @@ def given(one: Tree) -> tuple[Array, Array]:
 
 def ends(one: Tree, start: Array, forces: Array) -> Array:
     """By the classical Runge-Kutta method in many steps."""
-    own, n, steps = Charted(one), one.dof, 400
+    own, n, steps = Charted(one), one.dof, 100
     y, u, h = start.T, forces.T, LENGTH / steps
 
     def rate(state: Array) -> Array:

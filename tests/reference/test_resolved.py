@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from physics_crosscheck.reference.solving.segments import Segments
 from tests.reference.multibody.trees import tree
 
 
+@cache
 def known() -> tuple[TreeSystem, Segments]:
     system = tree_system(name="arm", title="", source="", tree=tree(("hinge", "slide", "hinge"), 5))
     limits = np.array([[-1.0, 1.0]] * 3)
@@ -37,7 +39,7 @@ def by_two_methods(system: TreeSystem, one: Segments) -> Segments:
     return solved(TreeEquations(system), one.start, one.start_inputs, one.length, one.fastest)
 
 
-@pytest.mark.parametrize("factor", [0.4, 1.001, 3.0])
+@pytest.mark.parametrize("factor", [0.4, 1.001])
 def test_a_draw_ends_where_two_methods_from_scratch_end(factor: float) -> None:
     system, one = known()
     drawn = replace(system, tree=heavier(system.tree, factor))

@@ -150,6 +150,7 @@ def test_tendons_through_space_agree(cords: Checked) -> None:
     assert cords.left_out == ("how MuJoCo compiles the file",)
 
 
+@pytest.mark.slow
 def test_a_millionth_in_cords_is_named(cords: Checked) -> None:
     cords.is_named('divisor="2.5"', 'divisor="2.500003"', "spatial[rope]/pulley@divisor", 20)
 
