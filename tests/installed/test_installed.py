@@ -124,9 +124,6 @@ def test_a_project_keeps_its_own_harness_and_reference(installed: Installed, pro
     for number in (0, 1):
         done = installed.shell(f"python order_{number}.py", project)
         assert done.returncode == 0, done.stderr
-    for words in ("test_order_0.py", "test_order_1.py"):
-        done = installed.shell(f"python -m pytest -q {words}", project)
-        assert done.returncode == 0, done.stdout
 
 
 def test_a_project_keeps_its_own_harness_while_pytest_checks_its_models(
@@ -160,7 +157,7 @@ def test_site_packages_have_one_folder_of_ours_with_every_module(installed: Inst
 def test_python_m_finds_us_by_the_name_that_is_ours_alone(
     installed: Installed, place: Path
 ) -> None:
-    done = installed.shell("python -m physics_crosscheck list simple_pendulum", place)
+    done = installed.shell("python -m physics_crosscheck --help", place)
     assert done.returncode == 0, done.stderr
-    assert "simple_pendulum/mujoco.xml/free [mujoco]" in done.stdout
+    assert "\n  run " in done.stdout
     assert "the package of the user" in installed.shell("python -m harness", place).stderr

@@ -93,13 +93,22 @@ def test_its_commands_are_told_before_they_are_run(tmp_path: Path) -> None:
     place, lines = made(tmp_path, installer)
     python = str(interpreter(place))
     assert installer.commands == [
-        [sys.executable, "-m", "venv", str(place)],
+        [sys.executable, "-m", "venv", "--without-pip", str(place)],
         [python, "-m", "pip", "install", "--disable-pip-version-check", "the-engine==1.2"],
     ]
     assert [line.strip() for line in lines[1::2]] == [" ".join(c) for c in installer.commands]
     assert lines[2].startswith("  echo 'import site; site.addsitedir(")
     (beside,) = place.rglob("*.pth")
     assert beside.read_text().strip() in lines[2]
+
+
+def test_it_gets_a_pip_where_this_program_has_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    installer = Installer()
+    place, _ = made(tmp_path, installer)
+    assert installer.commands[0] == [sys.executable, "-m", "venv", str(place)]
 
 
 def test_it_is_used_again(tmp_path: Path) -> None:

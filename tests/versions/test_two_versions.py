@@ -55,7 +55,10 @@ def files(version: str, module: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Home:
-    """An environment that has this package, version 1.0 of the toy engine, and two other wheels."""
+    """An environment that has this package and version 1.0 of the toy engine, and a wheel of 2.0.
+
+    `own` is an environment that a user made for version 3.0.
+    """
 
     place: Path
 
@@ -83,30 +86,31 @@ class Home:
         )
 
 
+def made(place: Path, version: str) -> Path:
+    """Make an environment that has a version of the toy engine; return its folder of packages."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(place)], check=True)
+    (site,) = place.rglob("site-packages")
+    for name, text in files(version, engine(version)).items():
+        (site / name).parent.mkdir(exist_ok=True)
+        (site / name).write_text(text)
+    return site
+
+
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
     place = tmp_path_factory.mktemp("versions")
-    command = [sys.executable, "-m", "venv", "--without-pip", str(place / "home")]
-    subprocess.run(command, check=True)
-    (site,) = (place / "home").rglob("site-packages")
+    site, _ = made(place / "home", "1.0"), made(place / "own", "3.0")
     lines = [f"import site; site.addsitedir({folder!r})" for folder in site_folders()]
     (site / "dependencies.pth").write_text("\n".join(lines) + "\n")
-    for name in ("physics_crosscheck",):
-        ignored = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / name, site / name, ignore=ignored)
-    for name, text in files("1.0", engine("1.0")).items():
-        (site / name).parent.mkdir(exist_ok=True)
-        (site / name).write_text(text)
+    shutil.copytree(ROOT / "physics_crosscheck", site / "physics_crosscheck")
     (place / "wheels").mkdir()
-    stiffer = "- self._k * q", "- 1.001 * self._k * q"
-    for version, module in (("2.0", engine("2.0", *stiffer)), ("3.0", engine("3.0"))):
-        wheel = place / "wheels" / f"toy-{version}-py3-none-any.whl"
-        with zipfile.ZipFile(wheel, "w") as archive:
-            for name, text in files(version, module).items():
-                archive.writestr(name, text)
+    stiffer = engine("2.0", "- self._k * q", "- 1.001 * self._k * q")
+    with zipfile.ZipFile(place / "wheels" / "toy-2.0-py3-none-any.whl", "w") as archive:
+        for name, text in files("2.0", stiffer).items():
+            archive.writestr(name, text)
     folder = place / "oscillator"
     folder.mkdir()
-    (folder / "system.py").write_text(SYSTEM)
+    (folder / "system.py").write_text(SYSTEM.replace("duration=1.0", "duration=0.5"))
     (folder / "good.toy").write_text(TOY)
     (folder / "good.toy.toml").write_text('engines = ["toy"]\n')
     return Home(place)
@@ -115,7 +119,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
 @pytest.fixture(scope="module")
 def done(home: Home) -> subprocess.CompletedProcess[str]:
     """What three versions came to."""
-    words = "oscillator", "--engine", "toy", "1.0", "2.0", "3.0", "--json", "found.json"
+    words = "oscillator", "--engine", "toy", "1.0", "2.0", "3.0=own", "--json", "found.json"
     return home.versions(*words)
 
 
@@ -156,21 +160,14 @@ def test_each_version_leaves_its_report_and_one_page_leads_to_them(
 
 
 @pytest.mark.release
-def test_environments_are_made_once_and_one_of_ones_own_will_do(
+def test_an_environment_is_made_where_none_is_there_and_one_of_ones_own_will_do(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
-    assert done.stdout.count("its environment is made, once") == 2
     assert "toy 1.0: the one that is installed here" in done.stdout
-    again = home.versions("oscillator", "--engine", "toy", "1.0", "3.0")
-    assert again.returncode == 0, again.stdout + again.stderr
-    assert "is made, once" not in again.stdout
-    assert "toy 3.0 can replace 1.0 for these models" in again.stdout
-    (place,) = (home.place / "cache").rglob("toy-2.0-*[0-9a-f]/")
-    own = home.versions("oscillator", "--engine", "toy", "1.0", f"2.0={place}")
-    assert own.returncode == 1
-    wrong = home.versions("oscillator", "--engine", "toy", "1.0", f"2.5={place}")
+    assert done.stdout.count("its environment is made, once") == 1
+    wrong = home.versions("oscillator", "--engine", "toy", "2.5=own", "1.0")
     assert wrong.returncode == 3
-    assert wrong.stderr.strip().endswith("it has toy 2.0")
+    assert wrong.stderr.strip().endswith("it has toy 3.0")
 
 
 @pytest.mark.release
@@ -189,9 +186,10 @@ def test_a_version_that_is_not_there_is_told_before_anything_is_run(home: Home) 
 def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_others(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
-    words = "sweep", "oscillator"
-    ran = home.run(*words, "--versions", "toy", "1.0", "2.0", "--out", "rows")
+    words = "sweep", "oscillator", "--out", "rows", "--versions", "toy", "1.0"
+    ran = home.run(*words, "3.0=own", "2.0")
     assert ran.returncode == 1, ran.stdout + ran.stderr
+    assert "is made, once" not in ran.stdout
     rows = {
         version: {row.index: row for row in read_rows(home.place / "rows" / f"toy-{version}")}
         for version in ("1.0", "2.0")
@@ -201,9 +199,10 @@ def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_othe
         assert row.outcome.value == "AGREES"
         assert rows["2.0"][index].outcome.value == "DIFFERS"
     lines = ran.stdout.splitlines()
-    (line,) = (line for line in lines if line.startswith("toy") and " -> " in line)
-    assert line.startswith(
-        "toy 1.0 -> 2.0: 2 cases: 2 with another verdict; 2 with another discrepancy"
+    same, moved = (line for line in lines if line.startswith("toy") and " -> " in line)
+    assert same == "toy 1.0 -> 3.0: 2 cases: none changed"
+    assert moved.startswith(
+        "toy 3.0 -> 2.0: 2 cases: 2 with another verdict; 2 with another discrepancy"
     )
     # Each case by its own command, under the version that it was run under.
     _, *again = shlex.split(rows["2.0"][1].command)
@@ -211,11 +210,20 @@ def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_othe
     alone = home.run(*again)
     assert alone.returncode == 1
     assert "FAIL  #1 " in alone.stdout
-    # Gone on with: 1.0 is not run again, and 3.0 is as it was.
-    more = home.run(*words, "--versions", "toy", "1.0", "3.0", "--out", "rows")
-    assert more.returncode == 0, more.stdout + more.stderr
-    assert "toy 1.0 -> 3.0: 2 cases: none changed" in more.stdout
-    told_once(home.run(*words, "--versions", "toy", "1.0", "2.0", "--scenario", "none"), "none")
+    told_once(home.run(*words, "2.0", "--vary", "m=none"), "none")
+
+
+@pytest.mark.parametrize("worst", [0, 1, 3])
+def test_a_sweep_of_versions_without_a_change_ends_as_the_worst_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, worst: int
+) -> None:
+    codes = iter((worst, 0))
+    launch = "physics_crosscheck.harness.extras.sweep.versions.launch"
+    monkeypatch.setattr(launch, lambda *_: next(codes))
+    interpreter(tmp_path).parent.mkdir()
+    interpreter(tmp_path).touch()
+    words = "sweep", "simple_pendulum", "--versions", "pymunk", "1.0=.", "2.0=."
+    assert crosscheck(*words, cwd=tmp_path).returncode == worst
 
 
 @pytest.mark.parametrize(("words", "message"), [
