@@ -15,8 +15,8 @@ report: .venv/.report
 WORKERS := -n 3 --dist loadfile --no-loadscope-reorder
 PYTEST := $(BIN)/python -m pytest $(WORKERS)
 
-# The checks of the code run beside the tests. Motions with events are among the slow ones, and
-# `make test-engines` runs all built-in models with every check; `gate --all` there, in all engines.
+# The checks of the code run beside the tests. `make test-engines` runs all built-in models with
+# every check, motions with events among them; `gate --all` there, in all engines.
 QUICK := mass_spring_damper simple_pendulum drum_pendulum
 test: .venv/.test
 	$(MAKE) --no-print-directory --jobs 2 check pytest
@@ -40,13 +40,19 @@ LONG_RELEASE := $(wildcard $(addprefix tests/,installed/test_documents.py versio
 test-release: .venv/.test
 	$(PYTEST) $(LONG_RELEASE) $(filter-out $(LONG_RELEASE),$(call marked,release)) -m release
 
+# Impacts that have no limit or lose their rebound, and a lost contact: docs/method-events.md.
+KNOWN := bouncing_ball/system.py::bouncing_ball/robot.urdf/dropped \
+	bouncing_ball/system.py::bouncing_ball/robot.urdf/thrown \
+	pendulum_stop/system.py::pendulum_stop/robot.urdf/swing \
+	tipping_box/system.py::tipping_box/space.py/rock
+
 # Every engine of an extra: its tests, its conformance, and all accepted cases. 4 GB, 3 minutes to set up.
 ALL := .venv-engines/bin
 test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
 		tests/files/test_motions.py tests/numerics/test_stepping.py tests/numerics/test_forward_dynamics.py
 	$(ALL)/python -m pytest -n 2 -m "mujoco or pybullet or pymunk or pinocchio" --crosscheck models \
-		--crosscheck-thorough --ignore models/events models
+		--crosscheck-thorough $(KNOWN:%=--deselect 'models/events/%') models
 	$(ALL)/crosscheck gate --all --out build/gate
 
 # Another Python, with the engines that have wheels for it: make test-python PYTHON=python3.12

@@ -28,6 +28,7 @@ from tests.physics import physics as prepared
 DRUM = "drum_pendulum"
 
 
+@pytest.mark.slow
 def test_a_built_in_model_has_no_finding() -> None:
     """Catch unresolved accelerations; findings of other models fail `pytest --crosscheck`."""
     name, engine = "mujoco_rolling.xml", "mujoco"

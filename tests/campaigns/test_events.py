@@ -60,6 +60,7 @@ def test_numbers_of_contacts_and_laws_are_planted_and_masses_are_not(
     assert {address for address, _, _ in edits} == numbers
 
 
+@pytest.mark.slow
 def test_a_drive_that_leaves_its_limit_some_steps_early_is_resolved() -> None:
     # The ladder's coarsest rung has one step before the event; finer ones leave two steps early.
     folder = EVENTS / "saturated_servo"

@@ -138,6 +138,7 @@ def test_the_fate_of_a_fault(
     assert fate_of(told, effect, excess, pose, seen) is fate
 
 
+@pytest.mark.slow
 def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
     options = replace(SMALL, engine="pybullet")
     results = [study(options, index) for index in range(1, 10, 2)]

@@ -45,6 +45,7 @@ def test_accelerations_have_more_digits_than_a_double(index: int) -> None:
     assert error < 100 * EPSILON * condition
 
 
+@pytest.mark.slow
 def test_ends_have_more_digits_than_a_double() -> None:
     mechanism = draw(41, 18, most=2)
     assert mechanism.engine == "mujoco"

@@ -57,6 +57,7 @@ def test_what_has_been_tried_is_not_tried_again(
         command.main([*told, "--set", "exact_frames"])  # another run, of which nothing is known
 
 
+@pytest.mark.slow
 def test_a_comparison_of_old_and_new_names_the_line(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)

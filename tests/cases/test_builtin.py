@@ -50,9 +50,10 @@ def test_make_test_runs_them_as_tests() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
-def test_the_engines_linearizations_are_taylors(folder: Path) -> None:
-    prepared = physics(folder.name)
+@pytest.mark.parametrize("name", ["drum_pendulum", "free_pair"])
+def test_the_engines_linearizations_are_taylors(name: str) -> None:
+    """Catch a wrong matrix about each equilibrium, with gears, and with springs of sidecars."""
+    folder, prepared = builtin() / name, physics(name)
     known = engines()
     for sidecar in sidecars(folder):
         for engine in sidecar.engines:

@@ -500,6 +500,7 @@ def test_a_time_step_too_long_for_the_motion_is_a_reservation() -> None:
     assert "no motion from rest: dt = 0.002 s is too long for a motion of 0.003 s" in case.reason
 
 
+@pytest.mark.slow
 def test_the_command_line_reports_the_error_of_a_motion(tmp_path: Path) -> None:
     file = str(DATA / "cartpole.urdf")
     refused = crosscheck(tmp_path, file, "--motion", "0")

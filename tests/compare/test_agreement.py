@@ -48,6 +48,7 @@ def test_a_drum_that_rolls_by_an_equality_agrees_with_one_that_rolls_by_a_gear()
     assert len(sampled(*paths).independent) == 2
 
 
+@pytest.mark.slow
 def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path: Path) -> None:
     drum = "drum_pendulum"
     # The Space has a drum that slides; the URDF's turns too.
@@ -122,6 +123,7 @@ def test_random_chains_agree_across_formats(tmp_path: Path) -> None:
     agrees(compared(a, b, engine_b="mujoco"))
 
 
+@pytest.mark.slow
 def test_what_pybullet_loses_of_turned_inertias_is_told(tmp_path: Path) -> None:
     mjcf, urdf = chain(1, 2)
     a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)

@@ -130,6 +130,7 @@ def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path: Path) -> 
     assert [one.message for one in result(found).properties] == ["dry friction: 0 in A, 1 in B"]
 
 
+@pytest.mark.slow
 def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path: Path) -> None:
     path = model("mass_spring_damper", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.002\nlink_damping = 0.04"))

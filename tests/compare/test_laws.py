@@ -33,8 +33,6 @@ def hoppers(folder: Path, old: str, new: str) -> tuple[Path, Path]:
     ('solreflimit="0.03 1"', 'solreflimit="0.03 0.9"',
      "solreflimit[1] of joint hip: 1 in A, 0.9 in B", 3),
     ('range="-0.5 0.5"', "", "range of joint hip: (-0.5 0.5) in A, none in B", 7),
-    ('frictionloss="0.4"', 'frictionloss="0.5"', "frictionloss of joint hip: 0.4 in A, 0.5 in B",
-     3),
     ('"-4 4"', '"-4 4.1"', "forcerange[1] of actuator servo: 4 in A, 4.1 in B", 11),
     ('angle="radian"/>', 'angle="radian"/><option cone="elliptic"/>',
      "cone of options: false in A, true in B", 0),

@@ -395,6 +395,7 @@ def test_a_mass_far_off_is_named(tmp_path: Path) -> None:
     assert (edit.where_a.line, single(found).explained) == (13, 1.0)
 
 
+@pytest.mark.slow
 def test_a_literal_of_a_default_class_is_named(tmp_path: Path) -> None:
     text, old = gymnasium("reacher.xml").read_text(), 'damping="1" limited'
     a = written(tmp_path, "a.xml", text)
@@ -433,6 +434,7 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says(tmp_path
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 def test_equations_are_held_against_ends_that_have_no_limit() -> None:
     """Under PyBullet's motors no run has a limit; the sidecar that leaves them on is named."""
     cases = ROOT / "docs" / "cases"

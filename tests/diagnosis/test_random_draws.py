@@ -32,6 +32,7 @@ def pairing(system: str, file: str) -> Pairing:
     )
 
 
+@pytest.mark.slow
 def test_rounding_by_a_soft_equality_is_no_difference(tmp_path: Path) -> None:
     """At a draw where it was once taken for one."""
     constants = {

@@ -150,7 +150,8 @@ def test_a_wrong_number_of_a_urdf_is_named(
 
 
 @pytest.mark.parametrize(("spelled", "engine", "share"), [
-    ('joint damping="0.3"', "pinocchio", 1e-2), ('euler="0.3 0.2 0.1"', "mujoco", 1e-6),
+    pytest.param('joint damping="0.3"', "pinocchio", 1e-2, marks=pytest.mark.slow),
+    ('euler="0.3 0.2 0.1"', "mujoco", 1e-6),
 ])  # fmt: skip
 def test_a_wrong_number_of_an_mjcf_or_of_what_it_includes_is_named(
     tmp_path: Path, engine: str, spelled: str, share: float
@@ -184,6 +185,7 @@ def test_what_an_engine_reads_over_is_told_with_all_its_lines(tmp_path: Path) ->
     )
 
 
+@pytest.mark.slow
 def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(tmp_path: Path) -> None:
     """The engine runs a file that says 1.5; the equations, and the lines, are of one of 1.8."""
     file = tmp_path / "arm.urdf"

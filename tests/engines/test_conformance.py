@@ -41,10 +41,9 @@ def test_every_adapter_conforms_on_its_own_samples(name: str) -> None:
         assert failures(checks) == []
 
 
-@pytest.mark.parametrize("mechanism", ["oscillator", "pair"])
 @pytest.mark.parametrize("pairing", PAIRINGS, ids=str)
-def test_every_pairing_conforms(pairing: Pairing, mechanism: str, tmp_path: Path) -> None:
-    assert failures(conform(adapter(pairing.engine), pairing.spec(mechanism, tmp_path))) == []
+def test_every_pairing_conforms(pairing: Pairing, tmp_path: Path) -> None:
+    assert failures(conform(adapter(pairing.engine), pairing.spec("pair", tmp_path))) == []
 
 
 def test_checks_have_names_of_their_own_and_sentences() -> None:

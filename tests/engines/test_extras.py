@@ -74,6 +74,7 @@ def test_settings_of_what_is_absent_are_none_of_a_stranger(folder: Path) -> None
         read_sidecar(folder / "robot.urdf.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("absent")
 def test_where_nothing_else_runs_a_model_it_is_absent(folder: Path) -> None:
     _write(folder, '["pinocchio"]')

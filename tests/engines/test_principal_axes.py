@@ -113,6 +113,7 @@ def test_a_right_file_differs_by_the_engines_own_sweeps_and_agrees_without_them(
         )
 
 
+@pytest.mark.slow
 def test_the_cause_is_named_with_its_size_and_no_literal(
     hinge: PreparedSystem, right: Sidecar
 ) -> None:

@@ -45,7 +45,8 @@ def _cases(names: Container[str]) -> list[Any]:
             sidecar,
             engine,
             id=f"{folder.name}-{sidecar.model.name}-{engine}",
-            marks=pytest.mark.xdist_group(f"bindings of {folder.name}"),
+            # `make test-engines` runs slow ones too.
+            marks=() if folder.name in ("drum_pendulum", "free_pair") else pytest.mark.slow,
         )
         for folder in system_folders([])
         for sidecar in model_files(folder)

@@ -83,7 +83,7 @@ def problem_of(text: str) -> AnyLawProblem:
     return problem
 
 
-QUICK = "the limit of joint shoulder is ignored"
+QUICK = "dry friction of joint c is ignored"
 """A mistake that is planted in every run of the tests, besides those of `tests/mutation`."""
 
 

@@ -77,7 +77,9 @@ HARD_FAULTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("fault", HARD_FAULTS)
+@pytest.mark.parametrize(
+    "fault", ["limit", "effort", pytest.param("restitution", marks=pytest.mark.slow)]
+)
 def test_a_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str) -> None:
     """Catch a cause without a line, another number, or another value."""
     pytest.importorskip("pybullet")
@@ -96,7 +98,10 @@ def test_a_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str
     assert place.line == text[: text.index(right)].count("\n") + 1
 
 
-@pytest.mark.parametrize(("text", "floating"), [(URDF_ARM, False), (URDF_BOX, True)])
+@pytest.mark.parametrize(
+    ("text", "floating"),
+    [(URDF_ARM, False), pytest.param(URDF_BOX, True, marks=pytest.mark.slow)],
+)
 def test_other_numbers_of_impulses_have_the_effect_of_a_new_solution(
     tmp_path: Path, text: str, floating: bool
 ) -> None:

@@ -13,6 +13,9 @@ from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey, sur
 from physics_crosscheck.harness.records.mutation import FaultVerdict, Mutation
 from tests.mutation.conftest import sound, tried
 
+pytestmark = pytest.mark.slow
+"""A fault in a law of a motion with events is named quickly in `tests/cases/test_events.py`."""
+
 
 @pytest.fixture(autouse=True)
 def _few(few: None) -> None:
@@ -37,7 +40,6 @@ def test_a_millionth_of_a_contact_is_named() -> None:
     assert planted(fault, task, known).verdict is FaultVerdict.NAMED
 
 
-@pytest.mark.slow
 def test_friction_that_a_folder_with_contacts_lacks_is_named() -> None:
     task, known = surveyed("events/soft_landing", "mujoco.xml", "mujoco")
     fault = next(one for one in known.faults if one.name == "friction left in")
@@ -54,7 +56,6 @@ def test_another_step_agrees_by_the_law_of_the_engine() -> None:
     assert after > 1.2 * before
 
 
-@pytest.mark.slow
 def test_a_number_that_moves_an_event_out_of_its_segment_is_named() -> None:
     """Catch fits that begin at the present value, where slopes across events vanish."""
     task, known = surveyed("events/ball_train", "space.py", "pymunk")

@@ -126,6 +126,7 @@ def test_a_folder_is_tried_whole_literals_first_and_progress_ends_with_the_last(
     assert {r.verdict for r in found if r.name == "1e-6"} == {FaultVerdict.NAMED}
 
 
+@pytest.mark.slow
 def test_a_mistake_told_by_another_name_is_caught_but_not_named(few: None) -> None:
     task = sound(MSD, "mujoco.xml")
     known = survey(task)
@@ -156,6 +157,7 @@ def test_a_model_without_bindings_has_its_known_mistakes_all_the_same(few: None)
     assert tried(bare, known, friction).verdict is FaultVerdict.NAMED
 
 
+@pytest.mark.slow
 def test_a_mass_that_hardly_moves_is_not_taken_for_a_wrong_one() -> None:
     task = sound("anchored_pair", "space.py", "pymunk")
     # Of 1e-15 of the scale, rounding of the positions alone makes its velocity.

@@ -202,7 +202,10 @@ def kane_matches(name: str, assemble: Callable[[Mechanism], None]) -> bool:
     return all(sp.simplify(sp.expand(gap)) == 0 for gap in gaps)
 
 
-@pytest.mark.parametrize("name", KANE)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow) if n == CART.name else n for n in KANE],
+)
 def test_kanes_method_gives_the_same_equations_of(name: str) -> None:
     assert kane_matches(name, KANE[name])
 

@@ -322,7 +322,10 @@ def test_the_transfer_functions_are_the_textbooks(name: str, rest: str) -> None:
     assert all(sp.cancel(entry) == 0 for entry in gap)
 
 
-@pytest.mark.parametrize(("name", "rest"), RESTS)
+@pytest.mark.parametrize(
+    ("name", "rest"),
+    [one if one[0] in BY_HAND else pytest.param(*one, marks=pytest.mark.slow) for one in RESTS],
+)
 def test_the_transfer_functions_are_the_state_spaces(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     a, b, cy, d = (linearization.exact[x] for x in ("A", "B", "Cy", "D"))

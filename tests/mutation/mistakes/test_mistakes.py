@@ -50,7 +50,10 @@ def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
         pytest.param(
             m,
             id=f"{m.name}-{m.system}-{m.engine}",
-            marks=pytest.mark.skipif(m.engine in absent, reason=f"{m.engine} is not installed"),
+            marks=[
+                pytest.mark.skipif(m.engine in absent, reason=f"{m.engine} is not installed"),
+                *([pytest.mark.slow] if m.system.endswith("pendulum") else ()),
+            ],
         )
         for m in mistakes
     ]
