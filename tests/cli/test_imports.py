@@ -100,6 +100,7 @@ def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
     assert read_results(tmp_path / "reports" / "results.json").cached == 2
 
 
+@pytest.mark.slow
 def test_engines_run_in_other_processes(tmp_path: Path) -> None:
     """A crash of an engine would end the program, and what it prints would be in a notebook."""
     pytest.importorskip("pybullet")

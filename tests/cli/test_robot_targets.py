@@ -148,6 +148,7 @@ def test_audit_reports_a_file_that_can_t_be_read_and_needs_no_engine(
     assert done.stdout.startswith("swing/arm.urdf [mujoco]\n  ok: ")
 
 
+@pytest.mark.slow
 def test_mutate_plants_faults_in_a_robot_file(place: Path) -> None:
     words = ("robots/deep", "--engine", "mujoco", "--json", "faults.json")
     done = crosscheck("mutate", *words, cwd=place)

@@ -295,7 +295,7 @@ def test_a_declaration_costs_its_own_folder_alone(
         known_folder(Path(name), {"good": ""})
         Path(name, "system.py").write_text(f"{SYSTEM}\n{code}\n")
     known_folder(Path("sound"), {"good": ""})
-    assert main(["run", *HOSTILE, "sound", "--out", "out", "--limit", "6"]) == 3
+    assert main(["run", *HOSTILE, "sound", "--out", "out", "--limit", "3"]) == 3
     found = read_results(Path("out/results.json")).cases
     reasons = {case.folder: case.reason for case in found if case.outcome == "FAILED"}
     assert reasons.keys() == HOSTILE.keys()
@@ -307,7 +307,7 @@ def test_a_declaration_costs_its_own_folder_alone(
     assert "exit code 0" in reasons["leaves"]
     assert "RecursionError" in reasons["deep"]
     assert "--memory raises it" in reasons["hoards"]
-    assert "6 processor seconds; --limit raises it" in reasons["spins"]
+    assert "3 processor seconds; --limit raises it" in reasons["spins"]
     assert "SIGTERM" in reasons["killed"]
     assert "Traceback" not in capsys.readouterr().err
 

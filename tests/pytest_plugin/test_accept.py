@@ -7,6 +7,7 @@ import pytest
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.pytest_plugin.conftest import Project
+from tests.standing import without
 
 pytest_plugins = ("pytester",)
 
@@ -53,6 +54,7 @@ def test_accepting_is_a_persons_decision_with_a_reason(
 
 def test_the_fixture_runs_models_on_the_terms_of_the_command_line_once(project: Project) -> None:
     path = project.add() / "mujoco.xml"
+    without(path.parent, "step", "resonance")
     project.edit(path, 'stiffness="47.0"', 'stiffness="47.000047"')
     (project.path / "test_mine.py").write_text(
         """

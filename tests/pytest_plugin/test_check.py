@@ -22,6 +22,7 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines
+from tests.faults.known_folder import environment, known_folder
 from tests.robots.files import ARM, LAMP, UNLIMITED
 from tests.standing import brief, standing_only, without
 
@@ -154,12 +155,13 @@ def test_a_path_that_is_none_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_script_without_a_guard_may_call_it() -> None:
-    script = "from physics_crosscheck import check\n"
-    script += "print(check('torsional_disc', engines=['pymunk'], jobs=1).agree)\n"
+def test_a_script_without_a_guard_may_call_it(tmp_path: Path) -> None:
+    without(known_folder(tmp_path / "osc", {"good": ""}), "driven")
+    script = "from physics_crosscheck import check\nprint(check('osc', jobs=1).agree)\n"
     done = subprocess.run(
-        [sys.executable, "-"], input=script, cwd=ROOT, capture_output=True, text=True, check=False
-    )
+        [sys.executable, "-"], input=script, cwd=tmp_path, capture_output=True, text=True,
+        check=False, env=environment(),
+    )  # fmt: skip
     assert done.stdout == "True\n", done.stderr
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from dataclasses import fields
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from tests import commands
+from tests.robots.files import ARM
 
 DATA = Path(pybullet_data.getDataPath())
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
@@ -193,11 +193,12 @@ def test_just_the_meshes_that_have_a_say_are_copied(
 
 @pytest.mark.slow
 def test_a_root_may_float(tmp_path: Path) -> None:
-    from_model(DATA / "laikago" / "laikago_toes_zup.urdf", tmp_path / "dog", floating=True)
-    assert bodies(tmp_path / "dog").bodies[0].joints[0].kind == "free"
-    sidecar = read_sidecar(tmp_path / "dog" / "laikago_toes_zup.urdf.toml")
+    (tmp_path / "arm.urdf").write_text(ARM)
+    from_model(tmp_path / "arm.urdf", tmp_path / "arm", floating=True)
+    assert bodies(tmp_path / "arm").bodies[0].joints[0].kind == "free"
+    sidecar = read_sidecar(tmp_path / "arm" / "arm.urdf.toml")
     assert sidecar.settings["floating"] is True
-    found = run([tmp_path / "dog"], Options(jobs=1), lambda *_: None).results
+    found = run([tmp_path / "arm"], OUTCOMES, lambda *_: None).results
     assert {case.outcome for case in found.cases} == {Outcome.AGREES}
 
 
@@ -295,10 +296,4 @@ def test_from_the_command_line_to_a_gate(tmp_path: Path) -> None:
     declared.write_text(declared.read_text().replace("mass=3.0,", "mass=3.001,"))
     done = crosscheck(tmp_path, "gate", "--jobs", "1")
     assert "model and equations changed alike, and agree" in done.stdout
-    tests = subprocess.run(
-        [sys.executable, "-m", "pytest", "--crosscheck", "m", "-q", "-p", "no:cacheprovider"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert tests.returncode == 0, tests.stdout
-    assert "4 passed" in tests.stdout
     assert not [one for one in model_files(tmp_path / "m" / "arm") if isinstance(one, UnreadModel)]
