@@ -11,8 +11,9 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property, partial
+from operator import eq
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -128,7 +129,7 @@ class CompiledNumbers:
         compiled, source, original = self._compile(values), self._source, self._original
         if compiled is None or source is None or original is None:
             return None
-        read = self._reread(compiled, source, original)
+        read = self._reread(_shared(compiled, source), source, original)
         return replace(read, moved_shapes=_moved_shapes(source.placed, compiled.placed))
 
     def _reread(
@@ -139,7 +140,7 @@ class CompiledNumbers:
             compiled, laws=source.laws, paths=source.paths, placed=source.placed
         )
         read_tree: Callable[[], Tree | None] = (
-            (lambda: original.tree) if same_tree else partial(tree_of, compiled, self._controls)
+            (lambda: original.tree) if same_tree else partial(self._tree_like, compiled, original)
         )
         model, laws = original.laws, compiled.laws
         if model is None or laws is None:
@@ -151,6 +152,12 @@ class CompiledNumbers:
         )
         return _Compiled(
             read_tree=read_tree, read_laws=read_laws, same_laws=same_paths and same_laws
+        )
+
+    def _tree_like(self, compiled: CompiledTree, original: _Compiled) -> Tree | None:
+        tree = tree_of(compiled, self._controls)
+        return (
+            tree if tree is None or original.tree is None else _shared(tree, original.tree, _same)
         )
 
     def _compile(self, values: Mapping[int, float]) -> CompiledTree | None:
@@ -393,16 +400,35 @@ def _under(model: LawModel, laws: Laws) -> LawModel:
     return model.under(_shared(laws, model.laws))
 
 
-def _shared(laws: Laws, original: Laws) -> Laws:
-    """Return laws whose rows are those of the original where they are equal, to save memory."""
-    tables = ("limits", "frictions", "equalities", "surfaces", "pairs", "drives")
+T = TypeVar("T", Tree, Laws, CompiledTree)
+
+
+def _shared(new: T, original: T, same: Callable[[Any, Any], bool] = eq) -> T:
+    """Return it with the rows of the original where they are equal, to save memory.
+
+    A file is kept with each of its numbers changed, which changes few rows.
+    """
     changes: dict[str, Any] = {}
-    for name in tables:
-        rows, before = getattr(laws, name), getattr(original, name)
-        if len(rows) == len(before):
+    for name in _TABLES[type(new)]:
+        rows, before = getattr(new, name), getattr(original, name)
+        if same(rows, before):
+            changes[name] = before
+        elif isinstance(rows, Mapping):
+            changes[name] = {
+                key: before[key] if key in before and same(row, before[key]) else row
+                for key, row in rows.items()
+            }
+        elif len(rows) == len(before):
             pairs = zip(rows, before, strict=True)
-            changes[name] = tuple(two if one == two else one for one, two in pairs)
-    return replace(laws, **changes)
+            changes[name] = tuple(two if same(one, two) else one for one, two in pairs)
+    return replace(new, **changes)
+
+
+_TABLES: Mapping[type, Sequence[str]] = {
+    Tree: ("links", "pulls", "couplings", "immersed", "bushings", "frames"),
+    Laws: ("limits", "frictions", "equalities", "surfaces", "pairs", "drives"),
+    CompiledTree: ("bodies", "pulls", "couplings", "actuators", "paths", "placed"),
+}
 
 
 FEWEST = 4
