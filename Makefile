@@ -36,7 +36,7 @@ test-slow: .venv/.test
 
 # What is published: the wheel, pages run line by line, the site, and two versions of an engine.
 LONG_RELEASE := $(wildcard $(addprefix tests/,installed/test_documents.py versions/test_two_versions.py \
-	installed/test_installed.py test_site.py versions/test_mujoco_versions.py))
+	installed/test_repository.py installed/test_installed.py test_site.py))
 test-release: .venv/.test
 	$(PYTEST) $(LONG_RELEASE) $(filter-out $(LONG_RELEASE),$(call marked,release)) -m release
 
