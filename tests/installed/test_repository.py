@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 import shlex
 import shutil
@@ -58,7 +59,7 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> 
     told = _the_workflow_fails_and_tells(place, tmp_path / "tools")
     noted = re.findall(r"^::error file=(.*?),line=(\d+),", told, re.MULTILINE)
     assert set(noted) == {("models/cart_pole/mujoco.xml", str(line))}
-    assert "body[pole]/inertial@mass 0.25 -> 0.2501, bound to m" in told
+    assert "mass of body pole 0.25 -> 0.2501 changed 2" in told
     # A decision of a person: CI can't take it.
     does("crosscheck accept --reason no", 2, CI="1")
 
@@ -87,6 +88,7 @@ def _the_workflow_fails_and_tells(place: Path, tools: Path) -> str:
     assert comment == f"gh pr comment 7 --body-file {body} --edit-last --create-if-none"
     assert (place / body).read_text() == job.summary
     assert "cause in cart_pole/mujoco.xml" in job.summary
+    assert "mass 0.25 -> 0.2501, bound to m\n" in html.unescape(job.summary)
     assert (place / "reports" / "index.html").is_file()
     return job.stdout
 
