@@ -41,7 +41,7 @@ test-release: .venv/.test
 	$(PYTEST) $(LONG_RELEASE) $(filter-out $(LONG_RELEASE),$(call marked,release)) -m release
 
 # Impacts that have no limit or lose their rebound, and a lost contact: docs/method-events.md.
-KNOWN := bouncing_ball/system.py::bouncing_ball/robot.urdf/dropped \
+KNOWN := bouncing_ball/system.py::bouncing_ball/robot.urdf/drop \
 	bouncing_ball/system.py::bouncing_ball/robot.urdf/thrown \
 	pendulum_stop/system.py::pendulum_stop/robot.urdf/swing \
 	tipping_box/system.py::tipping_box/space.py/rock

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
+import os
+import pickle
+import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from tempfile import gettempdir
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -15,8 +20,23 @@ from physics_crosscheck.reference.mechanism.system import System
 
 @cache
 def physics(name: str) -> PreparedSystem:
-    """A system, without the formulas of a report; nobody changes anything of it."""
-    return prepare_system(builtin() / name, described=False)
+    """A system, without the formulas of a report; nobody changes anything of it.
+
+    The workers of one run of pytest share it.
+    """
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID", os.getpid())
+    shared = Path(gettempdir()) / f"crosscheck-{run}"
+    kept = shared / name
+    if kept.is_file():
+        found: PreparedSystem = pickle.loads(kept.read_bytes())
+        return found
+    found = prepare_system(builtin() / name, described=False)
+    shared.mkdir(exist_ok=True)
+    atexit.register(shutil.rmtree, shared, ignore_errors=True)
+    own = shared / f"{name}.{os.getpid()}"
+    own.write_bytes(pickle.dumps(found))
+    own.replace(kept)
+    return found
 
 
 def redrawn(

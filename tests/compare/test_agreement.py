@@ -97,18 +97,6 @@ def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path: Path) -> Non
     }
 
 
-def test_comments_and_white_space_are_no_difference(tmp_path: Path) -> None:
-    path = model("drum_pendulum", "mujoco.xml")
-    other = changed(
-        tmp_path,
-        path,
-        ("Example 2.5", "Fig. 7"),
-        ('mass="0.8" ', '\n   mass="0.80"\t'),
-        ("0 0 -0.3", " 0  0.0\n -3e-1"),
-    )
-    assert result(agrees(compared(path, other))).differences == ()
-
-
 def test_a_state_of_the_users_own_is_run_too() -> None:
     path = model("simple_pendulum", "mujoco.xml")
     starts = ({"theta": 2.9, "theta_dot": 0.25},)

@@ -101,10 +101,20 @@ def test_the_first_lines_have_both_places_and_the_remedy(
         assert all(len(line) <= width for line in lines)
 
 
-def test_the_same_exits_0(tmp_path: Path) -> None:
-    path = model("simple_pendulum", "mujoco.xml")
-    done = crosscheck(path, path, cwd=tmp_path)
+def test_comments_and_white_space_are_no_difference_and_exit_0(tmp_path: Path) -> None:
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(
+        tmp_path / "new",
+        path,
+        ("Example 2.5", "Fig. 7"),
+        ('mass="0.8" ', '\n   mass="0.80"\t'),
+        ("0 0 -0.3", " 0  0.0\n -3e-1"),
+    )
+    done = crosscheck(path, other, "--json", "record.json", cwd=tmp_path)
     assert (done.returncode, done.stdout[:4]) == (0, "ok  "), done.stdout + done.stderr
+    found = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult).compared
+    assert found is not None
+    assert found.differences == ()
 
 
 def test_a_range_that_no_run_shows_differs_by_its_law(tmp_path: Path) -> None:

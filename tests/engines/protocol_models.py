@@ -231,6 +231,6 @@ _WRITERS: dict[str, Callable[[Pairing, str, Path], tuple[ModelSpec, list[int]]]]
 
 PAIRINGS = (
     *(Pairing("mujoco", "mjcf", i) for i in ("Euler", "implicit", "implicitfast", "RK4")),
-    Pairing("mujoco", "urdf", "Euler"), Pairing("mujoco", "urdf", "RK4"),
+    Pairing("mujoco", "urdf", "Euler"),
     Pairing("pybullet", "urdf"), Pairing("pymunk", "python"), Pairing("known", "known"),
 )  # fmt: skip

@@ -126,13 +126,9 @@ def test_rounding_is_no_difference_where_nothing_accelerates(tmp_path: Path) -> 
 
 
 FAULTS = {
-    "friction": (TOUCH[3], 'friction=".7', 'friction=".7000007'),
     "torsional friction": (TOUCH[4], ".02 .003", ".02000002 .003"),
     "solref": (PAIR, 'solref=".03 .9"', 'solref=".03000003 .9"'),
     "margin": (TOUCH[3], 'margin=".001"', 'margin=".001000001"'),
-    "condim": (TOUCH[3], 'condim="3"', 'condim="4"'),
-    "range": (LIMITS, 'range="-5 10"', 'range="-5 10.00001"'),
-    "frictionloss": (LIMITS, 'frictionloss=".4"', 'frictionloss=".4000004"'),
     "tendon range": (LIMITS, 'range="-.02 .02"', 'range="-.02 .02000002"'),
     "polycoef": (CONNECT, 'polycoef=".1 .5', 'polycoef=".1 .5000005'),
     "anchor": (CONNECT, 'anchor=".3 0 0"', 'anchor=".300001 0 0"'),
@@ -238,23 +234,6 @@ def test_nearly_rigid_rows_have_small_uncertainty(tmp_path: Path) -> None:
     assert check.record.outcome is Outcome.AGREES
     assert check.judgement is not None
     assert check.judgement.largest_uncertainty < 1e-9
-
-
-@few
-@pytest.mark.slow
-def test_a_random_scene_agrees_and_its_planted_faults_differ(tmp_path: Path) -> None:
-    """Catch a campaign that draws nothing that acts, or plants nothing that is seen."""
-    rng = np.random.default_rng(7)
-    file = tmp_path / "scene.xml"
-    file.write_text(mujoco_scene(rng))
-    check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
-    assert check is not None
-    assert check.record.outcome is Outcome.AGREES
-    assert {"contacts", "limits"} <= {term.name for term in check.record.acted}
-    kinds = ("range",)
-    faults = [fault for *_, fault in planted(file, 1, rng, kinds)]
-    assert faults
-    assert {(fault.outcome, fault.named) for fault in faults} == {("DIFFERS", True)}
 
 
 GAP = """<mujoco><worldbody><geom type="plane" size="3 3 .1" margin=".001" gap=".0005"/>
