@@ -210,6 +210,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(tmp_pa
     assert sentence.endswith(" in the engine")
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)

@@ -148,6 +148,7 @@ def test_a_model_that_is_wrong_to_begin_with_is_refused_by_its_name(
         survey(sound(MSD, "mujoco.xml", sidecar=sidecar))
 
 
+@pytest.mark.slow
 def test_a_model_without_bindings_has_its_known_mistakes_all_the_same(few: None) -> None:
     task = sound(MSD, "mujoco.xml")
     bare = task.with_sidecar(replace(task.declared, bindings={}))

@@ -43,9 +43,10 @@ def robot(name: str, floating: bool) -> PreparedTree:
     return prepare_tree(DATA / name, floating=floating, states=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "floating", "bodies"), [
     ("franka_panda/panda.urdf", False, 13),
-    pytest.param("a1/a1.urdf", True, 22, marks=pytest.mark.slow),
+    ("a1/a1.urdf", True, 22),
 ])  # fmt: skip
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet", "drake", "pinocchio", "dart"])
 def test_every_body_of_a_robot_is_where_the_file_puts_it(

@@ -1,4 +1,4 @@
-"""The simple pendulum against Jacobi's elliptic functions, and the energy of the IFToMM benchmark."""
+"""The simple pendulum against Jacobi's elliptic functions; the IFToMM benchmark's energy."""
 
 from collections.abc import Sequence
 from functools import cache

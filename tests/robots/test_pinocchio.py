@@ -112,7 +112,11 @@ def differences(model: pinocchio.Model, tree: Tree) -> Array:
     return worst
 
 
-@pytest.mark.parametrize(("name", "freedoms"), ROBOTS.items())
+@pytest.mark.parametrize(
+    ("name", "freedoms"),
+    [pytest.param(*one, marks=() if one[1] in (7, 8, 12) else pytest.mark.slow)
+     for one in ROBOTS.items()],
+)  # fmt: skip
 def test_a_robot_of_people_has_the_equations_that_another_library_reads(
     name: str, freedoms: int
 ) -> None:
