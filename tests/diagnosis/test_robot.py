@@ -89,7 +89,7 @@ def diagnosed(
 ) -> Diagnosis:
     """A file held against its equations from before a number was changed."""
     changed = changed or file
-    task = model_task(prepare_tree(file), engine)
+    task = model_task(prepare_tree(file, states=8), engine)
     text = changed.read_text()
     assert text.count(old) == 1
     changed.write_text(text.replace(old, new))
@@ -176,7 +176,7 @@ def test_what_an_engine_reads_over_is_told_with_all_its_lines(tmp_path: Path) ->
     weld = joint("weld", "rod", "tip", kind="fixed")
     again = TIP.replace('"tip"', '"end"') + weld.replace('"weld"', '"again"').replace("tip", "end")
     file.write_text(TIPPED.replace("</robot>", f"\n{again}</robot>"))
-    found = diagnose_robot(model_task(prepare_tree(file), "mujoco"), is_reference=True)
+    found = diagnose_robot(model_task(prepare_tree(file, states=8), "mujoco"), is_reference=True)
     assert found.explained
     told = cause_sentences(found.explanations[0])[0]
     assert told == (
@@ -191,7 +191,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(tmp_pa
     file = tmp_path / "arm.urdf"
     arm = plain(ARM)
     file.write_text(arm)
-    other = model_task(prepare_tree(file), engines_reading(".urdf")[0].name)
+    other = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
     taken, uncertainty = robot_problem(other, is_reference=True)
     file.write_text(arm.replace('value="1.5"', 'value="1.8"'))
     said = replace(taken, numbers=robot_numbers(file, {}))
@@ -214,7 +214,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(tmp_pa
 def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
-    task = model_task(prepare_tree(file), engines_reading(".urdf")[0].name)
+    task = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
     problem, _ = robot_problem(task, is_reference=True)
     slopes = problem.slopes({})
     for i, hypothesis in enumerate(problem.hypotheses):
@@ -233,7 +233,7 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     numbers = robot_numbers(file, {})
-    task = model_task(prepare_tree(file), engines_reading(".urdf")[0].name)
+    task = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
     problem = problem_of(task, numbers, is_reference=True)
     nothing = np.zeros_like(at_some(task).target.samples.end)
     slopes = problem.slopes({})
@@ -248,7 +248,7 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
 def test_what_an_engine_does_on_its_own_is_named() -> None:
     """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
     file = _data() / "aliengo" / "aliengo.urdf"
-    task = model_task(prepare_tree(file), "pybullet")
+    task = model_task(prepare_tree(file, states=8), "pybullet")
     assert judge(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(task, is_reference=True)
     assert found.explained
@@ -265,7 +265,7 @@ def test_axes_that_are_no_unit_vectors_are_named(tmp_path: Path) -> None:
     file.write_text(
         ARM.replace('xyz="0.1 0 1"', 'xyz="0 0 1"').replace("0 1 0.2", "0 0.6 0.800001")
     )
-    task = model_task(prepare_tree(file), "pybullet")
+    task = model_task(prepare_tree(file, states=8), "pybullet")
     assert judge(task).outcome is Outcome.DIFFERS
     causes = diagnose_robot(task, is_reference=True).explanations[0].causes
     assert "length of the axes of lift, up to 8.0e-07 off 1" in "".join(map(str, causes))
@@ -281,14 +281,14 @@ def test_a_mass_that_mujoco_takes_to_be_at_its_bodys_origin_is_named(tmp_path: P
     """`body_sameframe`: kinematics copies the body's frame where the inertial one is so near."""
     file = tmp_path / "near.xml"
     file.write_text(NEARLY.format("9e-7"))
-    task = model_task(prepare_tree(file), "mujoco")
+    task = model_task(prepare_tree(file, states=8), "mujoco")
     assert judge(task).outcome is Outcome.DIFFERS
     (one,) = diagnose_robot(task, is_reference=True).explanations
     assert "frames within 1e-6" in str(one.causes[0])
     exact = task.with_settings(exact_frames=True)
     assert run_case(exact).outcome is Outcome.AGREES
     file.write_text(NEARLY.format("1.1e-6"))
-    assert run_case(model_task(prepare_tree(file), "mujoco")).outcome is Outcome.AGREES
+    assert run_case(model_task(prepare_tree(file, states=8), "mujoco")).outcome is Outcome.AGREES
 
 
 TURNED = """<mujoco><worldbody><body pos="0 0 1"><joint name="a" axis="0 1 0.2"/>
@@ -304,7 +304,7 @@ def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_r
     """A capsule turned by 3e-6 rad is shifted too; MuJoCo takes the turn for none."""
     file = tmp_path / "turned.xml"
     file.write_text(TURNED.format("0", "0"))
-    task = model_task(prepare_tree(file), "mujoco")
+    task = model_task(prepare_tree(file, states=8), "mujoco")
     file.write_text(TURNED.format("0", "5e-7"))
     assert judge(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(task, is_reference=False)
@@ -348,7 +348,7 @@ def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
 ) -> None:
     file = tmp_path / "r.xml"
     file.write_text(text)
-    prepared = prepare_tree(file)
+    prepared = prepare_tree(file, states=8)
     task = model_task(prepared, "mujoco")
     assert judge(task).outcome is Outcome.DIFFERS
     found = diagnose_robot(task, is_reference=True)
@@ -365,7 +365,7 @@ def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
 def test_an_armature_of_a_tendon_along_one_branch_is_as_the_file_says(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(SPLIT.replace('<joint joint="b" coef="-0.7"/>', ""))
-    prepared = prepare_tree(file)
+    prepared = prepare_tree(file, states=8)
     assert run_case(model_task(prepared, "mujoco")).outcome is Outcome.AGREES
     assert not prepared.findings
 
@@ -374,7 +374,7 @@ def test_gravity_that_an_actuator_compensates_is_as_the_file_says(tmp_path: Path
     file = tmp_path / "r.xml"
     actuator = '<actuator><motor joint="b"/></actuator></mujoco>'
     file.write_text(LIFTED.replace("</mujoco>", actuator))
-    prepared = prepare_tree(file)
+    prepared = prepare_tree(file, states=8)
     assert run_case(model_task(prepared, "mujoco")).outcome is Outcome.AGREES
     assert not prepared.findings
 
@@ -385,7 +385,7 @@ def test_a_default_of_the_engine_explains_no_motion_that_agrees(tmp_path: Path) 
     (tmp_path / "limbs.xml").write_text(LIMBS)
     file = tmp_path / "arm.xml"
     file.write_text(MJCF.replace("</mujoco>", f"{follows}</mujoco>"))
-    task = model_task(prepare_tree(file), "mujoco")
+    task = model_task(prepare_tree(file, states=8), "mujoco")
     assert task.load()[0].corrective_settings
     found = diagnose_robot(task, is_reference=True)
     assert (found.explained, found.explanations) == (False, ())

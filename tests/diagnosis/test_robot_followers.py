@@ -46,7 +46,7 @@ URDF = "\n".join(
 
 def check_named(file: Path, engine: str, address: str, share: float) -> None:
     """A number of a file off by so much of 1, in an engine that holds to the wrong one."""
-    prepared = prepare_tree(file)
+    prepared = prepare_tree(file, states=8)
     numbers = robot_numbers(file, prepared.settings)
     (index,) = (i for i, one in enumerate(numbers.numerals) if one.address == address)
     one = numbers.numerals[index]

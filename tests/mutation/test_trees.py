@@ -107,7 +107,7 @@ def test_an_effect_of_second_order_counts_by_its_size(
     arm: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An axis that leaves the plane of the motion, in an engine that detects nothing."""
-    faults = faults_of(model_task(prepare_tree(arm), "mujoco"))
+    faults = faults_of(model_task(prepare_tree(arm, states=8), "mujoco"))
     monkeypatch.setattr(trees, "run_case", lambda _: case())
     verdicts = {}
     for fault in faults:
@@ -161,7 +161,7 @@ def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
     """No single number explains a reversed axis, or two moments that were exchanged."""
     file = tmp_path / "swing.urdf"
     file.write_text(PLAIN)
-    task = model_task(prepare_tree(file), "mujoco")
+    task = model_task(prepare_tree(file, states=8), "mujoco")
     faults = [fault for fault in faults_of(task) if fault.size is None]
     assert [one.mistake.name for one in faults].count("grams for kilograms") == 1
     rows = [mutated_tree(one) for one in faults if one.mistake.name != "grams for kilograms"]
@@ -178,7 +178,7 @@ def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
 def test_the_engine_s_own_defaults_left_on_are_typical_mistakes_of_a_robot(tmp_path: Path) -> None:
     file = tmp_path / "swing.urdf"
     file.write_text(PLAIN)
-    task = model_task(prepare_tree(file), "pybullet")
+    task = model_task(prepare_tree(file, states=8), "pybullet")
     faults = [one for one in faults_of(task) if one.mistake.settings]
     rows = {row.location: row for row in map(mutated_tree, faults)}
     assert rows["settings.motors"].verdict is not FaultVerdict.UNTESTED

@@ -45,6 +45,7 @@ ROBOTS = {
     "xarm/xarm6_robot.urdf": 6,
     "xarm/xarm6_with_gripper.urdf": 12,
 }
+QUICK = {"a1/a1.urdf", "cartpole.urdf", "kuka_iiwa/model.urdf", "r2d2.urdf", "racecar/racecar.urdf"}
 
 CLOSE = 1e-12
 
@@ -114,7 +115,7 @@ def differences(model: pinocchio.Model, tree: Tree) -> Array:
 
 @pytest.mark.parametrize(
     ("name", "freedoms"),
-    [pytest.param(*one, marks=() if one[1] in (7, 8, 12) else pytest.mark.slow)
+    [pytest.param(*one, marks=() if one[0] in QUICK else pytest.mark.slow)
      for one in ROBOTS.items()],
 )  # fmt: skip
 def test_a_robot_of_people_has_the_equations_that_another_library_reads(
