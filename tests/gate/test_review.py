@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pty
 import subprocess
@@ -15,6 +16,7 @@ from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.review import Decisions, Review
 from physics_crosscheck.harness.interfaces.cli.exit_codes import DIFFER, USAGE
 from physics_crosscheck.harness.records.diff import Status
+from tests.commands import crosscheck
 from tests.faults.known_folder import environment
 from tests.gate.conftest import SYSTEM, Repository
 
@@ -92,17 +94,12 @@ def test_what_moves_as_accepted_is_asked_of_once_and_keeps_its_reasons(
     assert not Person("s").review(found).reasons
 
 
-def test_nobody_is_asked_where_nobody_sits(repository: Repository) -> None:
-    for given in (environment(), environment() | {"CI": ""}):
-        done = subprocess.run(
-            [sys.executable, "-m", "physics_crosscheck", "review"],
-            cwd=repository.root,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            check=False,
-            env=given,
-        )
+def test_nobody_is_asked_where_nobody_sits(
+    repository: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    for ci in ("1", ""):
+        done = crosscheck("review", cwd=repository.root, CI=ci)
         assert (done.returncode, done.stdout) == (USAGE, "")
         assert "review needs a person at a terminal" in done.stderr
 
