@@ -25,8 +25,11 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.samples import samples
 from physics_crosscheck.reference.solving.segments import Segments
 
-IN_THIS_PROCESS = {"cli", "gate", "notebook", "pytest_plugin", "report", "scaffold", "sweep"}
-"""Folders whose tests need what workers return, and no worker processes unless marked `workers`."""
+IN_THIS_PROCESS = {
+    "audit", "campaigns", "cases", "cli", "gate", "notebook", "pytest_plugin", "report", "scaffold",
+    "sweep",
+}  # fmt: skip
+"""Folders whose quick tests need what workers return, and no processes unless marked `workers`."""
 
 _REAL = {"begin": Workers.begin, "turn": Workers.turn}
 
@@ -40,7 +43,8 @@ def pytest_collection_finish() -> None:
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Let tasks run here, three times faster: a new process has to learn sympy's terms again."""
-    here = item.path.parent.name in IN_THIS_PROCESS and not item.get_closest_marker("workers")
+    marks = {mark.name for mark in item.iter_markers()}
+    here = item.path.parent.name in IN_THIS_PROCESS and not marks & {"slow", "workers"}
     for name, function in {"begin": _wait, "turn": _run_next}.items() if here else _REAL.items():
         setattr(Workers, name, function)
 

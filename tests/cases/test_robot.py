@@ -344,6 +344,7 @@ def test_what_is_no_xml_fails_before_a_worker_process_is_started(
         assert line in " ".join(done.stdout.split())
 
 
+@pytest.mark.workers
 def test_a_whole_file_is_parsed_by_the_workers_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

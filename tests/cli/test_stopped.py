@@ -285,7 +285,6 @@ HOSTILE = {
 
 
 @pytest.mark.slow
-@pytest.mark.workers
 def test_a_declaration_costs_its_own_folder_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

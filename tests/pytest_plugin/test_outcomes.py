@@ -137,7 +137,6 @@ def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.workers
 def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> None:
     folder = project.add(files=("space.py",))
     project.edit(folder / "space.py", "def build():", "def build():\n    while True: pass\n")
