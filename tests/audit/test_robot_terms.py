@@ -27,7 +27,7 @@ def test_a_wrong_number_is_told_by_its_term(tmp_path: Path, old: str, new: str, 
     file, copy = tmp_path / "arm.urdf", tmp_path / "copy.urdf"
     file.write_text(ARM)
     copy.write_text(ARM.replace(old, new))
-    task = model_task(prepare_tree(file), "mujoco")
+    task = model_task(prepare_tree(file, states=8), "mujoco")
     assert not [one for one in audit_terms(task).findings if one.severity == "finding"]
     found = audit_terms(task.with_file(copy)).findings
     messages = [one.message for one in found if one.severity == "finding"]

@@ -50,9 +50,15 @@ def test_a_sidecar_beside_a_file_alone_is_said_not_to_count(tmp_path: Path) -> N
     for name in ("alone.urdf", "with.urdf"):
         (tmp_path / name).write_text((DATA / "cartpole.urdf").read_text())
     (tmp_path / "with.urdf.toml").write_text("[settings]\nmotors = true\n")
-    said = [one for one in prepare_tree(tmp_path / "with.urdf").left_out if "with.urdf.toml" in one]
+    said = [
+        one
+        for one in prepare_tree(tmp_path / "with.urdf", states=2).left_out
+        if "with.urdf.toml" in one
+    ]
     assert len(said) == 1
-    assert not any(".toml" in one for one in prepare_tree(tmp_path / "alone.urdf").left_out)
+    assert not any(
+        ".toml" in one for one in prepare_tree(tmp_path / "alone.urdf", states=2).left_out
+    )
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +110,7 @@ def test_an_engine_that_makes_other_joints_is_refused_by_their_names(tmp_path: P
     text = (DATA / "cartpole.urdf").read_text()
     file = tmp_path / "r.urdf"
     file.write_text(text)
-    task = model_task(prepare_tree(file), ENGINES[0])
+    task = model_task(prepare_tree(file, states=8), ENGINES[0])
     file.write_text(text.replace("cart_to_pole", "cart_to_stick"))
     with pytest.raises(
         EngineError, match="no cart_to_pole and it has the additional cart_to_stick"
@@ -185,14 +191,14 @@ def test_a_file_that_is_no_urdf_fails_by_its_name(tmp_path: Path) -> None:
 def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "adrift.urdf"
     file.write_text(ADRIFT)
-    prepared = prepare_tree(file, floating=True)
+    prepared = prepare_tree(file, floating=True, states=8)
     assert prepared.names[:2] == ("hub_free:rx", "hub_free:ry"), "a joint has the link's name"
     task = model_task(prepared, engine)
     assert run_case(task).outcome is Outcome.AGREES
     for old, new in (("0.1 -0.2 0.05", "0.1 -0.2000002 0.05"), ("0.3 0.2 0.1", "0.3 0.2 0.100001")):
         file.write_text(ADRIFT.replace(old, new))
         assert judge(task).outcome is Outcome.DIFFERS, new
-    assert run_case(model_task(prepare_tree(file), engine)).outcome is Outcome.AGREES
+    assert run_case(model_task(prepare_tree(file, states=8), engine)).outcome is Outcome.AGREES
 
 
 @pytest.mark.slow
@@ -415,7 +421,7 @@ SIGNS = """<robot name="r"><mujoco><compiler boundmass="0.5"/></mujoco>
 
 def findings(file: Path, text: str) -> dict[str, tuple[str, int | None]]:
     file.write_text(text)
-    found = prepare_tree(file).findings
+    found = prepare_tree(file, states=8).findings
     return {
         one.message: (one.severity, one.location.line if one.location else None) for one in found
     }

@@ -182,7 +182,7 @@ def test_axes_that_lie_upright_in_the_links_frame_are_found_too(tmp_path: Path, 
         .replace('ixy="0.011" ixz="-0.007" iyz="0.005"', 'ixy="-2.5e-7" ixz="0" iyz="0"')
     )
     (tmp_path / "wheel.urdf").write_text(wheel)
-    prepared = prepare_tree(tmp_path / "wheel.urdf")
+    prepared = prepare_tree(tmp_path / "wheel.urdf", states=8)
     task = model_task(prepared, "pybullet", resolution=1e-12)
     case = run_case(task.with_settings(exact_axes=True))
     assert case.outcome is not Outcome.DIFFERS, case.reason

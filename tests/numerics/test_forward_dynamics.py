@@ -160,7 +160,7 @@ def test_a_contact_is_told_of_no_state_where_it_acts(tmp_path: Path) -> None:
         '<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 0.1"><joint name="z"'
         ' type="slide" axis="0 0 1"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
     )
-    task = model_task(prepare_tree(file), "mujoco")
+    task = model_task(prepare_tree(file, states=8), "mujoco")
     model, _ = replace(task, spec=replace(task.spec, settings={"smooth": False})).load()
     z = np.array([[0.05], [-0.01]])
     found = model.accelerations(z, 0 * z, 0 * z)

@@ -97,7 +97,7 @@ def test_a_massless_tool_that_is_elsewhere_differs_at_its_line(
     """No motion shows it: it carries no mass."""
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
-    task = model_task(prepare_tree(file), "mujoco")
+    task = model_task(prepare_tree(file, states=8), "mujoco")
     assert run_case(task).outcome is Outcome.AGREES
     monkeypatch.setattr(MujocoModel, "poses", shifted("link:tool", by, turn))
     case = run_case(task)
@@ -149,4 +149,4 @@ def test_a_difference_of_rounding_agrees(tmp_path: Path, monkeypatch: pytest.Mon
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     monkeypatch.setattr(MujocoModel, "poses", shifted("link:tool", (0, 1e-11, 0), 1e-11))
-    assert run_case(model_task(prepare_tree(file), "mujoco")).outcome is Outcome.AGREES
+    assert run_case(model_task(prepare_tree(file, states=8), "mujoco")).outcome is Outcome.AGREES

@@ -60,7 +60,7 @@ def written(folder: Path, more: str = "", **words: Any) -> Path:
 def outcome(file: Path) -> tuple[Outcome, str]:
     engine = compiler(".xml")
     assert engine is not None
-    case = run_case(model_task(prepare_tree(file), engine.name))
+    case = run_case(model_task(prepare_tree(file, states=8), engine.name))
     return case.outcome, case.reason
 
 
@@ -69,14 +69,14 @@ def outcome(file: Path) -> tuple[Outcome, str]:
 def test_a_robot_that_others_wrote_agrees(name: str) -> None:
     file = ASSETS / f"{name}.xml"
     assert outcome(file) == (Outcome.AGREES, "")
-    assert len(prepare_tree(file).names) == SOUND[name]
+    assert len(prepare_tree(file, states=8).names) == SOUND[name]
 
 
 def test_whatever_a_format_resolves_agrees(tmp_path: Path) -> None:
     """Anchors, references, several joints a body, welded bodies, tensors with products, shapes."""
     file = written(tmp_path, integrator="RK4")
     assert outcome(file) == (Outcome.AGREES, "")
-    prepared = prepare_tree(file)
+    prepared = prepare_tree(file, states=8)
     assert prepared.names == ("turn", "shift", "joint_2", "wave")
     assert prepared.record.title.startswith("4 joints, 3 links in 4 bodies, ")
     assert set(prepared.left_out) == {
@@ -114,7 +114,7 @@ def test_so_do_free_and_ball_joints(tmp_path: Path, integrator: str) -> None:
     file = tmp_path / "loose.xml"
     file.write_text(LOOSE.format(integrator=integrator))
     assert outcome(file) == (Outcome.AGREES, "")
-    names = prepare_tree(file).names
+    names = prepare_tree(file, states=8).names
     assert names[:6] == ("base:rx", "base:ry", "base:rz", "base:x", "base:y", "base:z")
     assert names[6:] == (
         "turn", "shoulder:rx", "shoulder:ry", "shoulder:rz", "joint_3:rx", "joint_3:ry",
@@ -160,7 +160,7 @@ def test_so_do_tendons_and_actuators_whose_inputs_are_held(tmp_path: Path) -> No
     cubic = 'class="soft"><joint damping="0.1 0 0.2"'
     file.write_text(file.read_text().replace('class="soft"><joint', cubic))
     assert outcome(file) == (Outcome.AGREES, "")
-    prepared = prepare_tree(file)
+    prepared = prepare_tree(file, states=8)
     assert "actuators of other laws or transmissions" in prepared.left_out
     assert "saturation of actuators (2)" in prepared.left_out
     controls = prepared.settings["controls"]
@@ -285,7 +285,7 @@ def test_all_that_is_not_covered_is_told_at_once_by_name(tmp_path: Path) -> None
     assert any("flexible bodies: not covered" in one for one in told)
     assert any("it has no joint that moves" in one for one in told)
     with pytest.raises(RobotError, match=r"r\.xml: .*not covered"):
-        prepare_tree(file)
+        prepare_tree(file, states=8)
 
 
 def test_gravity_compensation_of_actuators_that_are_off_is_not_covered(tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 0.3 0 0 0 0.5 0 0 0 0.7"
 def test_an_agreement_on_inertias_of_another_engine_has_a_reservation(tmp_path: Path) -> None:
     file = tmp_path / "meshed.xml"
     file.write_text(MESHED)
-    case = run_case(model_task(prepare_tree(file), "pinocchio"))
+    case = run_case(model_task(prepare_tree(file, states=8), "pinocchio"))
     assert case.outcome is Outcome.AGREES
     assert case.reason == "the inertia of 1 body is as MuJoCo compiles the file"
 

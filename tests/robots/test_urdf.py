@@ -146,7 +146,7 @@ def test_what_floats_beside_a_root_that_stands_still_counts_from_the_world(tmp_p
     assert free.rotation == pytest.approx(np.eye(3))
     assert hinge.position == pytest.approx([0.3, 0.2, 0.5])
     assert not robot.floats
-    case = run_case(model_task(prepare_tree(robot.file), "mujoco"))
+    case = run_case(model_task(prepare_tree(robot.file, states=8), "mujoco"))
     assert (case.outcome, case.reason) == (Outcome.AGREES, "")
     assert read(tmp_path, link("a"), link("b"), joint("j", "a", "b"), floating=True).floats
 
@@ -159,7 +159,7 @@ def test_a_root_link_named_world_never_floats(tmp_path: Path) -> None:
     assert not robot.floats
     assert [one.name for one in tree_of(robot).links] == ["j"]
     assert told(robot)["a free joint of the world"] == ("world",)
-    task = model_task(prepare_tree(robot.file, floating=True), "mujoco")
+    task = model_task(prepare_tree(robot.file, floating=True, states=8), "mujoco")
     case = run_case(task)
     assert (case.outcome, case.reason) == (Outcome.AGREES, "")
 
@@ -181,7 +181,7 @@ def test_what_an_engine_is_asked_to_make_of_inertias_differs(tmp_path: Path, opt
         tmp_path, f"<mujoco><compiler {option}/></mujoco>", link("root", ""), swung,
         joint("j", "root", "a", '<axis xyz="0.2 1 0.3"/>'),
     )  # fmt: skip
-    case = run_case(model_task(prepare_tree(robot.file), "mujoco"))
+    case = run_case(model_task(prepare_tree(robot.file, states=8), "mujoco"))
     assert case.outcome is (Outcome.AGREES if OPTIONS[option] else Outcome.DIFFERS)
     assert "<mujoco>" in told(robot)
 
