@@ -13,6 +13,7 @@ from physics_crosscheck.harness.extras.sweep.command import DESIGNS
 from physics_crosscheck.harness.extras.sweep.draws import Design
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
+from physics_crosscheck.harness.planning.cache import _environment
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.write import encoded
@@ -91,6 +92,7 @@ def test_what_asks_no_physics_imports_none(tmp_path: Path) -> None:
 def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
     known_folder(tmp_path / "osc", {"good": ""})
     command = "run osc --cache cache --jobs 1"
+    _environment.cache_clear()  # a test before may have had other engines
     assert crosscheck(*command.split(), cwd=tmp_path, known=True).returncode == 0
     commands = [command, "audit osc --cache cache"]
     there = imported(
