@@ -31,7 +31,7 @@ def physics(name: str) -> PreparedSystem:
         found: PreparedSystem = pickle.loads(kept.read_bytes())
         return found
     found = prepare_system(builtin() / name, described=False)
-    shared.mkdir(exist_ok=True)
+    kept.parent.mkdir(parents=True, exist_ok=True)  # a name may contain a folder
     atexit.register(shutil.rmtree, shared, ignore_errors=True)
     own = shared / f"{name}.{os.getpid()}"
     own.write_bytes(pickle.dumps(found))

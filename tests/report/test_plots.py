@@ -263,14 +263,23 @@ def test_buttons_zoom_from_the_keyboard_and_have_names(case: Tab) -> None:
     assert now[3] - now[2] == pytest.approx((whole[3] - whole[2]) / 1.44)
 
 
+def hover(tab: Tab, x: float, y: float, count: int) -> None:
+    """Rest there until there are so many tips; a plot that is drawn again drops them."""
+
+    def told() -> bool:
+        tab.mouse("mouseMoved", x, y)
+        return bool(tab.run(f"{TIPS}.length === {count}"))
+
+    tab.browser.until(told, f"{count} tips")
+
+
 def test_tips_of_curves_that_lie_on_each_other_do_not_cover_each_other(case: Tab) -> None:
     at = box(case)
     for share in (0.011, 0.5, 0.98):
         t = at["start"] + share * (at["end"] - at["start"])
         x = at["left"] + share * at["width"]
         y = at["top"] + (at["high"] - math.sin(t)) / (at["high"] - at["low"]) * at["height"]
-        case.mouse("mouseMoved", x, y)
-        case.until(f"{TIPS}.length === 2")
+        hover(case, x, y, count=2)
         (a, b) = case.run("""[...document.querySelectorAll(".tip")]
           .map((tip) => tip.getBoundingClientRect())
           .map(({left, right, top, bottom}) => [left, right, top, bottom])""")
@@ -286,8 +295,7 @@ def test_the_tip_of_a_hypothesis_names_it(seen: Tab, address: str) -> None:
     look(seen)
     at = box(seen)
     share = seen.run(f"{PLOTS}[0].x.scale()(0.4)")
-    seen.mouse("mouseMoved", at["left"] + share, at["top"] + at["height"] * 2.5 / 3)
-    seen.until(f"{TIPS}.length === 1")
+    hover(seen, at["left"] + share, at["top"] + at["height"] * 2.5 / 3, count=1)
     assert seen.run(TIPS)[0].split() == ["mass", "x:", "0.4"]
 
 
