@@ -12,36 +12,18 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.interfaces.cli import compare, derive
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.jobs import chosen
-from physics_crosscheck.harness.jobs.executor import InThisProcess
 from tests.faults.known_folder import KNOWN_ANSWER
 
 
-class Here(InThisProcess):
-    """Stands for worker processes: each would import, and derive, what this process has."""
-
-    def __init__(self, *_: object, **__: object) -> None:
-        super().__init__()
-
-    def begin(self) -> None:
-        """Start nothing."""
-
-
 def crosscheck(
-    *arguments: object,
-    cwd: Path,
-    known: bool = False,
-    isolated: bool = True,
-    **environment: str | None,
+    *arguments: object, cwd: Path, known: bool = False, **environment: str | None
 ) -> subprocess.CompletedProcess[str]:
     """Run `crosscheck` with arguments in a folder; returns its exit code and what it printed.
 
     Args:
         cwd: the folder.
         known: whether the known-answer engine is found, by its entry point.
-        isolated: whether tasks run in worker processes.
         environment: variables, beside CI and a width; None: not set.
     """
     words, out, err = [*map(str, arguments)], io.StringIO(), io.StringIO()
@@ -54,8 +36,6 @@ def crosscheck(
                 patch.setenv(name, value)
         if known:
             patch.syspath_prepend(str(KNOWN_ANSWER))
-        for module in () if isolated else (chosen, compare, derive):
-            patch.setattr(module, "Workers", Here)
         try:
             code = main(words)
         except SystemExit as ended:  # what argparse says itself

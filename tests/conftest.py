@@ -26,10 +26,10 @@ from physics_crosscheck.reference.solving.samples import samples
 from physics_crosscheck.reference.solving.segments import Segments
 
 IN_THIS_PROCESS = {
-    "audit", "campaigns", "cases", "cli", "gate", "notebook", "pytest_plugin", "report", "scaffold",
-    "sweep",
+    "audit", "campaigns", "cases", "cli", "gate", "installed", "notebook", "pytest_plugin",
+    "report", "scaffold", "sweep",
 }  # fmt: skip
-"""Folders whose quick tests need what workers return, and no processes unless marked `workers`."""
+"""Folders whose tests need what workers return, but no processes unless `slow` or `workers`."""
 
 _REAL = {"begin": Workers.begin, "turn": Workers.turn}
 

@@ -93,8 +93,8 @@ def test_what_an_engine_drops_differs_and_the_link_is_named(tmp_path: Path) -> N
     both = ("mujoco", "pybullet")
     outcomes = {name: judge(model_task(tipped, name)).outcome for name in both}
     assert outcomes == {"mujoco": Outcome.DIFFERS, "pybullet": Outcome.AGREES}
-    told = [one.message for one in tipped.findings if one.severity == "finding"]
-    assert [one for one in told if "'tip' has inertia" in one and "no mass" in one]
+    messages = [one.message for one in tipped.findings if one.severity == "finding"]
+    assert [one for one in messages if "'tip' has inertia" in one and "no mass" in one]
 
 
 def test_all_that_is_in_the_way_is_told_at_once() -> None:

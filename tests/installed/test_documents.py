@@ -46,7 +46,7 @@ class Known:
         if key in self._done:
             shutil.copytree(after, here, dirs_exist_ok=True)
             return self._done[key]
-        done = crosscheck(*words, cwd=here, isolated=False, CI=None, COLUMNS=None)
+        done = crosscheck(*words, cwd=here, CI=None, COLUMNS=None)
         if words[0] == "new" and "duration=" in (here / words[1] / "system.py").read_text():
             brief(here / words[1])
         shutil.copytree(here, after)

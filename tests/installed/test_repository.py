@@ -37,7 +37,7 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> 
         if command.startswith("crosscheck"):
             words = shlex.split(command)[1:]
             given: dict[str, str | None] = {"CI": None, "COLUMNS": None, **environment}
-            done = crosscheck(*words, cwd=place, known=False, isolated=False, **given)
+            done = crosscheck(*words, cwd=place, known=False, **given)
         else:
             done = CHECKOUT.shell(command, place, **environment)
         assert done.returncode == code, f"{command}\n{done.stdout}{done.stderr}"
@@ -56,10 +56,10 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> 
     text = model.read_text()
     model.write_text(text.replace('mass="0.25"', 'mass="0.2501"'))
     line = text[: text.index('mass="0.25"')].count("\n") + 1
-    told = _the_workflow_fails_and_tells(place, tmp_path / "tools")
-    noted = re.findall(r"^::error file=(.*?),line=(\d+),", told, re.MULTILINE)
+    printed = _the_workflow_fails_and_tells(place, tmp_path / "tools")
+    noted = re.findall(r"^::error file=(.*?),line=(\d+),", printed, re.MULTILINE)
     assert set(noted) == {("models/cart_pole/mujoco.xml", str(line))}
-    assert "mass of body pole 0.25 -> 0.2501 changed 2" in told
+    assert "mass of body pole 0.25 -> 0.2501 changed 2" in printed
     # A decision of a person: CI can't take it.
     does("crosscheck accept --reason no", 2, CI="1")
 

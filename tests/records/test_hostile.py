@@ -153,14 +153,14 @@ def test_each_is_refused_in_one_sentence_that_names_the_file(
         path.write_bytes(data)
         try:
             read_results(path)
-            told = "read"
+            message = "read"
         except ResultsError as error:
-            told = str(error)
-        if "\n" in told or str(path) not in told or len(told) > 400:
-            wrong.append((name, told[:300]))
+            message = str(error)
+        if "\n" in message or str(path) not in message or len(message) > 400:
+            wrong.append((name, message[:300]))
     assert not wrong
     assert main(["report", str(path)]) == 2
-    assert capsys.readouterr().err == f"crosscheck: {told}\n"
+    assert capsys.readouterr().err == f"crosscheck: {message}\n"
     assert not (tmp_path / "index.html").exists()
 
 

@@ -266,11 +266,11 @@ def test_buttons_zoom_from_the_keyboard_and_have_names(case: Tab) -> None:
 def hover(tab: Tab, x: float, y: float, count: int) -> None:
     """Rest there until there are so many tips; a plot that is drawn again drops them."""
 
-    def told() -> bool:
+    def shown() -> bool:
         tab.mouse("mouseMoved", x, y)
         return bool(tab.run(f"{TIPS}.length === {count}"))
 
-    tab.browser.until(told, f"{count} tips")
+    tab.browser.until(shown, f"{count} tips")
 
 
 def test_tips_of_curves_that_lie_on_each_other_do_not_cover_each_other(case: Tab) -> None:

@@ -156,7 +156,7 @@ def nap(file: str) -> None:
 
 
 def opened(file: Path) -> tuple[str, str, Path, str]:
-    """What is read of a file, which is told with all its names."""
+    """The words of a file, beside all its names."""
     return file.read_text(), str(file), file.resolve(), f"{file}: of {Path.cwd()}"
 
 

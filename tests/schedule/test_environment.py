@@ -88,14 +88,14 @@ def test_the_program_has_one_and_says_so_before_numpy_is_imported() -> None:
 
 
 def test_workers_of_a_library_have_one_and_the_library_is_left_as_it_was() -> None:
-    told, _, mapped = last_line(LIBRARY).rpartition(" ")
-    assert told == "1,1,1,1,1048576,disable,cpu,false 0 True"
+    printed, _, mapped = last_line(LIBRARY).rpartition(" ")
+    assert printed == "1,1,1,1,1048576,disable,cpu,false 0 True"
     assert mapped == ("True" if sys.platform == "linux" else "None")
 
 
 @pytest.mark.parametrize(("program", "rest"), [(PROGRAM, "False "), (LIBRARY, "")])
 def test_what_a_user_has_set_stands(program: str, rest: str) -> None:
     given = {"OPENBLAS_NUM_THREADS": "2", MAPPED_FROM: str(2**25), "JAX_PLATFORMS": "cuda"}
-    told = last_line(program, **given)
-    assert told.startswith(f"{rest}2,1,1,1,{2**25},disable,cuda,false ")
-    assert program is PROGRAM or told.endswith(" False" if sys.platform == "linux" else " None")
+    printed = last_line(program, **given)
+    assert printed.startswith(f"{rest}2,1,1,1,{2**25},disable,cuda,false ")
+    assert program is PROGRAM or printed.endswith(" False" if sys.platform == "linux" else " None")

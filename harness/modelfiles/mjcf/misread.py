@@ -157,7 +157,7 @@ def _compiled_rows(
             "refsafe": (float(laws.safe),),
         },
     )
-    # A file may state no inertia, or a place in a frame.
+    # Only those that the file states: inertias may follow from shapes, and places from a <frame>.
     placed = (row for row in _bodies_and_joints(compiled) if row[0] in stated.rows)
     yield from (*placed, *_resistances(laws))
     tendons = [key[1] for key in stated.rows if key[0] == "force of tendon"]
@@ -182,7 +182,7 @@ def _compiled_rows(
 
 
 def _bodies_and_joints(compiled: CompiledTree) -> Iterator[tuple[Key, Mapping[str, Values]]]:
-    """Yield inertias and places, which have an effect only where something moves."""
+    """Yield inertias of bodies and places of joints, also of those without effect on a motion."""
     for b, body in enumerate(compiled.bodies):
         inertia = {"mass": (body.mass,), "pos": body.centre, "diaginertia": body.moments}
         yield ("inertia of body", b), inertia

@@ -155,10 +155,9 @@ class CompiledNumbers:
         )
 
     def _tree_like(self, compiled: CompiledTree, original: _Compiled) -> Tree | None:
-        tree = tree_of(compiled, self._controls)
-        return (
-            tree if tree is None or original.tree is None else _shared(tree, original.tree, _same)
-        )
+        """Return a tree with the parts of the original where they are equal, or None."""
+        tree, before = tree_of(compiled, self._controls), original.tree
+        return tree if tree is None or before is None else _shared(tree, before, _same)
 
     def _compile(self, values: Mapping[int, float]) -> CompiledTree | None:
         try:

@@ -28,6 +28,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
     SHORTCUTS,
     read_drive,
 )
+from physics_crosscheck.reference.mechanism.bodies import ZERO
 from physics_crosscheck.reference.mechanism.laws import Softness, Surface
 
 Key = tuple[str, int]
@@ -38,8 +39,6 @@ REFERENCE, IMPEDANCE = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 
 FRICTION = 1.0, 0.005, 0.0001
 """Default of a shape's `friction`."""
-
-ORIGIN = 0.0, 0.0, 0.0
 
 MACROS = ("replicate", "composite", "flexcomp", "attach")
 """Elements in bodies that generate others."""
@@ -54,7 +53,7 @@ WEIGHING = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StatedRow:
-    """Numbers of one joint, tendon, shape, drive or equality.
+    """Numbers of one body, joint, tendon, shape, drive or equality.
 
     Attributes:
         element: of the file.
@@ -221,9 +220,9 @@ class StatedLaws:
         for b, element in enumerate(self._elements["body"]):
             for inertial in element.findall("inertial"):
                 chain = Chain([inertial])
-                values = {"mass": chain.numbers("mass", [0.0]), "pos": chain.numbers("pos", ORIGIN)}
+                values = {"mass": chain.numbers("mass", [0.0]), "pos": chain.numbers("pos", ZERO)}
                 if chain.states("diaginertia"):
-                    values["diaginertia"] = chain.numbers("diaginertia", ORIGIN)
+                    values["diaginertia"] = chain.numbers("diaginertia", ZERO)
                 yield ("inertia of body", b), chain, values
 
     def _joint_rows(self) -> Iterator[_Row]:
@@ -234,7 +233,7 @@ class StatedLaws:
             kind = chain.word("type", "hinge")
             unit = radians(self._source) if kind in ("hinge", "ball") else 1.0
             if kind != "free" and element.parent is not None and element.parent.tag == "body":
-                yield ("place of joint", j), chain, {"pos": chain.numbers("pos", ORIGIN)}
+                yield ("place of joint", j), chain, {"pos": chain.numbers("pos", ZERO)}
             yield from self._resistances("joint", j, chain, unit)
 
     def _tendon_rows(self) -> Iterator[_Row]:
