@@ -1,4 +1,4 @@
-"""Two versions of an engine that ran one case: made up, and whole."""
+"""Sample results of two versions of an engine that ran one case."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from tests.baseline.samples import case, measurement
 def run(
     version: str,
     *cases: Case,
-    does: Measurement | str | None = None,
+    motion: Measurement | str | None = None,
     models: tuple[Model, ...] = (),
 ) -> VersionRun:
-    """What a version did: the cases, each measured alike; `does` as a text is why none was."""
+    """Build a version's results; `motion` applies to all cases, as a text it is their failure."""
     chosen = cases or (case(),)
-    does = measurement() if does is None else does
-    failure = does if isinstance(does, str) else ""
-    found = None if isinstance(does, str) else does
+    motion = measurement() if motion is None else motion
+    failure = motion if isinstance(motion, str) else ""
+    measured = None if isinstance(motion, str) else motion
     return VersionRun(
         version=version,
         cases=chosen,
         models=models,
         measured=tuple(
-            Measured(folder=one.folder, case=one.id, measurement=found, failure=failure)
-            for one in chosen
-            if one.verdict is not None
+            Measured(folder=each.folder, case=each.id, measurement=measured, failure=failure)
+            for each in chosen
+            if each.verdict is not None
         ),
     )
 
 
 def between(before: VersionRun, after: VersionRun) -> Upgrade:
-    """What changes from one to the other."""
+    """Compare the results of two versions."""
     return upgrade(before, after, "e", 1e-9)
 
 
 def failed(scenario: str = "free", **fields: Any) -> Case:
-    """The case where it can't be run."""
+    """Build a case that failed to run."""
     nothing = {"verdict": None, "full_run": None}
     given = {"scenario": scenario, "reason": "m.xml: no such joint", **nothing, **fields}
     return case(Outcome.FAILED, **given)
 
 
 def stepping(outcome: Outcome) -> Stepping:
-    """The very next state, with that outcome."""
+    """Build the comparison of a single step with the given outcome."""
     return Stepping(
         rule="semi-implicit Euler",
         besides="",
@@ -67,7 +67,7 @@ def stepping(outcome: Outcome) -> Stepping:
 
 
 def linearization(k: float = 47.0, *, differs: bool = False) -> EngineLinearization:
-    """An oscillator's, of stiffness k, sure to 1e-10."""
+    """Build the linearization of an oscillator of stiffness k, with a bound of 1e-10."""
     return EngineLinearization(
         equilibrium="rest",
         a=((0.0, 1.0), (-k, -0.5)),
@@ -87,7 +87,7 @@ def linearization(k: float = 47.0, *, differs: bool = False) -> EngineLinearizat
 
 
 def remark(message: str, actual: float | None = None, subject: str = "") -> AuditFinding:
-    """A note of an audit."""
+    """Build a note of an audit."""
     return AuditFinding(
         kind="default",
         subject=(subject or message,),
@@ -112,5 +112,5 @@ MODEL = Model(
 
 
 def model(**fields: Any) -> Model:
-    """The model with some fields changed."""
+    """Return the model with some fields changed."""
     return msgspec.structs.replace(MODEL, **fields)

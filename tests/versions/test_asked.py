@@ -1,4 +1,4 @@
-"""What `crosscheck versions` may be asked, and what it refuses."""
+"""Arguments of `crosscheck versions`: accepted and rejected ones."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from physics_crosscheck.harness.modelfiles.folders import FolderError
 from tests.faults.known_folder import SYSTEM
 
 
-def test_versions_are_read_in_their_order_and_environments_of_ones_own(tmp_path: Path) -> None:
-    name, found = asked_versions(["pymunk", "7.0", f"7.1.0={tmp_path}"])
+def test_versions_and_user_environments_are_parsed_in_order(tmp_path: Path) -> None:
+    name, versions = asked_versions(["pymunk", "7.0", f"7.1.0={tmp_path}"])
     assert name == "pymunk"
-    assert found == (AskedVersion("7.0"), AskedVersion("7.1.0", tmp_path))
+    assert versions == (AskedVersion("7.0"), AskedVersion("7.1.0", tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_versions_are_read_in_their_order_and_environments_of_ones_own(tmp_path:
         (["pymunk", "7.0", "7.1=nowhere/at/all"], "there is no such environment"),
     ],
 )
-def test_what_means_nothing_is_refused(words: list[str], message: str) -> None:
+def test_invalid_arguments_are_rejected(words: list[str], message: str) -> None:
     with pytest.raises(FolderError, match=re.escape(message)):
         asked_versions(words)
 
@@ -51,24 +51,24 @@ def folder(place: Path, engine: str) -> Path:
     return place
 
 
-def test_a_folder_and_a_file_that_the_engine_does_not_run_are_told(tmp_path: Path) -> None:
+def test_targets_that_the_engine_does_not_run_are_reported(tmp_path: Path) -> None:
     mine, other = folder(tmp_path / "mine", "pymunk"), folder(tmp_path / "other", "pybullet")
     robot = tmp_path / "arm.urdf"
-    found = asked_models("pymunk", [mine, other], [robot])
-    assert (found.folders, found.robots) == ((mine,), ())
-    assert found.left_out == (
+    models = asked_models("pymunk", [mine, other], [robot])
+    assert (models.folders, models.robots) == ((mine,), ())
+    assert models.left_out == (
         f"{other}: no model of it names pymunk; left out",
         f"{robot}: pymunk reads no .urdf files; left out",
     )
 
 
-def test_a_folder_whose_sidecar_cant_be_read_is_run_and_fails_there(tmp_path: Path) -> None:
+def test_folder_with_unreadable_sidecar_is_kept(tmp_path: Path) -> None:
     mine = folder(tmp_path / "mine", "pymunk")
     (mine / "robot.urdf.toml").write_text("engines =\n")
     assert asked_models("pybullet", [mine], []).folders == (mine,)
 
 
-def test_where_nothing_is_left_it_is_wrong_usage(
+def test_no_remaining_target_is_a_usage_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = folder(tmp_path / "other", "pybullet")

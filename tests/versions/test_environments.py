@@ -1,4 +1,4 @@
-"""Environments: made once by commands that are shown, used again, and never left half made."""
+"""Environments: created once by commands that are printed, reused, and never left incomplete."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ elif words[1] == "compile":
 
 @pytest.fixture(autouse=True)
 def programs(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The only folder of programs, which is empty."""
+    """Make an empty folder the only one on `PATH`."""
     folder = tmp_path_factory.mktemp("programs")
     monkeypatch.setenv("PATH", str(folder))
     return folder
@@ -55,7 +55,7 @@ def programs(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monke
 
 @pytest.fixture
 def uv_log(programs: Path) -> Path:
-    """The log of an installed uv."""
+    """Install a fake uv, and return its log."""
     log = programs / "log"
     (programs / "uv").write_text(UV.format(python=sys.executable, log=str(log)))
     (programs / "uv").chmod(0o755)
@@ -63,10 +63,10 @@ def uv_log(programs: Path) -> Path:
 
 
 class Installer:
-    """Stands for `venv` and `pip`: makes an interpreter; fails, or is stopped, where it is told."""
+    """Fake `venv` and `pip` that create an interpreter, and fail or stop on request."""
 
-    def __init__(self, fails: str = "", said: str = "", stops: bool = False) -> None:
-        self.fails, self.said, self.stops = fails, said, stops
+    def __init__(self, fails: str = "", output: str = "", stops: bool = False) -> None:
+        self.fails, self.output, self.stops = fails, output, stops
         self.commands: list[list[str]] = []
 
     def __call__(self, command: Sequence[str]) -> tuple[int, str]:
@@ -78,19 +78,19 @@ class Installer:
         if command[2] == self.fails:
             if self.stops:
                 raise KeyboardInterrupt
-            return 1, self.said
+            return 1, self.output
         return 0, ""
 
 
-def made(parent: Path, installer: Installer) -> tuple[Path, list[str]]:
-    """The environment's folder, and the lines that were told."""
+def create(parent: Path, installer: Installer) -> tuple[Path, list[str]]:
+    """Create an environment; return its folder and the printed lines."""
     lines: list[str] = []
     return environment(WANTED, parent, lines.append, installer), lines
 
 
-def test_its_commands_are_told_before_they_are_run(tmp_path: Path) -> None:
+def test_commands_are_printed_before_they_run(tmp_path: Path) -> None:
     installer = Installer()
-    place, lines = made(tmp_path, installer)
+    place, lines = create(tmp_path, installer)
     python = str(interpreter(place))
     assert installer.commands == [
         [sys.executable, "-m", "venv", "--without-pip", str(place)],
@@ -98,32 +98,32 @@ def test_its_commands_are_told_before_they_are_run(tmp_path: Path) -> None:
     ]
     assert [line.strip() for line in lines[1::2]] == [" ".join(c) for c in installer.commands]
     assert lines[2].startswith("  echo 'import site; site.addsitedir(")
-    (beside,) = place.rglob("*.pth")
-    assert beside.read_text().strip() in lines[2]
+    (path_file,) = place.rglob("*.pth")
+    assert path_file.read_text().strip() in lines[2]
 
 
-def test_it_gets_a_pip_where_this_program_has_none(
+def test_environment_gets_pip_if_this_interpreter_has_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     installer = Installer()
-    place, _ = made(tmp_path, installer)
+    place, _ = create(tmp_path, installer)
     assert installer.commands[0] == [sys.executable, "-m", "venv", str(place)]
 
 
-def test_it_is_used_again(tmp_path: Path) -> None:
-    first, _ = made(tmp_path, Installer())
+def test_environment_is_reused(tmp_path: Path) -> None:
+    first, _ = create(tmp_path, Installer())
     again = Installer()
-    place, lines = made(tmp_path, again)
+    place, lines = create(tmp_path, again)
     assert (place, again.commands) == (first, [])
     assert lines == [f"e 1.2: in {place}"]
 
 
 @pytest.mark.parametrize("fails", ["venv", "pip"])
-def test_where_it_cant_be_made_nothing_is_left(tmp_path: Path, fails: str) -> None:
-    said = "Collecting it\nERROR: No matching distribution found for the-engine==1.2\n\nhint: none"
+def test_failed_creation_leaves_no_folder(tmp_path: Path, fails: str) -> None:
+    text = "Collecting it\nERROR: No matching distribution found for the-engine==1.2\n\nhint: none"
     with pytest.raises(EnvironmentError_) as raised:
-        made(tmp_path, Installer(fails=fails, said=said))
+        create(tmp_path, Installer(fails=fails, output=text))
     message = str(raised.value)
     assert message.startswith(
         "e 1.2 can't be installed: ERROR: No matching distribution found for the-engine==1.2; "
@@ -133,32 +133,32 @@ def test_where_it_cant_be_made_nothing_is_left(tmp_path: Path, fails: str) -> No
     assert [path for path in tmp_path.iterdir() if path.is_dir()] == []
 
 
-def test_where_it_is_stopped_nothing_is_left_either(tmp_path: Path) -> None:
+def test_interrupted_creation_leaves_no_folder(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        made(tmp_path, Installer(fails="pip", stops=True))
+        create(tmp_path, Installer(fails="pip", stops=True))
     assert [path for path in tmp_path.iterdir() if path.is_dir()] == []
 
 
-def test_one_that_was_killed_while_it_was_made_is_made_anew(tmp_path: Path) -> None:
-    place, _ = made(tmp_path, Installer())
+def test_incomplete_environment_is_recreated(tmp_path: Path) -> None:
+    place, _ = create(tmp_path, Installer())
     (place / READY).unlink()
     (place / "half").touch()
     again = Installer()
-    made(tmp_path, again)
+    create(tmp_path, again)
     assert len(again.commands) == 2
     assert not (place / "half").exists()
     assert (place / READY).is_file()
 
 
-def test_one_whose_python_is_gone_is_made_anew(tmp_path: Path) -> None:
-    place, _ = made(tmp_path, Installer())
+def test_environment_without_its_python_is_recreated(tmp_path: Path) -> None:
+    place, _ = create(tmp_path, Installer())
     interpreter(place).unlink()
     again = Installer()
-    made(tmp_path, again)
+    create(tmp_path, again)
     assert len(again.commands) == 2
 
 
-def test_beside_other_packages_it_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_name_depends_on_the_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     name = folder_name(WANTED)
     assert name.startswith(f"the-engine-1.2-py{sys.version_info[0]}.{sys.version_info[1]}-")
     assert folder_name(WANTED) == name
@@ -166,7 +166,7 @@ def test_beside_other_packages_it_is_another(monkeypatch: pytest.MonkeyPatch) ->
     assert folder_name(WANTED) != name
 
 
-def test_uv_installs_what_the_shared_packages_do_not_satisfy(tmp_path: Path, uv_log: Path) -> None:
+def test_uv_installs_only_missing_packages(tmp_path: Path, uv_log: Path) -> None:
     lines: list[str] = []
     place = environment(WANTED, tmp_path, lines.append)
     venv, resolve, install = map(json.loads, uv_log.read_text().splitlines())
@@ -176,15 +176,15 @@ def test_uv_installs_what_the_shared_packages_do_not_satisfy(tmp_path: Path, uv_
     missing = ["a-dependency==3", "the-engine==1.2"]  # and not numpy, which is here
     assert install == ["pip", "install", "--no-deps", "--python", python, *missing]
     assert f"numpy=={importlib.metadata.version('numpy')}" in (place / "pins.txt").read_text()
-    (beside,) = place.rglob("*.pth")
-    assert "site.addsitedir(" in beside.read_text()
+    (path_file,) = place.rglob("*.pth")
+    assert "site.addsitedir(" in path_file.read_text()
     environment(WANTED, tmp_path, lines.append)
     assert len(uv_log.read_text().splitlines()) == 3
     assert sum(line.startswith(f"  {uv_log.parent / 'uv'} ") for line in lines) == 3
 
 
 @pytest.mark.usefixtures("uv_log")
-def test_an_error_of_uv_is_reported_and_leaves_nothing(tmp_path: Path) -> None:
+def test_uv_error_is_reported_and_leaves_no_folder(tmp_path: Path) -> None:
     with pytest.raises(EnvironmentError_, match=r"e 2\.0 can't be installed: error: No solution"):
         environment(
             Requirement(engine="e", distribution="the-engine", version="2.0"),

@@ -1,4 +1,4 @@
-"""Two versions of MuJoCo, where a package index gives the other: a known fault that was mended."""
+"""Comparison of two versions of MuJoCo, of which one is installed from a package index."""
 
 from __future__ import annotations
 
@@ -47,17 +47,17 @@ MESHES = """<mujoco model="meshes">
   </worldbody>
 </mujoco>
 """
-"""Looks of no name, of which only their files' names are known; nothing moves by them."""
+"""Unnamed visual geometry, identified by file name only; it has no effect on motion."""
 
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's cache: the other version is installed there once."""
+    """Return the user's cache, in which the other version is installed once."""
     return tmp_path_factory.mktemp("cache")
 
 
 @pytest.mark.release
-def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit(
+def test_fixed_fault_is_reported_and_other_results_are_identical(
     tmp_path: Path, cache: Path
 ) -> None:
     here = importlib.metadata.version("mujoco")
@@ -80,25 +80,23 @@ def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit
     if f"mujoco {OTHER} can't be installed" in done.stderr:
         pytest.skip(f"no package index gives MuJoCo {OTHER}: {done.stderr.strip()}")
     assert done.returncode == 1, done.stdout + done.stderr
-    found = decoded((tmp_path / "found.json").read_bytes(), Versions)
-    (one,) = found.upgrades
-    cases = {case.model: case for case in one.cases}
+    comparison = decoded((tmp_path / "found.json").read_bytes(), Versions)
+    (upgrade,) = comparison.upgrades
+    cases = {case.model: case for case in upgrade.cases}
     rotated, meshes = cases["rotated.urdf"], cases["meshes.xml"]
     assert rotated.changed == ("verdict", "limit", "next state")
     assert rotated.outcomes == (Outcome.DIFFERS, Outcome.AGREES)
     assert rotated.moved is not None
     assert 0.01 < rotated.moved < 0.1
     assert (meshes.changed, meshes.moved) == ((), 0.0)
-    assert one.models == ()
+    assert upgrade.models == ()
 
 
 @pytest.mark.release
-def test_a_gripper_that_pulls_its_wrist_down_is_told_as_the_page_has_it(
-    tmp_path: Path, cache: Path
-) -> None:
+def test_gripper_comparison_prints_what_the_page_shows(tmp_path: Path, cache: Path) -> None:
     shutil.copy(ROOT / "docs" / "cases" / "gripper.urdf", tmp_path)
     _, excepted = commands((ROOT / "docs" / "cases.md").read_text())
-    (command,) = (one for one in excepted if one.text.startswith("crosscheck versions gripper"))
+    (command,) = (each for each in excepted if each.text.startswith("crosscheck versions gripper"))
     assert len(command.shown) == 4
     done = subprocess.run(
         [sys.executable, "-m", "physics_crosscheck", *command.text.split()[1:]],

@@ -36,9 +36,9 @@ def versions(*upgrades: Upgrade) -> Versions:
     )
 
 
-def printed(found: Versions) -> list[str]:
+def printed(changes: Versions) -> list[str]:
     file = io.StringIO()
-    print_versions(Console(file=file, width=160), found)
+    print_versions(Console(file=file, width=160), changes)
     return [line.rstrip() for line in file.getvalue().splitlines()]
 
 
@@ -49,14 +49,14 @@ MOVED = versions(
         run(
             "2.0",
             case(Outcome.DIFFERS, global_error=0.01),
-            does=measurement(move=1e-3),
+            motion=measurement(move=1e-3),
             models=(model(audit=(remark("a limit is ignored"),)),),
         ),
     )
 )
 
 
-def test_where_nothing_changes_the_last_line_says_that_it_can_be_done() -> None:
+def test_unchanged_results_allow_the_upgrade() -> None:
     lines = printed(SAME)
     assert lines == [
         "ok  e 2.0 can replace 1.0 for these models: no result changes",
@@ -66,16 +66,16 @@ def test_where_nothing_changes_the_last_line_says_that_it_can_be_done() -> None:
     ]
 
 
-def test_how_near_limits_are_that_are_the_same_but_for_rounding_is_told() -> None:
-    found = versions(between(run("1.0"), run("2.0", does=measurement(move=4e-13))))
-    assert "1 case: 1 unchanged (differ by at most 4.0e-13, uncertainty 1e-12)" in printed(found)
+def test_differences_within_uncertainty_are_printed() -> None:
+    changes = versions(between(run("1.0"), run("2.0", motion=measurement(move=4e-13))))
+    assert "1 case: 1 unchanged (differ by at most 4.0e-13, uncertainty 1e-12)" in printed(changes)
 
 
-def test_what_changes_is_a_row_with_both_verdicts_and_the_ratio_of_the_errors() -> None:
+def test_changed_case_is_a_row_with_both_verdicts_and_the_error_ratio() -> None:
     lines = printed(MOVED)
     (row,) = [line for line in lines if line.startswith("spring/m.xml/free [e]")]
-    for piece in ("verdict, limit", "AGREES -> DIFFERS", "1.0e-03 ±", "0.5 % -> 1 % (x 2)"):
-        assert piece in row
+    for text in ("verdict, limit", "AGREES -> DIFFERS", "1.0e-03 ±", "0.5 % -> 1 % (x 2)"):
+        assert text in row
     assert "  the verdict changed from AGREES to DIFFERS" in lines
     assert "spring/m.xml [e]: remark gained, remark lost" in lines
     assert "1 case: 1 changed; 1 model changed" in lines
@@ -85,33 +85,33 @@ def test_what_changes_is_a_row_with_both_verdicts_and_the_ratio_of_the_errors() 
     )
 
 
-def test_what_could_not_be_compared_is_to_be_mended_first() -> None:
+def test_failed_cases_are_reported_as_not_compared() -> None:
     lines = printed(versions(between(run("1.0", failed()), run("2.0", failed()))))
     assert "1 case: 1 not compared" in lines
     assert lines[0].startswith("ERROR  e: not everything could be compared. Fix the errors below")
 
 
-def test_the_page_tells_the_same_and_runs_no_script() -> None:
+def test_page_shows_the_changes_and_runs_no_script() -> None:
     text = render_versions(MOVED, Path("out"))
     assert "script-src 'none'" in html.unescape(text)
     assert "<script" not in text
     assert 'href="e-1.0/index.html"' in text
-    for said in ("AGREES", "DIFFERS", "remark gained, remark lost", "arm: no model of it names e"):
-        assert said in text
+    for word in ("AGREES", "DIFFERS", "remark gained, remark lost", "arm: no model of it names e"):
+        assert word in text
     Page(text)
 
 
 @pytest.mark.parametrize(
     "name", ["<script>alert(1)</script>", '"><b onclick=x>', "a\u202eb\x1b[31m"]
 )
-def test_names_stay_names_on_the_page_and_in_the_terminal(name: str) -> None:
+def test_names_are_escaped_on_the_page_and_in_the_terminal(name: str) -> None:
     bad = msgspec.structs.replace(failed(), model=name, reason=name)
-    found = versions(between(run("1.0", bad), run("2.0")))
-    text = render_versions(found, Path("out"))
+    changes = versions(between(run("1.0", bad), run("2.0")))
+    text = render_versions(changes, Path("out"))
     assert name not in text
     assert "<script" not in text
-    assert "\x1b" not in "".join(printed(found))
+    assert "\x1b" not in "".join(printed(changes))
 
 
-def test_the_record_comes_back_as_it_was_written() -> None:
+def test_record_round_trips() -> None:
     assert decoded(encoded(MOVED).encode(), Versions) == MOVED

@@ -1,8 +1,7 @@
-"""Two versions for real: environments by `venv` and `pip`, a process each, what changes.
+"""Comparison of two versions in real environments of `venv` and `pip`, each in its own process.
 
-The toy engine of docs/engines/adapter.md is the engine, as wheels in a folder: no package index
-is asked.
-This package is installed, as a user has it; `test_mujoco_versions.py` runs from the checkout.
+The engine is the toy engine of docs/engines/adapter.md, installed from wheels in a folder without
+a package index. This package is installed too; `test_mujoco_versions.py` runs from the checkout.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ POINTS = "[crosscheck.engines]\ntoy = toy_engine:ToyEngine\n"
 
 
 def engine(version: str, old: str = "", new: str = "") -> str:
-    """The toy engine's module: of a version, with a change."""
+    """Return the toy engine's module with a version and a replaced text."""
     (text,) = re.findall(r"^```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
     text = text.replace('return "1.0"', f'return "{version}"')
     assert old in text
@@ -41,7 +40,7 @@ def engine(version: str, old: str = "", new: str = "") -> str:
 
 
 def files(version: str, module: str) -> dict[str, str]:
-    """What a distribution of it holds."""
+    """Return the files of a distribution of the toy engine."""
     info = f"toy-{version}.dist-info"
     return {
         "toy_engine.py": module,
@@ -55,7 +54,7 @@ def files(version: str, module: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Home:
-    """An environment that has this package and version 1.0 of the toy engine, and a wheel of 2.0.
+    """An environment with this package and toy engine 1.0, and a wheel of toy engine 2.0.
 
     `own` is an environment that a user made for version 3.0.
     """
@@ -86,8 +85,8 @@ class Home:
         )
 
 
-def made(place: Path, version: str) -> Path:
-    """Make an environment that has a version of the toy engine; return its folder of packages."""
+def create_environment(place: Path, version: str) -> Path:
+    """Create an environment with a version of the toy engine; return its package folder."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(place)], check=True)
     (site,) = place.rglob("site-packages")
     for name, text in files(version, engine(version)).items():
@@ -99,7 +98,7 @@ def made(place: Path, version: str) -> Path:
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
     place = tmp_path_factory.mktemp("versions")
-    site, _ = made(place / "home", "1.0"), made(place / "own", "3.0")
+    site, _ = create_environment(place / "home", "1.0"), create_environment(place / "own", "3.0")
     lines = [f"import site; site.addsitedir({folder!r})" for folder in site_folders()]
     (site / "dependencies.pth").write_text("\n".join(lines) + "\n")
     shutil.copytree(ROOT / "physics_crosscheck", site / "physics_crosscheck")
@@ -118,36 +117,37 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
 
 @pytest.fixture(scope="module")
 def done(home: Home) -> subprocess.CompletedProcess[str]:
-    """What three versions came to."""
+    """Compare three versions."""
     words = "oscillator", "--engine", "toy", "1.0", "2.0", "3.0=own", "--json", "found.json"
     return home.versions(*words)
 
 
 @pytest.mark.release
-def test_what_a_version_changes_is_told_and_that_the_next_takes_it_back(
+def test_change_and_its_reversal_are_reported(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
     assert done.returncode == 1, done.stdout + done.stderr
-    found = decoded((home.place / "found.json").read_bytes(), Versions)
-    assert [(one.before, one.after) for one in found.upgrades] == [("1.0", "2.0"), ("2.0", "3.0")]
-    for one, outcomes in zip(
-        found.upgrades,
+    comparison = decoded((home.place / "found.json").read_bytes(), Versions)
+    steps = [(upgrade.before, upgrade.after) for upgrade in comparison.upgrades]
+    assert steps == [("1.0", "2.0"), ("2.0", "3.0")]
+    for upgrade, outcomes in zip(
+        comparison.upgrades,
         [(Outcome.AGREES, Outcome.DIFFERS), (Outcome.DIFFERS, Outcome.AGREES)],
         strict=True,
     ):
-        assert {case.scenario for case in one.cases} == {"free", "driven"}
-        for case in one.cases:
+        assert {case.scenario for case in upgrade.cases} == {"free", "driven"}
+        for case in upgrade.cases:
             assert case.changed[:2] == ("verdict", "limit")
             assert case.outcomes == outcomes
             assert case.moved is not None
             assert 1e-5 < case.moved < 1e-2
-        (model,) = one.models
+        (model,) = upgrade.models
         assert "linearization" in model.kinds
     assert "\nFAIL  toy 1.0 -> 3.0 changes results. Check them before you upgrade" in done.stdout
 
 
 @pytest.mark.release
-def test_each_version_leaves_its_report_and_one_page_leads_to_them(
+def test_page_links_the_report_of_each_version(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
     out = home.place / "reports" / "versions"
@@ -160,7 +160,7 @@ def test_each_version_leaves_its_report_and_one_page_leads_to_them(
 
 
 @pytest.mark.release
-def test_an_environment_is_made_where_none_is_there_and_one_of_ones_own_will_do(
+def test_missing_environment_is_created_and_user_environment_is_used(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
     assert "toy 1.0: the one that is installed here" in done.stdout
@@ -171,7 +171,7 @@ def test_an_environment_is_made_where_none_is_there_and_one_of_ones_own_will_do(
 
 
 @pytest.mark.release
-def test_a_version_that_is_not_there_is_told_before_anything_is_run(home: Home) -> None:
+def test_unavailable_version_is_reported_before_running(home: Home) -> None:
     missing = home.versions("oscillator", "--engine", "toy", "1.0", "9.9", "--out", "nothing")
     assert missing.returncode == 3
     (line,) = missing.stderr.strip().splitlines()
@@ -183,7 +183,7 @@ def test_a_version_that_is_not_there_is_told_before_anything_is_run(home: Home) 
 
 
 @pytest.mark.release
-def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_others(
+def test_sweep_runs_the_same_cases_under_each_version(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
     words = "sweep", "oscillator", "--out", "rows", "--versions", "toy", "1.0"
@@ -194,7 +194,7 @@ def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_othe
         version: {row.index: row for row in read_rows(home.place / "rows" / f"toy-{version}")}
         for version in ("1.0", "2.0")
     }
-    assert {len(found) for found in rows.values()} == {2}
+    assert {len(cases) for cases in rows.values()} == {2}
     for index, row in rows["1.0"].items():
         assert row.outcome.value == "AGREES"
         assert rows["2.0"][index].outcome.value == "DIFFERS"
@@ -204,17 +204,17 @@ def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_othe
     assert moved.startswith(
         "toy 3.0 -> 2.0: 2 cases: 2 with another verdict; 2 with another discrepancy"
     )
-    # Each case by its own command, under the version that it was run under.
+    # A row's command repeats its case under the same version.
     _, *again = shlex.split(rows["2.0"][1].command)
     assert again[-5:] == ["--versions", "toy", "2.0", "--only", "1"]
-    alone = home.run(*again)
-    assert alone.returncode == 1
-    assert "FAIL  #1 " in alone.stdout
-    told_once(home.run(*words, "2.0", "--vary", "m=none"), "none")
+    single = home.run(*again)
+    assert single.returncode == 1
+    assert "FAIL  #1 " in single.stdout
+    check_usage_error(home.run(*words, "2.0", "--vary", "m=none"), "none")
 
 
 @pytest.mark.parametrize("worst", [0, 1, 3])
-def test_a_sweep_of_versions_without_a_change_ends_as_the_worst_version(
+def test_sweep_without_a_change_ends_with_the_worst_exit_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, worst: int
 ) -> None:
     codes = iter((worst, 0))
@@ -231,14 +231,14 @@ def test_a_sweep_of_versions_without_a_change_ends_as_the_worst_version(
     (("1.0", "2.0", "--engine", "mujoco"), "--engine names another engine"),
     (("1.0", "2.0", "--scheduler", "tcp://x"), "leave out --scheduler"),
 ])  # fmt: skip
-def test_a_sweep_of_versions_that_makes_no_sense_is_told_once(
+def test_invalid_sweep_of_versions_is_reported_once(
     tmp_path: Path, words: tuple[str, ...], message: str
 ) -> None:
     ran = crosscheck("sweep", "simple_pendulum", "--versions", "pymunk", *words, cwd=tmp_path)
-    told_once(ran, message)
+    check_usage_error(ran, message)
 
 
-def told_once(ran: subprocess.CompletedProcess[str], message: str) -> None:
+def check_usage_error(ran: subprocess.CompletedProcess[str], message: str) -> None:
     assert ran.returncode == 2, ran.stdout + ran.stderr
     (line,) = ran.stderr.strip().splitlines()
     assert line.startswith("crosscheck: ")
