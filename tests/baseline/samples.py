@@ -1,4 +1,4 @@
-"""What was accepted of a system with one case, and what is measured of it: made up, and whole."""
+"""Sample baseline of a system with one case, and sample measurements of it."""
 
 from __future__ import annotations
 
@@ -84,22 +84,22 @@ DECLARED = AcceptedDeclaration(
 
 
 def entry(**fields: Any) -> AcceptedCase:
-    """The entry with some fields changed."""
+    """Return the entry with some fields changed."""
     return msgspec.structs.replace(ENTRY, **fields)
 
 
 def baseline(*entries: AcceptedCase) -> SystemBaseline:
-    """A baseline of some entries; of the one, without any."""
+    """Build a baseline of some entries, by default of the sample entry."""
     chosen = entries or (ENTRY,)
     return SystemBaseline(
         declared=DECLARED,
         snapshots={snapshot_key(SNAPSHOT): SNAPSHOT},
-        cases={one.id: one for one in chosen},
+        cases={each.id: each for each in chosen},
     )
 
 
 def measurement(move: float = 0.0, equations: float = 0.0) -> Measurement:
-    """What is measured, the model and the equations moved so much in x, relative to its scale."""
+    """Build a measurement with model and equations moved in x, relative to its scale."""
     return Measurement(
         snapshot=SNAPSHOT,
         end=ENDS,
@@ -116,7 +116,7 @@ def _moved(share: float) -> tuple[tuple[float, ...], ...]:
 
 
 def case(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Case:
-    """The record of the case as a run makes it."""
+    """Build the record of a run's case."""
     verdict = Verdict(
         discrepancy=fields.pop("discrepancy", ENTRY.discrepancy),
         uncertainty=ENTRY.uncertainty,

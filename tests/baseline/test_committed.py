@@ -14,27 +14,27 @@ from physics_crosscheck.harness.records.case import CaseId
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_committed_baseline_is_of_the_models_as_they_are() -> None:
+def test_committed_baseline_matches_the_models() -> None:
     place = ROOT / "reports" / "baseline"
     baseline = read_baseline(place)
     folders = system_folders([])
     assert set(baseline) == {folder.name for folder in folders}
     for folder in folders:
-        one, scan = baseline[folder.name], folder_files(folder)
-        assert one.declared.folder == location(folder, place)
-        assert one.declared.declared == scan.system
+        accepted, scan = baseline[folder.name], folder_files(folder)
+        assert accepted.declared.folder == location(folder, place)
+        assert accepted.declared.declared == scan.system
         wanted = {
             CaseId(system=folder.name, model=model.model, scenario=scenario, engine=engine): (
                 model.hashes
             )
             for model in scan.models
             for engine in model.engines
-            for scenario in one.declared.scenarios
+            for scenario in accepted.declared.scenarios
         }
-        there = {
+        present = {
             case: entry.files
-            for case, entry in one.cases.items()
-            if engines()[case.engine].version() is not None  # of extras, those that are there
+            for case, entry in accepted.cases.items()
+            if engines()[case.engine].version() is not None  # only installed extras
         }
-        assert there == wanted
-        assert {entry.outcome for entry in one.cases.values()} == {"AGREES"}
+        assert present == wanted
+        assert {entry.outcome for entry in accepted.cases.values()} == {"AGREES"}

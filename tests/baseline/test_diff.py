@@ -1,4 +1,4 @@
-"""One case against what was accepted for it: numbers alone."""
+"""Comparison of one case with its accepted entry, in numbers only."""
 
 from __future__ import annotations
 
@@ -47,20 +47,20 @@ DIFFERS = Outcome.DIFFERS
 def difference(
     move: float = 0.0, equations: float = 0.0, then: AcceptedCase = ENTRY, **now: Any
 ) -> Diff:
-    """The difference of a case whose motion moved and whose quantities changed."""
+    """Compare a case whose motion moved and whose quantities changed."""
     return diff_accepted(then, entry(**now), SNAPSHOT, measurement(move, equations))
 
 
-def test_a_case_that_was_run_again_is_as_accepted() -> None:
+def test_repeated_case_is_unchanged() -> None:
     change = difference()
     assert (change.status, change.kinds, change.messages) == (Status.SAME, (), ())
 
 
-def test_another_machines_rounding_is_no_change() -> None:
+def test_rounding_of_another_machine_is_no_change() -> None:
     assert difference(move=1e-14).status is Status.SAME
 
 
-def test_a_motion_that_moved_though_nothing_changed_is_told_as_unexplained() -> None:
+def test_moved_motion_without_a_cause_is_unexplained() -> None:
     change = difference(move=1e-9)
     assert (change.status, change.kinds) == (Status.CHANGED, ("unexplained",))
     assert change.messages == (
@@ -68,7 +68,7 @@ def test_a_motion_that_moved_though_nothing_changed_is_told_as_unexplained() -> 
     )
 
 
-def test_of_states_that_no_motion_joins_the_state_is_told() -> None:
+def test_change_of_isolated_states_names_the_state() -> None:
     snapshot = msgspec.structs.replace(SNAPSHOT, t=(None,) * 3)
     end = (ENDS[0], (ENDS[1][0] + 1e-9, ENDS[1][1]), ENDS[2])
     now = OnAccepted(end=end, uncertainty=UNCERTAIN, equations=ENDS)
@@ -76,41 +76,41 @@ def test_of_states_that_no_motion_joins_the_state_is_told() -> None:
     assert str(motion.model).endswith("of its displacement, in x near state 2")
 
 
-def test_a_motion_that_moved_with_the_engine_alone_is_the_engines() -> None:
+def test_motion_moved_with_the_engine_only_is_attributed_to_it() -> None:
     change = difference(move=1e-6, engine_version="e 99.0")
     assert (change.status, change.kinds) == (Status.CHANGED, ("engine",))
     assert change.moved == pytest.approx(1e-6, rel=1e-3)
 
 
-def test_a_motion_that_moved_with_files_and_engine_may_be_eithers() -> None:
+def test_motion_moved_with_files_and_engine_lists_both() -> None:
     change = difference(move=1e-6, engine_version="e 99.0", files={"space.py": "other"})
     assert change.kinds == ("model", "engine")
 
 
-def test_a_motion_that_moved_with_the_declaration_alone_is_the_equations() -> None:
+def test_motion_moved_with_the_declaration_is_attributed_to_equations() -> None:
     files = FILES | {"system.py": "another"}
     assert difference(move=1e-6, files=files).kinds == ("equations",)
     assert difference(move=1e-6, resolution=1e-6).kinds == ("numbers",)
 
 
-def test_equations_and_model_that_moved_are_both_told() -> None:
+def test_moved_equations_and_model_are_both_reported() -> None:
     change = difference(move=1e-6, equations=1e-6, files=FILES | {"m.xml": "another"})
     assert change.kinds == ("model", "equations")
     assert change.messages[1:] == (
         "the equations' motion changed by 1.0e-06 ± 2e-11 of its displacement, in x near t = 1 s",
         "model and equations changed alike, and agree",
     )
-    alone = difference(equations=1e-6)
-    assert (alone.status, alone.kinds) == (Status.CHANGED, ("equations",))
+    equations_only = difference(equations=1e-6)
+    assert (equations_only.status, equations_only.kinds) == (Status.CHANGED, ("equations",))
 
 
-def test_a_new_version_of_the_tools_numerics_is_told_and_passes_where_nothing_moved() -> None:
+def test_new_numerics_version_passes_if_nothing_moved() -> None:
     change = difference(numerics=NUMERICS + 1)
     assert (change.status, change.kinds) == (Status.WITHIN, ("tool",))
     assert difference(numerics=NUMERICS + 1, move=1e-6).kinds == ("tool",)
 
 
-def test_a_limit_that_is_not_known_is_not_compared() -> None:
+def test_unknown_limit_is_not_compared() -> None:
     unknown = entry(end_uncertainty=((None, None),) * 3)
     assert difference(move=1.0, then=unknown).moved == 0.0
 
@@ -118,13 +118,13 @@ def test_a_limit_that_is_not_known_is_not_compared() -> None:
 @pytest.mark.parametrize(("share", "status"), [
     (1.0005, Status.SAME), (1.05, Status.CHANGED), (0.9, Status.IMPROVED),
 ])  # fmt: skip
-def test_a_global_error_counts_beyond_a_hundredth_of_itself(share: float, status: Status) -> None:
+def test_global_error_changes_beyond_one_percent_of_itself(share: float, status: Status) -> None:
     assert ERROR_SHARE == 0.01
     assert ENTRY.global_error is not None
     assert difference(global_error=share * ENTRY.global_error).status is status
 
 
-def test_a_global_error_that_is_large_is_known_to_its_own_share() -> None:
+def test_tolerance_of_a_large_global_error_grows_with_it() -> None:
     large = entry(global_error=0.9)
     assert difference(then=large, global_error=1.5).status is Status.SAME
     assert difference(then=large, global_error=2.0).status is Status.CHANGED
@@ -146,7 +146,7 @@ ERRORS: list[tuple[str, float | None, float | None, tuple[Changed, ...]]] = [
 
 @pytest.mark.parametrize(("fault", "then", "now", "changed"), ERRORS)
 @pytest.mark.parametrize("is_measured", [True, False])
-def test_one_rule_says_in_every_comparison_whether_an_error_changed(
+def test_every_comparison_uses_the_same_rule_for_errors(
     fault: str,
     then: float | None,
     now: float | None,
@@ -155,34 +155,34 @@ def test_one_rule_says_in_every_comparison_whether_an_error_changed(
 ) -> None:
     was = entry(global_error=then)
     if is_measured:
-        found = difference(then=was, global_error=now)
+        forward = difference(then=was, global_error=now)
         back = difference(then=entry(global_error=now), global_error=then)
     else:
         numbers = was.numbers, entry(global_error=now).numbers
-        found = diff_cases(was.id, *numbers)
+        forward = diff_cases(was.id, *numbers)
         back = diff_cases(was.id, *reversed(numbers))
-    assert found.changed == back.changed == changed, fault
+    assert forward.changed == back.changed == changed, fault
 
 
 def other(**numbers: Any) -> tuple[Changed, ...]:
-    """What changed of two results whose motions were not measured."""
+    """Return what changed between two results without measured motions."""
     was = CaseNumbers(
         outcome=DIFFERS, discrepancy=3.0e-2, uncertainty=1e-10, component="x", digits=1.5
     )
     return diff_cases(ENTRY.id, was, msgspec.structs.replace(was, **numbers)).changed
 
 
-def test_a_discrepancy_that_drifts_by_less_than_half_a_digit_has_changed() -> None:
+def test_discrepancy_change_below_half_a_digit_is_reported() -> None:
     assert other(discrepancy=3.2e-2, digits=1.4) == ("discrepancy",)
     assert other(discrepancy=3.0e-2 + 1.5e-10) == ()
 
 
-def test_discrepancies_of_two_components_are_not_compared_but_their_digits_are() -> None:
+def test_different_components_are_compared_by_digits_only() -> None:
     assert other(discrepancy=4e-2, component="y") == ()
     assert other(discrepancy=4e-1, component="y", digits=0.3) == ("digits",)
 
 
-def test_a_step_an_integrator_and_orders_are_numbers() -> None:
+def test_step_integrator_and_orders_are_numbers() -> None:
     change = difference(time_step=0.004, integrator="RK4", claimed_order=4, order=3.9)
     assert change.kinds == ("numbers",)
     assert change.status is Status.IMPROVED
@@ -194,18 +194,18 @@ def test_a_step_an_integrator_and_orders_are_numbers() -> None:
     )
 
 
-def test_a_higher_order_at_a_higher_error_is_no_improvement() -> None:
+def test_higher_order_with_higher_error_is_no_improvement() -> None:
     assert difference(global_error=0.05, claimed_order=4).status is Status.CHANGED
     assert difference(global_error=0.001, claimed_order=0).status is Status.IMPROVED
 
 
-def test_a_known_differences_size_counts() -> None:
+def test_size_of_a_known_difference_matters() -> None:
     was = entry(outcome=DIFFERS, discrepancy=1e-3)
     assert difference(then=was, outcome=DIFFERS, discrepancy=1e-3 + 1e-14).status is Status.EXPECTED
     assert difference(then=was, outcome=DIFFERS, discrepancy=1.1e-3).status is Status.CHANGED
 
 
-def test_a_known_difference_without_a_digit_is_the_same_until_it_has_one() -> None:
+def test_unresolved_difference_is_expected_until_it_gets_a_size() -> None:
     was = entry(outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
     same = difference(then=was, outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
     assert same.status is Status.EXPECTED
@@ -214,24 +214,24 @@ def test_a_known_difference_without_a_digit_is_the_same_until_it_has_one() -> No
     assert "from unknown ± unknown to 1.000e-03" in other.messages[0]
 
 
-def test_a_difference_that_is_mended_is_an_improvement() -> None:
+def test_fixed_difference_is_an_improvement() -> None:
     was = entry(outcome=DIFFERS, discrepancy=1e-3)
-    change = difference(then=was, move=1e-6, files=FILES | {"m.xml": "mended"})
+    change = difference(then=was, move=1e-6, files=FILES | {"m.xml": "fixed"})
     assert (change.status, change.kinds) == (Status.IMPROVED, ("model",))
 
 
-def test_a_lost_digit_is_told() -> None:
+def test_lost_digit_is_reported() -> None:
     change = difference(outcome=Outcome.UNRESOLVED, uncertainty=1e-6)
     assert change.status is Status.CHANGED
     assert change.messages[0] == "the verdict changed from AGREES to UNRESOLVED"
 
 
-def test_an_outcome_that_changed_with_the_method_alone_is_an_outcome() -> None:
+def test_outcome_that_changes_with_the_method_is_reported() -> None:
     change = difference(outcome=Outcome.UNRESOLVED, integrator="RK4")
     assert change.kinds == ("outcome", "numbers")
 
 
-def test_another_scenario_is_told_for_what_it_is() -> None:
+def test_changed_scenario_is_reported_as_such() -> None:
     measured = measurement()
     other = msgspec.structs.replace(SNAPSHOT, duration=5.0, inputs=("f = 1",))
     change = diff_accepted(
@@ -241,14 +241,14 @@ def test_another_scenario_is_told_for_what_it_is() -> None:
     assert change.messages == ("the scenario changed: duration 4 s -> 5 s; input f = 0 -> f = 1",)
 
 
-def test_other_coordinates_can_t_be_compared() -> None:
+def test_changed_coordinates_cannot_be_compared() -> None:
     measured = msgspec.structs.replace(measurement(), on_accepted=None)
     change = diff_accepted(ENTRY, ENTRY, SNAPSHOT, measured)
     assert (change.status, change.kinds) == (Status.CHANGED, ("equations",))
     assert change.moved is None
 
 
-def test_constants_that_the_motion_says_are_told_where_they_moved() -> None:
+def test_moved_identified_constants_are_reported() -> None:
     now = {"k": Identified(value=47.05, standard_error=1e-6), "c": ENTRY.constants["k"]}
     assert difference(constants=now).messages == ("the motion implies k 47 -> 47.05",)
 
@@ -256,29 +256,29 @@ def test_constants_that_the_motion_says_are_told_where_they_moved() -> None:
 def classified(
     measured: Measurement | Failure | None,
     this: Case | None = None,
-    one: SystemBaseline | None = None,
+    accepted: SystemBaseline | None = None,
     stale: bool = False,
 ) -> Change:
     folder = Path("models/spring")
     scan = FolderFiles(folder, "0", (ModelFiles(folder, "m.xml", ("e",), FILES, ()),), ())
-    return classify(SYSTEM, this or case(), measured, scan, one, {"e": "1.0"}, 1e-9, stale)
+    return classify(SYSTEM, this or case(), measured, scan, accepted, {"e": "1.0"}, 1e-9, stale)
 
 
-def test_what_can_t_be_held_against_anything_did_not_run() -> None:
+def test_incomparable_cases_count_as_not_run() -> None:
     whole = baseline()
     for change, message in (
         (classified(None, case(Outcome.FAILED, reason="no XML"), whole), "FAILED: no XML"),
         (classified(None, case(Outcome.ABSENT, reason="no e"), whole), "ABSENT: no e"),
-        (classified(measurement(), one=whole, stale=True), "its files changed during the run"),
-        (classified(Failure("it blew up", ""), one=whole), "not be measured: it blew up"),
-        (classified(None, one=whole), "its motion could not be measured"),
+        (classified(measurement(), accepted=whole, stale=True), "its files changed during the run"),
+        (classified(Failure("it blew up", ""), accepted=whole), "not be measured: it blew up"),
+        (classified(None, accepted=whole), "its motion could not be measured"),
     ):
         assert change.status is Status.NOT_RUN
         assert message in change.messages[0]
         assert change.now is None
 
 
-def test_a_case_that_the_baseline_does_not_know_is_new_with_what_would_be_accepted() -> None:
+def test_case_missing_from_the_baseline_is_new() -> None:
     change = classified(measurement())
     assert change.status is Status.NEW
     assert change.messages == ("AGREES, not in the baseline yet",)
@@ -288,8 +288,10 @@ def test_a_case_that_the_baseline_does_not_know_is_new_with_what_would_be_accept
     assert change.now.id == ENTRY.id
 
 
-def test_the_numerics_version_comes_from_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numerics_version_comes_from_the_fingerprint_module(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", NUMERICS)
-    assert classified(measurement(), one=baseline()).status is Status.SAME
+    assert classified(measurement(), accepted=baseline()).status is Status.SAME
     monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", NUMERICS + 1)
-    assert classified(measurement(), one=baseline()).kinds == ("tool",)
+    assert classified(measurement(), accepted=baseline()).kinds == ("tool",)

@@ -1,4 +1,4 @@
-"""Whatever a baseline's file holds: it is believed as it was accepted, or refused in a sentence."""
+"""Baseline files with arbitrary content: accepted unmodified, or rejected in one sentence."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tests.baseline.samples import DECLARED, ENTRY, SNAPSHOT, SYSTEM, baseline, 
 Table = dict[str, Any]
 ROBOT = msgspec.structs.replace(DECLARED, robot=RobotOptions(floating=True, model="arm"))
 EVENTFUL = msgspec.structs.replace(SNAPSHOT, events=(1.05,))
-"""With all fields: that of events is only written if there are some."""
+"""A snapshot with all fields: `events` is only written if not empty."""
 KEY = snapshot_key(EVENTFUL)
 ACCEPTED = replace(baseline(entry(snapshot=KEY)), declared=ROBOT, snapshots={KEY: EVENTFUL})
 TEXT = file_text(ACCEPTED)
@@ -48,12 +48,12 @@ def plain() -> Table:
 
 
 def snapshot_in(table: Table) -> Table:
-    found: Table = next(iter(table["snapshots"].values()))
-    return found
+    snapshot: Table = next(iter(table["snapshots"].values()))
+    return snapshot
 
 
 def resealed(table: Table) -> Table:
-    """With seals and keys as somebody who knows how would make them, where there are some."""
+    """Recompute seals and keys, as a knowledgeable forger would."""
     case, declared = table["cases"][0], table["declared"]
     snapshot = decoded(json.dumps(snapshot_in(table)).encode(), Snapshot)
     key = snapshot_key(snapshot)
@@ -64,17 +64,17 @@ def resealed(table: Table) -> Table:
     return table
 
 
-def refused(folder: Path, data: bytes) -> str:
-    """The sentence with which a file is refused."""
+def rejection(folder: Path, data: bytes) -> str:
+    """Return the sentence that rejects a file."""
     file = folder / f"{SYSTEM}.json"
     file.write_bytes(data)
     with pytest.raises(BaselineError) as caught:
         read_baseline(folder)
-    said = str(caught.value)
-    assert said.startswith(f"{file}: ")
-    assert "\n" not in said
-    assert len(said) < 600
-    return said
+    message = str(caught.value)
+    assert message.startswith(f"{file}: ")
+    assert "\n" not in message
+    assert len(message) < 600
+    return message
 
 
 FIELDS = [
@@ -85,32 +85,32 @@ FIELDS = [
 
 
 def table_of(table: Table, place: str) -> Table:
-    found: Table = {
+    part: Table = {
         "cases": table["cases"][0],
         "declared": table["declared"],
         "snapshots": snapshot_in(table),
     }[place]
-    return found
+    return part
 
 
 @pytest.mark.parametrize(("place", "name"), FIELDS)
-def test_a_field_of_another_type_is_refused(tmp_path: Path, place: str, name: str) -> None:
+def test_field_of_wrong_type_is_rejected(tmp_path: Path, place: str, name: str) -> None:
     table = plain()
     table_of(table, place)[name] = WRONG
-    said = refused(tmp_path, json.dumps(table).encode())
-    assert "is malformed" in said or "is damaged, badly merged or edited by hand" in said
+    message = rejection(tmp_path, json.dumps(table).encode())
+    assert "is malformed" in message or "is damaged, badly merged or edited by hand" in message
 
 
 @pytest.mark.parametrize(("place", "name"), FIELDS)
-def test_a_field_that_is_missing_is_refused(tmp_path: Path, place: str, name: str) -> None:
+def test_missing_field_is_rejected(tmp_path: Path, place: str, name: str) -> None:
     table = plain()
     del table_of(table, place)[name]
-    said = refused(tmp_path, json.dumps(table).encode())
-    assert "is malformed" in said or "is damaged, badly merged or edited by hand" in said
+    message = rejection(tmp_path, json.dumps(table).encode())
+    assert "is malformed" in message or "is damaged, badly merged or edited by hand" in message
 
 
 def other(value: Any) -> Any:
-    """A value of the same type that says something else."""
+    """Return a different value of the same type."""
     if isinstance(value, bool):
         return not value
     if isinstance(value, int | float):
@@ -123,11 +123,11 @@ def other(value: Any) -> Any:
 
 
 @pytest.mark.parametrize(("place", "name"), FIELDS)
-def test_a_field_that_says_something_else_is_refused(tmp_path: Path, place: str, name: str) -> None:
+def test_modified_field_is_rejected(tmp_path: Path, place: str, name: str) -> None:
     table = plain()
-    there = table_of(table, place)
-    there[name] = other(there[name])
-    assert "is damaged, badly merged or edited by hand" in refused(
+    part = table_of(table, place)
+    part[name] = other(part[name])
+    assert "is damaged, badly merged or edited by hand" in rejection(
         tmp_path, json.dumps(table).encode()
     )
 
@@ -160,10 +160,10 @@ SHAPES: dict[str, Callable[[Table], object]] = {
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_what_is_sealed_and_does_not_belong_together_is_refused(tmp_path: Path, name: str) -> None:
+def test_inconsistent_data_with_valid_seals_is_rejected(tmp_path: Path, name: str) -> None:
     table = plain()
     SHAPES[name](table)
-    refused(tmp_path, json.dumps(resealed(table)).encode())
+    rejection(tmp_path, json.dumps(resealed(table)).encode())
 
 
 TEXTS: dict[str, tuple[bytes, str]] = {
@@ -173,11 +173,11 @@ TEXTS: dict[str, tuple[bytes, str]] = {
     "more after it": (TEXT.encode() + b"{}", "not JSON"),
     "a mark of byte order": (b"\xef\xbb\xbf" + TEXT.encode(), "not JSON"),
     "two-byte characters": (TEXT.encode("utf-16"), "not JSON"),
-    "bytes that are no text": (b"\xff\xfe", "not JSON"),
-    "a byte within that is no text": (TEXT.encode().replace(b"first", b"\xff"), "not JSON"),
+    "invalid bytes": (b"\xff\xfe", "not JSON"),
+    "an invalid byte within": (TEXT.encode().replace(b"first", b"\xff"), "not JSON"),
     "half a character": (TEXT.encode().replace(b"first", b"\\ud800"), "not JSON"),
-    "what is no number": (TEXT.encode().replace(b"0.25", b"NaN", 1), "not JSON"),
-    "what is no finite number": (TEXT.encode().replace(b"0.25", b"1e999", 1), "out of range"),
+    "NaN": (TEXT.encode().replace(b"0.25", b"NaN", 1), "not JSON"),
+    "infinity": (TEXT.encode().replace(b"0.25", b"1e999", 1), "out of range"),
     "brackets without an end": (b"[" * 100_000, "not JSON"),
     "braces without an end": (b'{"a":' * 100_000, "not JSON"),
     "null": (b"null", "not a baseline of format 2"),
@@ -198,51 +198,49 @@ TEXTS: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_a_text_that_is_no_baseline_is_refused(tmp_path: Path, name: str) -> None:
-    data, said = TEXTS[name]
-    assert said in refused(tmp_path, data)
+def test_text_that_is_not_a_baseline_is_rejected(tmp_path: Path, name: str) -> None:
+    data, message = TEXTS[name]
+    assert message in rejection(tmp_path, data)
 
 
-def test_a_file_of_the_first_format_is_to_be_accepted_anew(tmp_path: Path) -> None:
+def test_file_of_format_1_must_be_accepted_again(tmp_path: Path) -> None:
     old = {"format": 1, "head": {}, "cases": {"m.xml/free [e]": {}}, "tracks": {}}
-    said = refused(tmp_path, json.dumps(old).encode())
-    assert "baseline has format 1 of an earlier crosscheck" in said
-    assert "run `crosscheck accept --reason TEXT`" in said
+    message = rejection(tmp_path, json.dumps(old).encode())
+    assert "baseline has format 1 of an earlier crosscheck" in message
+    assert "run `crosscheck accept --reason TEXT`" in message
 
 
-def test_entries_that_were_swapped_between_cases_are_refused(tmp_path: Path) -> None:
+def test_swapped_entries_are_rejected(tmp_path: Path) -> None:
     table = json.loads(file_text(baseline(ENTRY, entry(model="other.xml", reason="another"))))
     first, second = table["cases"]
     for name in ("model", "scenario", "engine"):
         first[name], second[name] = second[name], first[name]
-    assert "is damaged, badly merged or edited by hand" in refused(
+    assert "is damaged, badly merged or edited by hand" in rejection(
         tmp_path, json.dumps(table).encode()
     )
 
 
-def test_an_entry_of_another_system_s_file_is_refused(tmp_path: Path) -> None:
+def test_entry_of_another_system_is_rejected(tmp_path: Path) -> None:
     table = plain()
     stranger = sealed(entry(system="disc", model="b.xml"))
     table["cases"].append(json.loads(canonical(stranger)))
-    assert "belongs to a different system" in refused(tmp_path, json.dumps(table).encode())
+    assert "belongs to a different system" in rejection(tmp_path, json.dumps(table).encode())
 
 
-def test_a_snapshot_that_no_entry_s_is_there_for_is_told(tmp_path: Path) -> None:
+def test_missing_snapshot_is_reported(tmp_path: Path) -> None:
     table = plain()
     table["snapshots"] = {}
-    assert "its snapshot is missing" in refused(tmp_path, json.dumps(table).encode())
+    assert "its snapshot is missing" in rejection(tmp_path, json.dumps(table).encode())
 
 
-def test_a_folder_in_the_place_of_a_file_is_refused(tmp_path: Path) -> None:
+def test_folder_in_place_of_a_file_is_rejected(tmp_path: Path) -> None:
     (tmp_path / f"{SYSTEM}.json").mkdir()
     with pytest.raises(BaselineError, match="can't be read"):
         read_baseline(tmp_path)
 
 
 @pytest.mark.parametrize("place", [f"{SYSTEM}.json", f"{SYSTEM}/m.xml.accepted"])
-def test_a_pipe_or_a_device_in_the_place_of_a_file_is_not_opened(
-    tmp_path: Path, place: str
-) -> None:
+def test_pipe_or_device_in_place_of_a_file_is_not_opened(tmp_path: Path, place: str) -> None:
     path = tmp_path / place
     path.parent.mkdir(exist_ok=True)
     for make in (os.mkfifo, lambda path: path.symlink_to("/dev/zero")):
@@ -254,45 +252,47 @@ def test_a_pipe_or_a_device_in_the_place_of_a_file_is_not_opened(
         path.unlink()
 
 
-def test_an_entry_that_names_no_engine_is_refused_in_a_sentence(tmp_path: Path) -> None:
+def test_entry_without_an_engine_is_rejected(tmp_path: Path) -> None:
     table = plain()
     table["cases"][0]["engine"] = ""
-    said = refused(tmp_path, json.dumps(resealed(table)).encode())
-    assert "does not name a model, scenario and engine" in said
+    message = rejection(tmp_path, json.dumps(resealed(table)).encode())
+    assert "does not name a model, scenario and engine" in message
 
 
-def test_what_was_accepted_of_an_audit_is_read_as_it_was_or_refused(tmp_path: Path) -> None:
-    found = AcceptedFinding(
+def test_accepted_audit_round_trips_or_is_rejected(tmp_path: Path) -> None:
+    finding = AcceptedFinding(
         kind="literal", subject=("m",), message="m is 1.4", expected=1.3, actual=1.4
     )
-    audit = AcceptedAudit(system=SYSTEM, model="m.xml", engine="e", reason="so", findings=(found,))
+    audit = AcceptedAudit(
+        system=SYSTEM, model="m.xml", engine="e", reason="so", findings=(finding,)
+    )
     text = file_text(replace(baseline(), audits={audit.id: audit}))
     assert read_file(text.encode(), SYSTEM).audits == {audit.id: sealed(audit)}
     assert file_text(read_file(text.encode(), SYSTEM)) == text
-    assert "is damaged, badly merged or edited by hand" in refused(
+    assert "is damaged, badly merged or edited by hand" in rejection(
         tmp_path, text.replace("1.4", "1.5").encode()
     )
     table = json.loads(text)
     table["audits"] *= 2
-    assert "appears twice" in refused(tmp_path, json.dumps(table).encode())
+    assert "appears twice" in rejection(tmp_path, json.dumps(table).encode())
     other = json.loads(canonical(sealed(msgspec.structs.replace(audit, system="disc"))))
     table["audits"] = [other]
-    assert "belongs to a different system" in refused(tmp_path, json.dumps(table).encode())
+    assert "belongs to a different system" in rejection(tmp_path, json.dumps(table).encode())
 
 
-def test_what_is_written_is_read_as_it_was() -> None:
+def test_written_baseline_round_trips() -> None:
     read = read_file(TEXT.encode(), SYSTEM)
     assert read.snapshots == ACCEPTED.snapshots
-    assert [sealed(one) for one in ACCEPTED.cases.values()] == list(read.cases.values())
+    assert [sealed(case) for case in ACCEPTED.cases.values()] == list(read.cases.values())
     assert file_text(read) == TEXT
 
 
-def test_whole_numbers_where_any_belong_are_read_as_they_were() -> None:
+def test_whole_numbers_in_float_fields_round_trip() -> None:
     whole = entry(resolution=1, constants={}, global_error=0)
     assert read_file(file_text(baseline(whole)).encode(), SYSTEM).cases[whole.id].resolution == 1.0
 
 
-def test_a_file_has_a_line_a_quantity_with_names_on_top() -> None:
+def test_file_has_one_line_per_quantity_with_names_first() -> None:
     lines = [line.strip() for line in TEXT.splitlines()]
     begin = lines.index('"system": "spring",', 5)
     names = [line.split('"')[1] for line in lines[begin : begin + 25]]
@@ -300,8 +300,8 @@ def test_a_file_has_a_line_a_quantity_with_names_on_top() -> None:
     assert lines[begin + 4].startswith('"summary": "AGREES, E 5e-14 U 1e-12; global error 0.50%')
 
 
-def test_a_seal_stays_what_it_is() -> None:
-    # Were numbers ever written otherwise, every accepted baseline would be refused.
+def test_seals_are_stable() -> None:
+    # If numbers were written differently, every accepted baseline would be rejected.
     assert canonical(entry().constants["k"]) == b'{"standard_error":1e-9,"value":47.0}'
     assert snapshot_key(SNAPSHOT) == "free@9d8b4c50223e"
     assert sealed(ENTRY).seal == "f3d097a1f37b7db4"

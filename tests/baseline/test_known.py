@@ -30,7 +30,7 @@ from tests.baseline.samples import (
 )
 
 FOLDER = Path("models/spring")
-KNOWN = entry(outcome=Outcome.DIFFERS, discrepancy=1e-3, reason="the engine's own limit")
+KNOWN_DIFFERENCE = entry(outcome=Outcome.DIFFERS, discrepancy=1e-3, reason="the engine's own limit")
 
 
 @pytest.fixture(autouse=True)
@@ -39,13 +39,13 @@ def numerics(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def accepted(*entries: AcceptedCase) -> Accepted:
-    one = baseline(*entries)
+    stored = baseline(*entries)
     model = ModelFiles(FOLDER, "m.xml", ("e",), FILES, ())
-    scan = FolderFiles(FOLDER, one.declared.declared, (model,), ())
+    scan = FolderFiles(FOLDER, stored.declared.declared, (model,), ())
     return Accepted(
         place=Path("reports/baseline"),
-        systems={SYSTEM: one},
-        folders={str(FOLDER): (scan, one)},
+        systems={SYSTEM: stored},
+        folders={str(FOLDER): (scan, stored)},
         versions={"e": "1.0"},
         resolution=1e-9,
         engines=(),
@@ -59,14 +59,14 @@ def measured(
 
 
 def marked(this: Case, value: Measurement | Failure) -> Case:
-    (found,) = mark_known((this,), measured(this, value), accepted(KNOWN))
-    return found
+    (case,) = mark_known((this,), measured(this, value), accepted(KNOWN_DIFFERENCE))
+    return case
 
 
 def since(this: Case, value: Measurement | Failure) -> tuple[Diff, ...]:
-    found = changes_since((this,), measured(this, value), accepted(ENTRY))
-    assert found is not None
-    return found.changes
+    comparison = changes_since((this,), measured(this, value), accepted(ENTRY))
+    assert comparison is not None
+    return comparison.changes
 
 
 DIFFERS = case(Outcome.DIFFERS, discrepancy=1e-3, reason="it is off")
@@ -75,11 +75,11 @@ OTHER_SCENARIO = msgspec.structs.replace(
 )
 
 
-def test_a_known_difference_has_the_reason_it_was_accepted_with() -> None:
-    found = marked(DIFFERS, measurement())
-    assert found.accepted == "the engine's own limit"
-    assert found.reason == "it is off"
-    assert found.passes
+def test_known_difference_keeps_its_accepted_reason() -> None:
+    known_case = marked(DIFFERS, measurement())
+    assert known_case.accepted == "the engine's own limit"
+    assert known_case.reason == "it is off"
+    assert known_case.passes
     assert not DIFFERS.accepted  # a record is never changed
 
 
@@ -96,48 +96,48 @@ def test_a_known_difference_has_the_reason_it_was_accepted_with() -> None:
     (case(Outcome.UNRESOLVED, reason="it is off"), measurement(),
      "the verdict changed from DIFFERS to UNRESOLVED"),
 ])  # fmt: skip
-def test_one_that_changed_is_told_so_and_does_not_pass(
+def test_changed_known_difference_does_not_pass(
     this: Case, value: Measurement | Failure, why: str
 ) -> None:
-    found = marked(this, value)
+    changed_case = marked(this, value)
     note = "it is off; a difference was accepted here (the engine's own limit), but "
-    assert found.reason.startswith(f"{note}{why}")
-    assert not found.accepted
+    assert changed_case.reason.startswith(f"{note}{why}")
+    assert not changed_case.accepted
 
 
-def test_cases_that_agree_failed_or_were_not_measured_are_left_as_they_are() -> None:
+def test_agreeing_failed_and_unmeasured_cases_are_unmodified() -> None:
     for outcome in (Outcome.AGREES, Outcome.FAILED, Outcome.ABSENT):
         this = case(outcome)
         assert marked(this, measurement()) is this
-    assert mark_known((DIFFERS,), {}, accepted(KNOWN)) == (DIFFERS,)
+    assert mark_known((DIFFERS,), {}, accepted(KNOWN_DIFFERENCE)) == (DIFFERS,)
     assert mark_known((DIFFERS,), {}, None) == (DIFFERS,)
 
 
-def test_what_changed_since_is_told_worst_first() -> None:
+def test_changes_are_sorted_worst_first() -> None:
     gone, new = entry(model="gone.xml"), case(model="new.xml")
     this = case(global_error=0.05)
-    found = changes_since((new, this), measured(this, measurement()), accepted(ENTRY, gone))
-    assert found is not None
-    assert found.name == "reports/baseline"
-    assert [(change.label, change.id.model) for change in found.changes] == [
+    comparison = changes_since((new, this), measured(this, measurement()), accepted(ENTRY, gone))
+    assert comparison is not None
+    assert comparison.name == "reports/baseline"
+    assert [(change.label, change.id.model) for change in comparison.changes] == [
         ("changed, worse", "m.xml"),
         ("gone", "gone.xml"),
         ("new", "new.xml"),
     ]
-    assert found.changes[0].messages[0] == "error at dt 0.5 % -> 5 %"
-    assert found.changes[1].messages[0] == "accepted, but the case no longer exists"
+    assert comparison.changes[0].messages[0] == "error at dt 0.5 % -> 5 %"
+    assert comparison.changes[1].messages[0] == "accepted, but the case no longer exists"
 
 
-def test_nothing_is_told_of_what_is_as_it_was_or_was_not_measured() -> None:
+def test_unchanged_and_unmeasured_cases_are_not_listed() -> None:
     this = case()
     for values in (measured(this, measurement()), {}):
-        found = changes_since((this,), values, accepted(ENTRY))
-        assert found is not None
-        assert found.changes == ()
+        comparison = changes_since((this,), values, accepted(ENTRY))
+        assert comparison is not None
+        assert comparison.changes == ()
     assert changes_since((this,), {}, None) is None
 
 
-def test_a_case_that_failed_did_not_run_and_a_better_one_is_an_improvement() -> None:
+def test_failed_case_did_not_run_and_better_case_improved() -> None:
     failed, better = case(Outcome.FAILED, reason="no XML"), case(global_error=0.001)
     (change,) = since(failed, Failure("no XML", ""))
     assert (change.status, *change.messages) == (Status.NOT_RUN, "FAILED: no XML")
@@ -145,45 +145,45 @@ def test_a_case_that_failed_did_not_run_and_a_better_one_is_an_improvement() -> 
     assert change.status is Status.IMPROVED
 
 
-def test_a_declaration_that_can_t_be_loaded_takes_its_cases_with_it() -> None:
+def test_failed_declaration_counts_for_all_its_cases() -> None:
     failed = case(Outcome.FAILED, model="system.py", engine="-", scenario="-", reason="NameError")
-    found = changes_since((failed,), {}, accepted(ENTRY))
-    assert found is not None
-    (change,) = found.changes
+    comparison = changes_since((failed,), {}, accepted(ENTRY))
+    assert comparison is not None
+    (change,) = comparison.changes
     assert (change.status, *change.messages) == (
         Status.NOT_RUN,
         "FAILED; the baseline has 1 case of it",
     )
 
 
-def test_a_folder_that_ran_out_of_time_is_not_said_to_be_new_whatever_it_is_called() -> None:
+def test_folder_that_timed_out_is_not_new_under_any_name() -> None:
     failed = case(
         Outcome.FAILED, system="called_otherwise", model="system.py", engine="-", scenario="-"
     )
     before = accepted(ENTRY, entry(model="other.xml"))
-    found = changes_since((failed,), {}, before)
-    assert found is not None
-    (change,) = found.changes
+    comparison = changes_since((failed,), {}, before)
+    assert comparison is not None
+    (change,) = comparison.changes
     assert (change.status, *change.messages) == (
         Status.NOT_RUN,
         "FAILED; the baseline has 2 cases of it",
     )
     unread = changes_since((failed,), {}, dataclasses.replace(before, folders={}))
     assert unread is not None
-    assert [change.status for change in unread.changes] == [Status.NEW]  # nothing tells what it is
+    assert [change.status for change in unread.changes] == [Status.NEW]  # its system is unknown
 
 
-def test_a_model_that_can_t_be_read_stands_for_its_own_accepted_cases_alone() -> None:
+def test_unreadable_model_counts_for_its_own_cases_only() -> None:
     failed = case(Outcome.FAILED, engine="-", scenario="-", reason="no TOML")
-    found = changes_since((failed,), {}, accepted(ENTRY, entry(model="gone.xml")))
-    assert found is not None
-    assert [(change.status, change.id.model, *change.messages) for change in found.changes] == [
+    comparison = changes_since((failed,), {}, accepted(ENTRY, entry(model="gone.xml")))
+    assert comparison is not None
+    assert [(each.status, each.id.model, *each.messages) for each in comparison.changes] == [
         (Status.NOT_RUN, "m.xml", "FAILED; the baseline has 1 case of it"),
         (Status.GONE, "gone.xml", "accepted, but the case no longer exists"),
     ]
 
 
-def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accepted(
+def test_folder_with_an_unreadable_file_counts_as_not_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(folder: Path, _: Path) -> FolderFiles:
@@ -191,11 +191,11 @@ def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accep
 
     monkeypatch.setattr("physics_crosscheck.harness.baseline.stale.folder_files", refuse)
     write_baseline(tmp_path, [baseline()], {})
-    found = known.accepted(tmp_path, [FOLDER], 1e-9)
-    assert found is not None
-    assert (found.folders, found.snapshots) == ({}, {})
+    stored = known.accepted(tmp_path, [FOLDER], 1e-9)
+    assert stored is not None
+    assert (stored.folders, stored.snapshots) == ({}, {})
     this = case(Outcome.FAILED, reason="mesh.stl can't be read")
-    changes = changes_since((this,), {}, found)
+    changes = changes_since((this,), {}, stored)
     assert changes is not None
     assert [(c.status, *c.messages) for c in changes.changes] == [
         (Status.NOT_RUN, "its folder has an unreadable file")

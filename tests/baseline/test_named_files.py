@@ -1,4 +1,4 @@
-"""Files that a model file names are ones that its cases depend on: as the parser reads them."""
+"""Dependencies of cases on files that a model file names, as the parser reads them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIDECAR = 'engines = ["mujoco"]\n'
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A system folder, and a folder beside it with files that its model may name."""
+    """Create a system folder, and next to it files that its model may name."""
     system, shared = tmp_path / "system", tmp_path / "shared"
     (shared / "deep").mkdir(parents=True)
     system.mkdir()
@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def named(folder: Path, body: str) -> set[str]:
-    """What the model depends on beside itself, its sidecar and the declaration."""
+    """Return the model's dependencies except itself, its sidecar and the declaration."""
     text = f"<mujoco>{body}</mujoco>" if not body.startswith("<?") else body
     (folder / "m.xml").write_text(text)
     (model,) = folder_files(folder).models
@@ -44,7 +44,7 @@ def named(folder: Path, body: str) -> set[str]:
     '<compiler meshdir="../shared"/><mesh file="a.stl"/>',
     '<compiler meshdir="../sh&#97;red"/><mesh file="a.stl"/>',
 ])  # fmt: skip
-def test_a_named_file_is_depended_on(folder: Path, body: str) -> None:
+def test_named_file_is_a_dependency(folder: Path, body: str) -> None:
     assert named(folder, body) == {"../shared/a.stl"}
 
 
@@ -58,12 +58,12 @@ def test_a_named_file_is_depended_on(folder: Path, body: str) -> None:
     '<mesh profile="../shared/a.stl"/>',
     '<!-- <compiler meshdir="../shared"/> --><mesh file="a.stl"/>',
 ])  # fmt: skip
-def test_a_name_in_a_comment_or_a_look_alike_is_no_dependency(folder: Path, body: str) -> None:
+def test_names_in_comments_and_other_attributes_are_ignored(folder: Path, body: str) -> None:
     assert named(folder, body) == set()
 
 
 @pytest.mark.parametrize("name", ["part.xml", "part.inc", "part"])
-def test_an_include_is_followed_whatever_its_name_ends_with(folder: Path, name: str) -> None:
+def test_include_is_followed_for_any_file_extension(folder: Path, name: str) -> None:
     part = folder.parent / "shared" / name
     part.write_text('<mujocoinclude><mesh file="b.stl"/></mujocoinclude>')
     assert named(folder, f'<include file="../shared/{name}"/>') == {
@@ -72,10 +72,10 @@ def test_an_include_is_followed_whatever_its_name_ends_with(folder: Path, name: 
     }
 
 
-def test_the_folder_of_meshes_that_an_include_names_holds_for_the_whole_model(
+def test_meshdir_of_an_include_applies_to_the_whole_model(
     folder: Path,
 ) -> None:
-    """As MuJoCo has it: an include is pasted, so its compiler is the model's."""
+    """Treat includes as MuJoCo does: an include is pasted, so its compiler applies to the model."""
     shared = folder.parent / "shared"
     (shared / "one.xml").write_text('<x><include file="../shared/two.xml"/></x>')
     (shared / "two.xml").write_text('<x><compiler meshdir="../shared"/></x>')
@@ -84,7 +84,7 @@ def test_the_folder_of_meshes_that_an_include_names_holds_for_the_whole_model(
 
 
 @pytest.mark.parametrize("name", ["part.inc", "new.stl"])
-def test_a_named_file_that_was_not_there_counts_when_it_appears(folder: Path, name: str) -> None:
+def test_named_file_that_appears_later_is_a_change(folder: Path, name: str) -> None:
     shared = folder.parent / "shared"
     (shared / "part.xml").write_text(f'<x><include file="{name}"/><mesh file="{name}"/></x>')
     (folder / "m.xml").write_text('<mujoco><include file="../shared/part.xml"/></mujoco>')
@@ -96,7 +96,7 @@ def test_a_named_file_that_was_not_there_counts_when_it_appears(folder: Path, na
     assert prepared != key_of_file(folder / "m.xml", {"floating": False})
 
 
-def test_a_mesh_that_an_sdf_names_is_depended_on(folder: Path) -> None:
+def test_mesh_named_by_an_sdf_is_a_dependency(folder: Path) -> None:
     (folder / "m.sdf").write_text(
         "<sdf><model><link><visual><geometry><mesh><uri> ../shared/a.stl </uri></mesh>"
         "</geometry></visual></link></model></sdf>"
@@ -104,7 +104,7 @@ def test_a_mesh_that_an_sdf_names_is_depended_on(folder: Path) -> None:
     assert [path.resolve().name for path in named_files(folder / "m.sdf")] == ["a.stl"]
 
 
-def test_an_include_that_includes_itself_ends(folder: Path) -> None:
+def test_recursive_include_terminates(folder: Path) -> None:
     (folder.parent / "shared" / "loop.inc").write_text('<x><include file="loop.inc"/></x>')
     assert named(folder, '<include file="../shared/loop.inc"/>') == {"../shared/loop.inc"}
 
@@ -115,14 +115,12 @@ def test_an_include_that_includes_itself_ends(folder: Path) -> None:
     '<?xml version="1.0" encoding="latin-1"?><mujoco><mesh file="../shared/a.stl"/></mujoco>',
     '<?xml version="1.0"?><mujoco>don\'t<mesh file="../shared/a.stl"></mujoco>',
 ])  # fmt: skip
-def test_of_a_file_that_the_parser_refuses_every_quoted_word_counts(
-    folder: Path, text: str
-) -> None:
-    # Engines read more than this parser does: one name too few would hide a change.
+def test_every_quoted_word_of_an_unparsable_file_counts(folder: Path, text: str) -> None:
+    # Engines accept more than this parser: a missed name would hide a change.
     assert named(folder, text) == {"../shared/a.stl"}
 
 
-def test_a_file_with_a_dtd_is_refused_and_its_words_count_all_the_same(folder: Path) -> None:
+def test_words_of_a_rejected_file_with_a_dtd_count(folder: Path) -> None:
     text = '<?xml version="1.0"?>\n<!DOCTYPE mujoco><mujoco><mesh file="../shared/a.stl"/></mujoco>'
     (folder / "m.xml").write_text(text)
     named = {path.resolve() for path in named_files(folder / "m.xml")}
@@ -132,7 +130,7 @@ def test_a_file_with_a_dtd_is_refused_and_its_words_count_all_the_same(folder: P
     assert scan.broken[0] == f"{folder / 'm.xml'}:2: refused: it declares entities or a DTD"
 
 
-def test_a_changed_named_file_changes_what_the_model_is_made_of(folder: Path) -> None:
+def test_changed_named_file_changes_the_model_hashes(folder: Path) -> None:
     (folder / "m.xml").write_text('<mujoco><mesh file="../shared/a&#46;stl"/></mujoco>')
     before = folder_files(folder)
     (folder.parent / "shared" / "a.stl").write_bytes(b"solid\0another")

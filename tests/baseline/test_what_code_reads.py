@@ -1,4 +1,4 @@
-"""What `system.py` and `space.py` read is what their cases depend on, wherever it lies."""
+"""Dependencies of cases on all files that `system.py` and `space.py` read."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ HERE = "from pathlib import Path\nHERE = Path(__file__).parent\n"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A system folder with a folder beside it, and files that its code may read."""
+    """Create a system folder and a neighbouring folder with files that its code may read."""
     folder, shared = tmp_path / "oscillator", tmp_path / "shared"
     for each in (folder / ".hidden", folder / "old", folder / "__pycache__", shared):
         each.mkdir(parents=True)
@@ -44,11 +44,11 @@ def folder(tmp_path: Path) -> Path:
 
 
 def reads(folder: Path, code: str) -> set[str]:
-    """What is read of a declaration that begins with some code, itself left out."""
+    """Return the files that a declaration with some code reads, except itself."""
     (folder / "system.py").write_text(HERE + code + SYSTEM)
-    with record_reads(folder) as found:
+    with record_reads(folder) as recording:
         load_system(folder)
-    return {name for name, state in found.states().items() if is_content(state)} - {"system.py"}
+    return {name for name, state in recording.states().items() if is_content(state)} - {"system.py"}
 
 
 @pytest.mark.parametrize(("code", "name"), [
@@ -62,9 +62,9 @@ def reads(folder: Path, code: str) -> set[str]:
     ("import sys\nsys.path.insert(0, str(HERE.parent / 'shared'))\nimport local_mass\n",
      "../shared/local_mass.py"),
 ])  # fmt: skip
-def test_what_a_declaration_reads_is_recorded(folder: Path, code: str, name: str) -> None:
+def test_reads_of_a_declaration_are_recorded(folder: Path, code: str, name: str) -> None:
     assert reads(folder, code) == {name}
-    # And again, in a process that has imported it before.
+    # Again, in a process that has already imported it.
     assert reads(folder, code) == {name}
 
 
@@ -74,13 +74,13 @@ def test_what_a_declaration_reads_is_recorded(folder: Path, code: str, name: str
     "Path('/etc/hostname').read_text()\n",
     "import harness.render.terminal.primes\n",
 ])  # fmt: skip
-def test_what_is_written_installed_or_of_the_machine_is_not(folder: Path, code: str) -> None:
+def test_written_installed_and_system_files_are_not_recorded(folder: Path, code: str) -> None:
     for name in ("json.tool", "wave", "physics_crosscheck.harness.render.terminal.primes"):
         sys.modules.pop(name, None)
     assert reads(folder, code) == set()
 
 
-def test_a_module_s_bytecode_is_neither_read_nor_written(folder: Path) -> None:
+def test_bytecode_is_neither_read_nor_written(folder: Path) -> None:
     shared = folder.parent / "shared"
     source = shared / "local_mass.py"
     source.write_text("raise SystemError('the bytecode is not this')\n")
@@ -106,42 +106,42 @@ def test_bytecode_without_a_source_is_recorded(folder: Path) -> None:
     assert reads(folder, code) == {".hidden/local_bytes.pyc"}
 
 
-def test_what_says_which_packages_are_installed_is_no_input_of_a_case(folder: Path) -> None:
+def test_package_metadata_is_not_recorded(folder: Path) -> None:
     about = folder.parent / "anywhere" / "adapter-1.0.dist-info"
     about.mkdir(parents=True)
     (about / "entry_points.txt").write_text("[crosscheck.engines]\n")
     assert reads(folder, f"open({str(about / 'entry_points.txt')!r}).close()\n") == set()
 
 
-def test_what_programs_keep_in_the_users_cache_is_no_input_of_a_case(
+def test_files_in_the_user_cache_are_not_recorded(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Engines that compile what they run read it there the next time."""
-    kept = folder.parent / "cache" / "kernels"
-    kept.mkdir(parents=True)
-    (kept / "step.bin").write_text("compiled")
-    code = f"open({str(kept / 'step.bin')!r}).close()\n"
+    """Ignore kernels that engines compile and read again from the cache."""
+    kernels = folder.parent / "cache" / "kernels"
+    kernels.mkdir(parents=True)
+    (kernels / "step.bin").write_text("compiled")
+    code = f"open({str(kernels / 'step.bin')!r}).close()\n"
     assert reads(folder, code) == {"../cache/kernels/step.bin"}
-    monkeypatch.setenv("XDG_CACHE_HOME", str(kept.parent))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(kernels.parent))
     physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
     assert reads(folder, code) == set()
     physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
 
 
-def test_each_folder_gets_its_own_module_of_a_name(folder: Path, tmp_path: Path) -> None:
+def test_each_folder_imports_its_own_module(folder: Path, tmp_path: Path) -> None:
     code = "import sys\nsys.path.insert(0, str(HERE / 'lib'))\nimport local_name\n"
     for number in (1.5, 2.5):
-        one = tmp_path / f"folder_{number}"
-        (one / "lib").mkdir(parents=True)
-        (one / "lib" / "local_name.py").write_text(f"MASS = {number}\n")
+        system_folder = tmp_path / f"folder_{number}"
+        (system_folder / "lib").mkdir(parents=True)
+        (system_folder / "lib" / "local_name.py").write_text(f"MASS = {number}\n")
         text = SYSTEM.replace('"m", 1.3,', '"m", local_name.MASS,')
-        (one / "system.py").write_text(HERE + code + text)
-        with record_reads(one) as found:
-            assert load_system(one).constants[0].value == number
-        assert {"system.py", "lib/local_name.py"} <= set(found.states())
+        (system_folder / "system.py").write_text(HERE + code + text)
+        with record_reads(system_folder) as recording:
+            assert load_system(system_folder).constants[0].value == number
+        assert {"system.py", "lib/local_name.py"} <= set(recording.states())
 
 
-def test_what_was_read_elsewhere_counts_and_what_lies_in_the_folder_counts_once(
+def test_files_read_elsewhere_count_and_folder_files_count_once(
     folder: Path,
 ) -> None:
     (folder / "system.py").write_text("")
@@ -162,7 +162,7 @@ def test_what_was_read_elsewhere_counts_and_what_lies_in_the_folder_counts_once(
     assert as_now(model, accepted)["../shared/mass.txt"] == "absent"
 
 
-def test_packages_that_another_environment_lends_are_installed_ones(
+def test_packages_of_other_environments_count_as_installed(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lent = tmp_path / "lent" / "site-packages"
@@ -176,13 +176,13 @@ def test_packages_that_another_environment_lends_are_installed_ones(
             load_system(folder)
         assert not [name for name in seen.states() if "lent_module" in name]
         with record_reads(folder):
-            assert "lent_module" in sys.modules, "an installed module is not dropped"
+            assert "lent_module" in sys.modules, "an installed module must not be dropped"
     finally:
         sys.modules.pop("lent_module", None)
         physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
 
 
-def test_a_path_that_imports_a_module_is_no_endless_recursion(
+def test_path_that_imports_a_module_does_not_recurse_endlessly(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Catch a failure of every folder in Python 3.12.3, whose `Path` imports `ntpath`."""
@@ -205,9 +205,7 @@ def test_a_path_that_imports_a_module_is_no_endless_recursion(
         room._origin.cache_clear()
 
 
-def test_a_file_that_the_code_makes_itself_is_no_input_of_a_case(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_file_created_by_the_code_is_not_recorded(folder: Path, tmp_path: Path) -> None:
     kept, gone = tmp_path / "kept.csv", tmp_path / "copy.urdf"
     with record_reads(folder) as reads:
         for file in (kept, gone):
@@ -218,17 +216,17 @@ def test_a_file_that_the_code_makes_itself_is_no_input_of_a_case(
 
 
 def appear(name: str) -> Callable[[Path], None]:
-    """A change: a file that was not there, relative to what is shared."""
+    """Return a change that creates a file, relative to the shared folder."""
 
-    def made(shared: Path) -> None:
+    def create(shared: Path) -> None:
         (shared / name).parent.mkdir(exist_ok=True)
         (shared / name).write_text("MASS = 1.4\n")
 
-    return made
+    return create
 
 
 def change(shared: Path) -> None:
-    """A change of the same length and time: only the content tells."""
+    """Change the content of a file, but neither its length nor its time."""
     file = shared / "mass.txt"
     before = file.stat()
     file.write_text("1.4")
@@ -236,12 +234,12 @@ def change(shared: Path) -> None:
 
 
 def touch(shared: Path) -> None:
-    """A change of the time of modification alone."""
+    """Change the modification time of a file."""
     os.utime(shared / "mass.txt", ns=(0, 10**9))
 
 
 def turn(shared: Path) -> None:
-    """A change of where a link points, to a file of the same content."""
+    """Point a link to another file of the same content."""
     (shared / "other.txt").write_text("1.3")
     (shared / "link").unlink()
     (shared / "link").symlink_to("other.txt")
@@ -310,10 +308,8 @@ WAYS: dict[str, tuple[str, Callable[[Path], None]]] = {
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_nothing_is_taken_from_before_where_what_code_saw_has_changed(
-    folder: Path, way: str
-) -> None:
-    """In a cache, beside what was accepted, and in a journal; each way of seeing a file alone."""
+def test_changed_reads_invalidate_earlier_results(folder: Path, way: str) -> None:
+    """Check cache and baseline for each way of reading a file."""
     code, changed = WAYS[way]
     shared = folder.parent / "shared"
     (shared / "link").symlink_to("mass.txt")
@@ -321,11 +317,11 @@ def test_nothing_is_taken_from_before_where_what_code_saw_has_changed(
     (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
     (folder / "space.py").write_text("")
     (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
-    # What the first run made for itself is there for the second.
+    # The second run finds the files that the first run created.
     for _ in range(1 if way == "removed" else 2):
-        with record_reads(folder) as found:
+        with record_reads(folder) as recording:
             load_system(folder)
-    reads = found.states()
+    reads = recording.states()
     (model,) = folder_files(folder).models
     accepted = with_reads(model, reads)
     cache = Cache(folder.parent / "cache")
@@ -355,22 +351,22 @@ QUIET = {
 
 
 @pytest.mark.parametrize("code", QUIET.values(), ids=QUIET)
-def test_what_is_no_input_leaves_no_trace(folder: Path, code: str) -> None:
+def test_operations_without_input_are_not_recorded(folder: Path, code: str) -> None:
     (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
-    with record_reads(folder) as found:
+    with record_reads(folder) as recording:
         load_system(folder)
-    assert found.states().keys() == {"system.py"}, found.states()
+    assert recording.states().keys() == {"system.py"}, recording.states()
 
 
-def test_a_recording_within_another_hides_nothing_from_it(folder: Path) -> None:
-    """As where the measurement of a model that is code is kept in a cache."""
+def test_nested_recordings_see_the_same_reads(folder: Path) -> None:
+    """Nest two recordings, as caching the measurement of a code model does."""
     mass = folder.parent / "shared" / "mass.txt"
     with record_reads(folder) as outer, record_reads(folder) as inner:
         mass.read_text()
     assert outer.states() == inner.states() != {}
 
 
-def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
+def test_read_from_an_unknown_open_folder_prevents_reuse(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     code = (
@@ -378,15 +374,15 @@ def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
     )
     monkeypatch.setattr(physics_crosscheck.harness.modelfiles.code_reads, "_place", lambda *_: None)
     (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
-    with record_reads(folder) as found:
+    with record_reads(folder) as recording:
         load_system(folder)
-    assert "can't be read" in found.states().values()
+    assert "can't be read" in recording.states().values()
     cache, key = Cache(folder / "cache"), CacheKey(kind="coverage", folder="f", inputs="known")
-    cache.store(key, Coverage(), found.states())
+    cache.store(key, Coverage(), recording.states())
     assert cache.find(key, Coverage) is None
 
 
-def test_functions_are_as_they_were_after_a_recording(folder: Path) -> None:
+def test_recording_restores_the_patched_functions(folder: Path) -> None:
     before = os.stat, os.open, __import__
     (folder / "system.py").write_text("raise SystemExit\n")
     with pytest.raises(SystemExit), record_reads(folder):
