@@ -1,4 +1,4 @@
-"""A folder to sweep: one small system, one scenario, models whose literals are bound."""
+"""A folder to sweep: one small system, one scenario, models with bound literals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SYSTEM = "mass_spring_damper"
 
 
 def swept_folder(place: Path, *models: str) -> Path:
-    """The mass on its spring, released for 1 s, with some of its built-in models."""
+    """Create the mass on a spring, released for 1 s, with some of its built-in models."""
     folder = one_scenario(SYSTEM, place, "free")
     text = (folder / "system.py").read_text()
     (folder / "system.py").write_text(text.replace("duration=14.5", "duration=1.0"))
@@ -42,5 +42,5 @@ def options(
     )
 
 
-def plan_of(folder: Path, asked: SweepOptions, workers: Workers) -> CasePlan:
-    return planned(asked, Wanted(places=[folder]), workers)
+def plan_of(folder: Path, options: SweepOptions, workers: Workers) -> CasePlan:
+    return planned(options, Wanted(places=[folder]), workers)

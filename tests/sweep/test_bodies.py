@@ -1,4 +1,4 @@
-"""A folder that declares bodies in a sweep: the numbers of its model files are drawn."""
+"""Sweep of a folder that declares bodies: numbers of its model files are drawn."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ URDF = "\n".join((
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    with Workers(2) as found:
-        yield found
+    with Workers(2) as pool:
+        yield pool
 
 
 def model(folder: Path, name: str, text: str, more: str = "") -> None:
@@ -75,7 +75,7 @@ def model(folder: Path, name: str, text: str, more: str = "") -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """One arm on a hinge: its declared bodies, and an MJCF."""
+    """Create one arm on a hinge: its declared bodies and an MJCF."""
     if engines()["mujoco"].version() is None:
         pytest.skip("mujoco is not installed")
     folder = tmp_path / "swing"
@@ -97,41 +97,37 @@ def rows(whole: CasePlan) -> list[SweepRow]:
 def test_drawn_numbers_of_a_model_file_agree_and_move_the_arm(
     folder: Path, workers: Workers
 ) -> None:
-    found = rows(plan(folder, workers, MASS, DAMPING))
-    assert [row.outcome for row in found] == [Outcome.AGREES] * 3
-    assert len({row.discrepancy for row in found}) == 3
-    assert {row.scenario for row in found} == {"states"}
-    assert all(1 <= row.constants["body[arm]/inertial@mass"] <= 4 for row in found)
+    results = rows(plan(folder, workers, MASS, DAMPING))
+    assert [row.outcome for row in results] == [Outcome.AGREES] * 3
+    assert len({row.discrepancy for row in results}) == 3
+    assert {row.scenario for row in results} == {"states"}
+    assert all(1 <= row.constants["body[arm]/inertial@mass"] <= 4 for row in results)
 
 
-def test_a_number_that_is_wrong_at_its_drawn_value_is_caught(
+def test_wrong_number_in_a_drawn_copy_differs(
     folder: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def off(file: Path, texts: Mapping[Path, bytes], place: Path) -> Path:
+    def copy_with_fault(file: Path, texts: Mapping[Path, bytes], place: Path) -> Path:
         copy = copy_with_texts(file, texts, place)
         copy.write_text(
             copy.read_text().replace('diaginertia="0.1 0.2', 'diaginertia="0.1 0.20001')
         )
         return copy
 
-    monkeypatch.setattr(trees, "copy_with_texts", off)
-    found = rows(plan(folder, workers, MASS))
-    assert [row.outcome for row in found] == [Outcome.DIFFERS] * 3
+    monkeypatch.setattr(trees, "copy_with_texts", copy_with_fault)
+    results = rows(plan(folder, workers, MASS))
+    assert [row.outcome for row in results] == [Outcome.DIFFERS] * 3
 
 
-def test_joints_in_another_order_than_declared_are_matched_by_name(
-    folder: Path, workers: Workers
-) -> None:
+def test_joints_in_another_order_are_matched_by_name(folder: Path, workers: Workers) -> None:
     (folder / "system.py").write_text(BRANCHES)
     model(folder, "m.xml", OTHER_ORDER)
-    found = rows(plan(folder, workers, "joint[j_left]@damping=0.1:2"))
-    assert [row.outcome for row in found] == [Outcome.AGREES] * 3
+    results = rows(plan(folder, workers, "joint[j_left]@damping=0.1:2"))
+    assert [row.outcome for row in results] == [Outcome.AGREES] * 3
     assert [row.outcome for row in rows(plan(folder, workers))] == [Outcome.AGREES]
 
 
-def test_each_model_follows_its_numbers_and_one_without_any_is_skipped(
-    folder: Path, workers: Workers
-) -> None:
+def test_model_without_varied_numbers_is_skipped(folder: Path, workers: Workers) -> None:
     model(folder, "m.urdf", URDF)
     whole = plan(folder, workers, MASS)
     assert whole.left_out == ("swing/m.urdf [mujoco] has none of the varied numbers",)
@@ -144,7 +140,7 @@ def test_each_model_follows_its_numbers_and_one_without_any_is_skipped(
     assert {row.outcome for row in both} == {Outcome.AGREES}
 
 
-def test_one_address_with_two_values_is_refused(folder: Path, workers: Workers) -> None:
+def test_address_with_two_values_is_rejected(folder: Path, workers: Workers) -> None:
     model(folder, "other.xml", MODEL.replace('mass="2.0"', 'mass="2.5"'))
     with pytest.raises(SweepError, match=r"inertial@mass is 2\.0 or 2\.5, depending on the model"):
         plan(folder, workers, MASS)
@@ -160,7 +156,7 @@ SPRING = "\n[[spring]]\njoints = { swing = 1 }\nstiffness = 1.0\ndamping = 0\nre
         ("m.urdf", URDF, SPRING),  # it would need the spring's effect at each drawn mass
     ],
 )
-def test_a_file_that_alone_is_not_the_declared_mechanism_is_refused(
+def test_file_that_differs_from_the_declaration_is_rejected(
     folder: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, more: str
 ) -> None:
     if more:
@@ -168,8 +164,8 @@ def test_a_file_that_alone_is_not_the_declared_mechanism_is_refused(
         declared = SYSTEM.replace('name="swing", kind="hinge",', spring)
         (folder / "system.py").write_text(declared)
     model(folder, name, text, more)
-    asked = ["sweep", str(folder / name), "--vary", "*mass*=1:4", "--draws", "2"]
-    assert main([*asked, "--out", str(folder.parent / "out")]) == 2
-    said = " ".join(capsys.readouterr().err.split())
-    assert f"{name}: the file alone differs from system.py by" in said
-    assert "crosscheck run" in said
+    arguments = ["sweep", str(folder / name), "--vary", "*mass*=1:4", "--draws", "2"]
+    assert main([*arguments, "--out", str(folder.parent / "out")]) == 2
+    message = " ".join(capsys.readouterr().err.split())
+    assert f"{name}: the file alone differs from system.py by" in message
+    assert "crosscheck run" in message

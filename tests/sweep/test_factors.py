@@ -11,7 +11,7 @@ from physics_crosscheck.harness.extras.sweep.factors import (
 )
 
 
-def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
+def test_ranges_and_lists_are_parsed() -> None:
     assert factor("k=10:30").value(0.25) == 15.0
     assert factor("k=10:1000:log").value(0.5) == pytest.approx(100.0)
     listed = factor("k=1,2,4")
@@ -19,7 +19,7 @@ def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("k", "write NAME=LOW:HIGH"),
         ("k=", "write NAME=LOW:HIGH"),
@@ -34,15 +34,15 @@ def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
         ("k=xx1:x2", "'x1' is not a number"),
     ],
 )
-def test_what_is_no_range_is_refused_with_what_it_should_be(text: str, said: str) -> None:
-    with pytest.raises(SweepError, match=f"--vary {text}.*{said}"):
+def test_invalid_range_is_rejected_with_a_hint(text: str, message: str) -> None:
+    with pytest.raises(SweepError, match=f"--vary {text}.*{message}"):
         factor(text)
 
 
 CONSTANTS = {"link[a]@mass": 2.0, "link[b]@mass": 0.5, "link[b]@ixy": 0.0, "x": -4.0}
 
 
-def test_multiples_are_of_what_is_declared_and_a_pattern_means_all_of_a_kind() -> None:
+def test_multiples_and_patterns_use_declared_values() -> None:
     light, heavy = matching_factors(factors(["link[*]@mass=x0.5:x1.5"]), CONSTANTS)
     assert (light.name, light.low, light.high) == ("link[a]@mass", 1.0, 3.0)
     assert (heavy.name, heavy.low, heavy.high) == ("link[b]@mass", 0.25, 0.75)
@@ -50,30 +50,31 @@ def test_multiples_are_of_what_is_declared_and_a_pattern_means_all_of_a_kind() -
     assert (below.low, below.high) == (-8.0, -4.0)
     (listed,) = matching_factors(factors(["x=x1,x3"]), CONSTANTS)
     assert listed.values == (-4.0, -12.0)
-    # What is nought has no multiples; brackets and dots of a name are no pattern.
+    # Zero has no multiples; brackets and dots of a name are literal.
     assert [
-        one.name for one in matching_factors(factors(["*ix*=x1:x2", "link.a.@mass=1:2"]), CONSTANTS)
+        match.name
+        for match in matching_factors(factors(["*ix*=x1:x2", "link.a.@mass=1:2"]), CONSTANTS)
     ] == []
 
 
 @pytest.mark.parametrize(
-    ("texts", "said"),
+    ("texts", "message"),
     [
         (["link[b]@ixy=x1:x2"], r"link\[b\]@ixy: it is 0"),
         (["link[*]@mass=1:2", "link[a]@mass=1:2"], r"link\[a\]@mass: two options mean it"),
         (["x=x1:x2:log"], "x: it is below zero"),
     ],
 )
-def test_what_a_factor_can_not_be_for_a_constant_is_told(texts: list[str], said: str) -> None:
-    with pytest.raises(SweepError, match=f"--vary {said}"):
+def test_factor_that_does_not_fit_a_constant_is_rejected(texts: list[str], message: str) -> None:
+    with pytest.raises(SweepError, match=f"--vary {message}"):
         matching_factors(factors(texts), CONSTANTS)
 
 
-def test_a_constant_is_varied_once() -> None:
+def test_constant_varied_twice_is_rejected() -> None:
     with pytest.raises(SweepError, match="k: it is varied twice"):
         factors(["k=1:2", "k=3,4"])
 
 
-def test_a_range_needs_a_number_of_draws() -> None:
+def test_range_without_draws_is_rejected() -> None:
     with pytest.raises(SweepError, match=r"--vary k: .*--draws N"):
         draws(factors(["m=1,2", "k=1:2"]), Design.LATIN, None, 0)

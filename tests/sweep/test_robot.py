@@ -1,4 +1,4 @@
-"""Robots' files in a sweep: their numbers are drawn, by their addresses."""
+"""Sweeps of robot files, whose numbers are drawn by address."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ MJCF = """<mujoco model="arm">
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    with Workers(2) as found:
-        yield found
+    with Workers(2) as pool:
+        yield pool
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def only_block(plan: CasePlan) -> Block:
     return block
 
 
-def test_drawn_numbers_agree_in_every_engine_and_as_a_run_of_the_copy_does(
+def test_drawn_numbers_agree_in_every_engine_and_in_a_run(
     urdf: Path, workers: Workers, tmp_path: Path
 ) -> None:
     plan = whole(urdf, workers, engines=("mujoco", "pybullet"))
@@ -104,16 +104,16 @@ def test_drawn_numbers_agree_in_every_engine_and_as_a_run_of_the_copy_does(
     last = rows[-1]
     numbers = robot_numbers(urdf, {})
     values: Mapping[int, float] = {
-        i: last.constants[one.address]
-        for i, one in enumerate(numbers.numerals)
-        if one.address in last.constants
+        i: last.constants[number.address]
+        for i, number in enumerate(numbers.numerals)
+        if number.address in last.constants
     }
     copy = copy_with_texts(urdf, numbers.texts(values), tmp_path / "copy")
     assert f'damping="{last.constants[DAMPING]!r}"' in copy.read_text()
     assert judge(model_task(prepare_tree(copy), last.engine)).outcome is last.outcome
 
 
-def test_a_copy_that_does_not_follow_the_draw_differs(
+def test_copy_without_the_drawn_numbers_differs(
     urdf: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unchanged(file: Path, _: Mapping[Path, bytes], __: Path) -> Path:
@@ -125,9 +125,7 @@ def test_a_copy_that_does_not_follow_the_draw_differs(
     assert [row.outcome for row in rows] == [Outcome.DIFFERS] * 3
 
 
-def test_an_mjcf_is_swept_by_what_its_compiler_makes_of_it(
-    workers: Workers, tmp_path: Path
-) -> None:
+def test_mjcf_is_swept(workers: Workers, tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
     file.write_text(MJCF)
     plan = whole(file, workers, "geom[rod]@mass=0.5:4", engines=("mujoco",))
@@ -136,7 +134,7 @@ def test_an_mjcf_is_swept_by_what_its_compiler_makes_of_it(
     assert len({row.discrepancy for row in rows}) == 3
 
 
-def test_a_pattern_means_all_numbers_of_a_kind(urdf: Path, workers: Workers) -> None:
+def test_pattern_matches_all_numbers_of_a_kind(urdf: Path, workers: Workers) -> None:
     plan = whole(urdf, workers, "link[*]/inertial/mass@value=x0.8:x1.25", engines=("mujoco",))
     named = tuple(f"link[{name}]/inertial/mass@value" for name in ("base", "upper", "fore"))
     assert plan.constants == named
@@ -146,29 +144,25 @@ def test_a_pattern_means_all_numbers_of_a_kind(urdf: Path, workers: Workers) -> 
         assert all(1.6 <= row.constants[name] <= 2.5 for name in named)
 
 
-def test_a_draw_that_makes_no_robot_is_a_row_beside_the_others(
-    urdf: Path, workers: Workers
-) -> None:
-    asked = replace(options(f"{MASS}=-2,3"), engines=("mujoco",), count=None)
-    bad, good = run_block(only_block(plan_of(urdf, asked, workers)))
+def test_invalid_draw_is_a_failed_row(urdf: Path, workers: Workers) -> None:
+    swept_options = replace(options(f"{MASS}=-2,3"), engines=("mujoco",), count=None)
+    bad, good = run_block(only_block(plan_of(urdf, swept_options, workers)))
     assert bad.outcome is Outcome.FAILED
     assert urdf.name in bad.reason
     assert good.outcome is Outcome.AGREES
 
 
-def test_steps_are_no_factor_of_states(urdf: Path, workers: Workers) -> None:
-    asked = replace(options(*VARY, steps=(0.001, 0.002)), engines=("mujoco",))
-    assert plan_of(urdf, asked, workers).count == 3
+def test_steps_do_not_multiply_sampled_states(urdf: Path, workers: Workers) -> None:
+    swept_options = replace(options(*VARY, steps=(0.001, 0.002)), engines=("mujoco",))
+    assert plan_of(urdf, swept_options, workers).count == 3
 
 
-def test_an_address_that_is_none_is_told_with_those_like_it(urdf: Path, workers: Workers) -> None:
+def test_unknown_address_is_reported_with_similar_ones(urdf: Path, workers: Workers) -> None:
     with pytest.raises(SweepError, match=r"link\[fore\]/inertial/mass@value, .* more"):
         whole(urdf, workers, "link[fore]/inertial/mass=1:2", engines=("mujoco",))
 
 
-def test_what_can_not_be_swept_ends_with_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_files_exit_with_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot = tmp_path / "arm.urdf"
     robot.write_text("<robot/>")
     assert main(["sweep", str(robot), "--out", str(tmp_path / "out")]) == 2
@@ -177,9 +171,7 @@ def test_what_can_not_be_swept_ends_with_2(
     assert "there is no such file" in capsys.readouterr().err
 
 
-def test_what_an_engine_says_of_a_drawn_copy_names_the_users_file(
-    urdf: Path, workers: Workers
-) -> None:
+def test_engine_errors_name_the_user_file(urdf: Path, workers: Workers) -> None:
     wrong = "link[fore]/inertial/inertia@ixx=100:200"  # above the sum of the other two moments
     rows = run_block(only_block(whole(urdf, workers, wrong, engines=("mujoco",))))
     for row in rows:

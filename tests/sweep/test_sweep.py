@@ -1,4 +1,4 @@
-"""Sweeps of a real engine: rows, their verdicts, what can't be planned, what fails."""
+"""Sweeps of a real engine: rows, verdicts, invalid plans and failures."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ VARY = ("k=20:200:log", "m=0.8:2")
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    with Workers(2) as found:
-        yield found
+    with Workers(2) as pool:
+        yield pool
 
 
 @pytest.fixture(scope="module")
@@ -40,21 +40,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return swept_folder(tmp_path_factory.mktemp("systems") / "mass", "mujoco.xml", "space.py")
 
 
-def nothing(*_: object) -> None:
-    """Progress that nobody watches."""
+def ignore_progress(*_: object) -> None:
+    """Ignore progress."""
 
 
-def rows_of(folder: Path, asked: SweepOptions, out: Path, workers: Workers) -> list[SweepRow]:
-    whole = plan_of(folder, asked, workers)
-    count = sweep(whole, out, workers, nothing)
-    found = sorted(read_rows(out), key=lambda row: row.index)
-    assert [row.index for row in found] == list(range(whole.count))
+def rows_of(folder: Path, options: SweepOptions, out: Path, workers: Workers) -> list[SweepRow]:
+    whole = plan_of(folder, options, workers)
+    count = sweep(whole, out, workers, ignore_progress)
+    results = sorted(read_rows(out), key=lambda row: row.index)
+    assert [row.index for row in results] == list(range(whole.count))
     assert count == whole.count
-    return found
+    return results
 
 
-def judged(row: SweepRow) -> tuple[object, ...]:
-    """All of a row that follows from its case, and not from when it was run."""
+def stable_fields(row: SweepRow) -> tuple[object, ...]:
+    """Return the fields of a row that depend on its case only."""
     return (
         row.index, row.draw, row.name, row.integrator, row.step, row.constants, row.outcome,
         row.reason, row.discrepancy, row.uncertainty, row.digits, row.global_error, row.order,
@@ -66,11 +66,11 @@ def judged(row: SweepRow) -> tuple[object, ...]:
 def rows(
     folder: Path, workers: Workers, tmp_path_factory: pytest.TempPathFactory
 ) -> list[SweepRow]:
-    asked = options(*VARY, steps=(0.001, 0.004))
-    return rows_of(folder, asked, tmp_path_factory.mktemp("rows"), workers)
+    chosen = options(*VARY, steps=(0.001, 0.004))
+    return rows_of(folder, chosen, tmp_path_factory.mktemp("rows"), workers)
 
 
-def test_every_draw_has_every_model_and_step_and_agrees(rows: list[SweepRow]) -> None:
+def test_every_draw_runs_every_model_and_step_and_agrees(rows: list[SweepRow]) -> None:
     assert len(rows) == 3 * 2 * 2
     assert {(row.draw, row.engine, row.step) for row in rows} == {
         (draw, engine, step)
@@ -89,30 +89,30 @@ def test_every_draw_has_every_model_and_step_and_agrees(rows: list[SweepRow]) ->
         assert coarse.global_error / fine.global_error == pytest.approx(4, rel=0.3)
 
 
-def test_single_steps_decide_where_the_engine_has_a_rule_and_segments_if_thorough(
+def test_single_steps_decide_unless_thorough(
     rows: list[SweepRow], folder: Path, tmp_path: Path, workers: Workers
 ) -> None:
     by_engine = {row.engine: row.decided_by for row in rows}
     assert by_engine == {"mujoco": "single steps", "pymunk": "segments"}
-    asked = replace(options(*VARY, count=1), engines=("mujoco",), thorough=True)
-    (thorough,) = rows_of(folder, asked, tmp_path, workers)
+    chosen = replace(options(*VARY, count=1), engines=("mujoco",), thorough=True)
+    (thorough,) = rows_of(folder, chosen, tmp_path, workers)
     assert thorough.outcome is Outcome.AGREES
     assert thorough.decided_by == "segments"
     assert thorough.steps > 3 * next(row.steps for row in rows if row.engine == "mujoco")
 
 
-def test_a_row_is_had_again_by_its_number_alone(
+def test_row_is_reproduced_from_its_index(
     rows: list[SweepRow], folder: Path, workers: Workers
 ) -> None:
     whole = plan_of(folder, options(*VARY, steps=(0.001, 0.004)), workers)
     for index in (1, 6, 11):
-        assert judged(run_single(whole, index, workers)) == judged(rows[index])
+        assert stable_fields(run_single(whole, index, workers)) == stable_fields(rows[index])
     with pytest.raises(SweepError, match="--only 12: the plan has cases 0 to 11"):
         run_single(whole, 12, workers)
 
 
 def written_by_hand(folder: Path, row: SweepRow, place: Path) -> tuple[Path, Sidecar]:
-    """A folder that declares a row's constants, as a person would write it."""
+    """Create a folder that declares a row's constants, as a user would write it."""
     system = load_system(folder)
     sidecar = redrawn(system, read_sidecar(folder / f"{row.model}.toml"), row.constants, place)
     text = (folder / "system.py").read_text()
@@ -126,7 +126,7 @@ def written_by_hand(folder: Path, row: SweepRow, place: Path) -> tuple[Path, Sid
 
 
 @pytest.mark.parametrize("index", [2, 5])
-def test_a_drawn_verdict_is_that_of_a_run_on_a_folder_with_those_constants(
+def test_row_has_the_verdict_of_a_run_with_its_constants(
     rows: list[SweepRow], folder: Path, index: int, tmp_path: Path
 ) -> None:
     row = rows[index]
@@ -147,43 +147,43 @@ def test_a_drawn_verdict_is_that_of_a_run_on_a_folder_with_those_constants(
     assert case.verdict.order == (row.order and pytest.approx(row.order, rel=1e-3))
 
 
-def test_a_model_that_is_wrong_differs_at_every_draw(workers: Workers, tmp_path: Path) -> None:
+def test_wrong_model_differs_at_every_draw(workers: Workers, tmp_path: Path) -> None:
     folder = swept_folder(tmp_path / "mass", "mujoco.xml")
     model = folder / "mujoco.xml"
     assert 'damping="0.9"' in model.read_text()
     model.write_text(model.read_text().replace('damping="0.9"', 'damping="0.8"'))
-    found = rows_of(folder, options("k=20:60", count=2), tmp_path / "rows", workers)
-    assert [row.outcome for row in found] == [Outcome.DIFFERS] * 2
-    assert all("at the end of the segment" in row.reason for row in found)
-    assert {row.code for row in found} == {case_code(Outcome.DIFFERS, "motion")}
+    results = rows_of(folder, options("k=20:60", count=2), tmp_path / "rows", workers)
+    assert [row.outcome for row in results] == [Outcome.DIFFERS] * 2
+    assert all("at the end of the segment" in row.reason for row in results)
+    assert {row.code for row in results} == {case_code(Outcome.DIFFERS, "motion")}
 
 
-def test_a_case_that_can_not_be_run_is_a_row_beside_the_others(
+def test_case_that_cannot_run_is_a_failed_row(
     folder: Path, workers: Workers, tmp_path: Path
 ) -> None:
-    asked = options("k=20:60", count=2, steps=(0.004, 1.5))
-    found = rows_of(folder, asked, tmp_path / "rows", workers)
-    assert [row.outcome for row in found] == [Outcome.AGREES, Outcome.FAILED] * 4
-    assert all("dt = 1.5 s is too long" in row.reason for row in found[1::2])
-    assert {row.code for row in found[1::2]} == {case_code(Outcome.FAILED, "long step")}
+    chosen = options("k=20:60", count=2, steps=(0.004, 1.5))
+    results = rows_of(folder, chosen, tmp_path / "rows", workers)
+    assert [row.outcome for row in results] == [Outcome.AGREES, Outcome.FAILED] * 4
+    assert all("dt = 1.5 s is too long" in row.reason for row in results[1::2])
+    assert {row.code for row in results[1::2]} == {case_code(Outcome.FAILED, "long step")}
 
 
 @pytest.mark.workers
-def test_a_case_that_ends_its_process_costs_no_other(workers: Workers, tmp_path: Path) -> None:
+def test_case_that_ends_its_process_affects_no_other_case(workers: Workers, tmp_path: Path) -> None:
     folder = swept_folder(tmp_path / "mass", "space.py")
     model = folder / "space.py"
     text = model.read_text() + "\n\nimport os\n\nif STIFFNESS > 60:\n    os._exit(0)\n"
     model.write_text(text)
-    found = rows_of(folder, options("k=20:100", count=5), tmp_path / "rows", workers)
-    for row in found:
+    results = rows_of(folder, options("k=20:100", count=5), tmp_path / "rows", workers)
+    for row in results:
         dies = row.constants["k"] > 60
         assert row.outcome is (Outcome.FAILED if dies else Outcome.AGREES)
         assert not dies or "ends the process" in row.reason
-    assert {row.outcome for row in found} == {Outcome.FAILED, Outcome.AGREES}
+    assert {row.outcome for row in results} == {Outcome.FAILED, Outcome.AGREES}
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("invalid", "message"),
     [
         (options("kk=1:2"), "--vary kk: no system of these has such a constant; they have m, c, k"),
         (options("k=-1:2"), r"k=-1:2: .*system\.py declares k positive"),
@@ -194,16 +194,14 @@ def test_a_case_that_ends_its_process_costs_no_other(workers: Workers, tmp_path:
         (SweepOptions(integrators=("BDF",)), "--integrator BDF: no model has it; they have"),
     ],
 )
-def test_what_can_not_be_planned_is_told_with_what_there_is(
-    asked: SweepOptions, said: str, folder: Path, workers: Workers
+def test_invalid_options_are_reported_with_valid_ones(
+    invalid: SweepOptions, message: str, folder: Path, workers: Workers
 ) -> None:
-    with pytest.raises(SweepError, match=said):
-        plan_of(folder, asked, workers)
+    with pytest.raises(SweepError, match=message):
+        plan_of(folder, invalid, workers)
 
 
-def test_a_literal_that_does_not_follow_is_told_before_anything_is_run(
-    workers: Workers, tmp_path: Path
-) -> None:
+def test_unbound_literal_is_reported_before_running(workers: Workers, tmp_path: Path) -> None:
     folder = swept_folder(tmp_path / "mass", "mujoco.xml")
     sidecar = folder / "mujoco.xml.toml"
     sidecar.write_text(sidecar.read_text().replace('"joint[x]@stiffness" = "k"\n', ""))
@@ -212,39 +210,37 @@ def test_a_literal_that_does_not_follow_is_told_before_anything_is_run(
         plan_of(folder, options("k=1:2"), workers)
 
 
-def test_rows_go_on_where_they_were_and_no_other_plan_is_taken_for_theirs(
-    folder: Path, workers: Workers, tmp_path: Path
-) -> None:
-    asked, out = options("k=20:60", count=4), tmp_path / "rows"
-    whole = plan_of(folder, asked, workers)
-    sweep(whole, out, workers, nothing)
+def test_sweep_resumes_its_own_plan_only(folder: Path, workers: Workers, tmp_path: Path) -> None:
+    chosen, out = options("k=20:60", count=4), tmp_path / "rows"
+    whole = plan_of(folder, chosen, workers)
+    sweep(whole, out, workers, ignore_progress)
     first = {row.index: row for row in read_rows(out)}
     (lost,) = parts(out)
     lost.unlink()
-    sweep(whole, out, workers, nothing)
+    sweep(whole, out, workers, ignore_progress)
     again = {row.index: row for row in read_rows(out)}
-    assert {i: judged(row) for i, row in again.items()} == {
-        i: judged(row) for i, row in first.items()
+    assert {i: stable_fields(row) for i, row in again.items()} == {
+        i: stable_fields(row) for i, row in first.items()
     }
     before = {path: path.read_bytes() for path in parts(out)}
-    sweep(whole, out, workers, nothing)
+    sweep(whole, out, workers, ignore_progress)
     assert {path: path.read_bytes() for path in parts(out)} == before
     with locked_rows(out), pytest.raises(SweepError, match="another sweep is writing there"):
-        sweep(whole, out, workers, nothing)
+        sweep(whole, out, workers, ignore_progress)
     other = plan_of(folder, options("k=20:60", count=4, seed=6), workers)
     with pytest.raises(SweepError, match=r"another plan \(seed: 5, now 6\); choose another --out"):
-        sweep(other, out, workers, nothing)
+        sweep(other, out, workers, ignore_progress)
 
 
-def test_systems_with_different_constants_share_a_sweep(
+def test_systems_with_different_constants_can_share_a_sweep(
     folder: Path, workers: Workers, tmp_path: Path
 ) -> None:
     torsion = one_scenario("torsional_disc", tmp_path / "torsion", "free")
     for name in ("mujoco.xml", "mujoco.xml.toml"):
         shutil.copy(ROOT / "models" / "torsional_disc" / name, torsion / name)
-    asked = replace(options("m=1:2", "J=0.01:0.03", count=1), engines=("mujoco",))
-    whole = planned(asked, Wanted(places=[folder, torsion]), workers)
-    sweep(whole, tmp_path / "rows", workers, nothing)
+    chosen = replace(options("m=1:2", "J=0.01:0.03", count=1), engines=("mujoco",))
+    whole = planned(chosen, Wanted(places=[folder, torsion]), workers)
+    sweep(whole, tmp_path / "rows", workers, ignore_progress)
     rows = {row.system: row for row in read_rows(tmp_path / "rows")}
     assert {name: set(row.constants) for name, row in rows.items()} == {
         "mass_spring_damper": {"m"},

@@ -1,4 +1,4 @@
-"""What rows of two versions of an engine say together."""
+"""Comparison of the rows of two engine versions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.sweep import SweepRow
 
 
 def row(index: int = 0, **other: Any) -> SweepRow:
-    one = SweepRow(
+    default = SweepRow(
         index=index,
         draw=0,
         system="s",
@@ -26,15 +26,15 @@ def row(index: int = 0, **other: Any) -> SweepRow:
         uncertainty=1e-12,
         global_error=1e-3,
     )
-    return replace(one, **other)
+    return replace(default, **other)
 
 
-def test_rows_within_their_uncertainties_and_a_hundredth_of_their_errors_are_the_same() -> None:
-    found = compare_rows([row()], [row(discrepancy=1.5e-12, global_error=1.005e-3)])
-    assert (found.cases, dict(found.changed), found.largest) == (1, {}, [])
+def test_changes_within_uncertainty_or_one_percent_are_ignored() -> None:
+    changes = compare_rows([row()], [row(discrepancy=1.5e-12, global_error=1.005e-3)])
+    assert (changes.cases, dict(changes.changed), changes.largest) == (1, {}, [])
 
 
-def test_verdicts_limits_and_errors_are_counted_apart() -> None:
+def test_verdicts_limits_and_errors_are_counted_separately() -> None:
     before = [row(i) for i in range(4)]
     after = [
         row(0, outcome=Outcome.DIFFERS, discrepancy=1e-6),
@@ -42,22 +42,22 @@ def test_verdicts_limits_and_errors_are_counted_apart() -> None:
         row(2, global_error=2e-3),
         row(3),
     ]
-    found = compare_rows(before, after)
-    assert (found.cases, found.changed) == (
+    changes = compare_rows(before, after)
+    assert (changes.cases, changes.changed) == (
         4, {"verdict": 1, "discrepancy": 2, "error at dt": 1},
     )  # fmt: skip
-    assert [pair.after.index for pair in found.largest] == [0, 1, 2], "the most telling first"
+    assert [pair.after.index for pair in changes.largest] == [0, 1, 2], "largest changes come first"
 
 
-def test_what_one_version_has_not_is_not_compared_and_few_of_many_are_told() -> None:
+def test_only_common_rows_are_compared_and_the_list_is_limited() -> None:
     before = [row(i) for i in range(20)]
     after = [row(i, global_error=1e-3 * (2 + i)) for i in range(5, 30)]
-    found = compare_rows(before, after)
-    assert (found.cases, found.changed) == (15, {"error at dt": 15})
-    assert [pair.after.index for pair in found.largest] == list(range(19, 19 - MAX_LISTED, -1))
+    changes = compare_rows(before, after)
+    assert (changes.cases, changes.changed) == (15, {"error at dt": 15})
+    assert [pair.after.index for pair in changes.largest] == list(range(19, 19 - MAX_LISTED, -1))
 
 
-def test_a_case_that_failed_has_no_numbers_and_another_verdict() -> None:
+def test_failed_case_is_a_changed_verdict() -> None:
     none: dict[str, Any] = {"discrepancy": None, "uncertainty": None, "global_error": None}
-    found = compare_rows([row()], [row(outcome=Outcome.FAILED, **none)])
-    assert found.changed == {"verdict": 1}
+    changes = compare_rows([row()], [row(outcome=Outcome.FAILED, **none)])
+    assert changes.changed == {"verdict": 1}
