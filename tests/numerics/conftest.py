@@ -1,4 +1,4 @@
-"""A mechanism small enough to know everything about, and a Python engine that integrates it."""
+"""A mechanism with known solutions, and a Python engine that integrates it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 def oscillator(
     damping: float = DAMPING, drive: sp.Expr | float = 0.0, duration: float = 3.0
 ) -> System:
-    """The mass on a spring, as a declared system with one scenario."""
+    """Return a mass on a spring as a declared system with one scenario."""
     x = Coordinate("x", "m", "displacement")
     m = Constant("m", MASS, "kg", "mass", "test")
     c = Constant("c", damping, "N*s/m", "damping", "test")
@@ -79,7 +79,7 @@ class SymplecticEuler(LoadedModel):
         assert not isinstance(force, StateForce)
         self.calls.append((h, n, len(q)))
         if len(q) == 1:
-            return self._alone(q.item(), v.item(), h, n, force, every)
+            return self._rollout_single(q.item(), v.item(), h, n, force, every)
         q, v = q.copy(), v.copy()
         out_q, out_v = [], []
         for i in range(n):
@@ -91,23 +91,23 @@ class SymplecticEuler(LoadedModel):
                 out_v.append(v)
         return np.stack(out_q, axis=1), np.stack(out_v, axis=1)
 
-    def _alone(
+    def _rollout_single(
         self, q: float, v: float, h: float, n: int, force: Array | None, every: int
     ) -> tuple[Array, Array]:
-        """The same steps from one state, in numbers, which are 20 times faster than arrays."""
+        """Take the same steps from one state with floats, which are 20 times faster than arrays."""
         pushes = [0.0] * n if force is None else force[0, :n, 0].tolist()
         states = []
         for push in pushes:
             v = v + h * (push - self.stiffness * q - self.damping * v) / self.mass
             q = q + h * v
             states.append((q, v))
-        kept = np.array(states[every - 1 :: every]).reshape(1, -1, 2)
-        return kept[:, :, :1], kept[:, :, 1:]
+        sampled = np.array(states[every - 1 :: every]).reshape(1, -1, 2)
+        return sampled[:, :, :1], sampled[:, :, 1:]
 
 
 @dataclass
 class Coarse(SymplecticEuler):
-    """Takes starts to fewer bits: what is lost is the same on every rung, so no increment shows it.
+    """Rounds starts to fewer bits: the loss is the same on every rung, so no increment shows it.
 
     A double has 53 bits.
     """
@@ -141,7 +141,7 @@ MakeBench = Callable[..., Bench]
 
 @pytest.fixture
 def bench() -> MakeBench:
-    """A function from a model and the options of `oscillator` to a `Bench`."""
+    """Return a function that builds a `Bench` from a model and the options of `oscillator`."""
 
     def make(
         model: SymplecticEuler | None = None,

@@ -1,4 +1,4 @@
-"""An engine that rounds coarsely: its rounding is in the uncertainty wherever a limit is taken."""
+"""An engine with coarse rounding: the uncertainty of every limit includes it."""
 
 from collections.abc import Callable
 
@@ -24,61 +24,61 @@ from physics_crosscheck.reference.solving.segments import Segments
 from tests.numerics.conftest import DAMPING, MASS, STIFFNESS, Bench, Coarse, MakeBench
 
 Errors = Callable[[Bench], Array]
-"""Of limits, each relative to its uncertainty."""
+"""Return the errors of limits relative to their uncertainties."""
 
 
-def verdict(made: Bench) -> Array:
-    batch = made.motion
-    found = extrapolate(made.model, made.coordinates, batch, resolution=1e-6).limit
-    return np.abs(found.value - made.motion.end) / found.uncertainty
+def verdict(bench: Bench) -> Array:
+    batch = bench.motion
+    limit = extrapolate(bench.model, bench.coordinates, batch, resolution=1e-6).limit
+    return np.abs(limit.value - bench.motion.end) / limit.uncertainty
 
 
-def diagnosis(made: Bench) -> Array:
-    motions = {"only": made.motion}
+def diagnosis(bench: Bench) -> Array:
+    motions = {"only": bench.motion}
     samples = sample_segments(motions)
-    ends, uncertainty = engine_ends(made.model, made.coordinates, samples)
+    ends, uncertainty = engine_ends(bench.model, bench.coordinates, samples)
     return np.abs(ends - reference_ends(samples)) / uncertainty
 
 
-def snapshot(made: Bench) -> Array:
-    one = segments_of(snapshot_of(made.motion, "only", ("x", "x_dot"), ("F",)))
-    end, uncertainty = snapshot_ends(made.model, made.coordinates, one)
-    return np.abs(end - one.end) / uncertainty
+def snapshot(bench: Bench) -> Array:
+    segments = segments_of(snapshot_of(bench.motion, "only", ("x", "x_dot"), ("F",)))
+    end, uncertainty = snapshot_ends(bench.model, bench.coordinates, segments)
+    return np.abs(end - segments.end) / uncertainty
 
 
-def compare(made: Bench) -> Array:
-    start = made.motion.start[::5]
-    runs = Segments.unsolved(start, float(made.motion.lengths[0]), np.zeros((len(start), 1)))
-    found = compared_ends(made.model, runs, None, 1e-6).limit
-    return np.abs(found.value - made.motion.end[::5]) / found.uncertainty
+def compare(bench: Bench) -> Array:
+    start = bench.motion.start[::5]
+    runs = Segments.unsolved(start, float(bench.motion.lengths[0]), np.zeros((len(start), 1)))
+    limit = compared_ends(bench.model, runs, None, 1e-6).limit
+    return np.abs(limit.value - bench.motion.end[::5]) / limit.uncertainty
 
 
-def linearization(made: Bench) -> Array:
-    taylor = linearize(made.equations, made.system.equilibria[0])
+def linearization(bench: Bench) -> Array:
+    taylor = linearize(bench.equations, bench.system.equilibria[0])
     point = OperatingPoint(
         name="rest",
         position=taylor.position,
         hold=np.zeros(1),
         matrices=taylor.arrays,
-        amplitude=made.motion.amplitude,
+        amplitude=bench.motion.amplitude,
         push=np.array([5.0]),
     )
-    found = linearize_engine(made.model, made.coordinates, point, 1e-9)
-    a = np.abs(found.a - taylor.arrays["A"]) / found.a_uncertainty
-    b = np.abs(found.b - taylor.arrays["B"]) / found.b_uncertainty
+    result = linearize_engine(bench.model, bench.coordinates, point, 1e-9)
+    a = np.abs(result.a - taylor.arrays["A"]) / result.a_uncertainty
+    b = np.abs(result.b - taylor.arrays["B"]) / result.b_uncertainty
     return np.hstack([a, b])
 
 
-def accelerations(made: Bench) -> Array:
-    states = made.motion.start[::5]
-    speed = made.motion.amplitude[1:]
+def accelerations(bench: Bench) -> Array:
+    states = bench.motion.start[::5]
+    speed = bench.motion.amplitude[1:]
     measured = Accelerations(
-        model=made.model, coordinates=made.coordinates, speed=speed, fastest=made.motion.fastest
+        model=bench.model, coordinates=bench.coordinates, speed=speed, fastest=bench.motion.fastest
     )
     forces = np.linspace(-3.0, 3.0, len(states))[:, None]
-    found = measured.measure(states, np.zeros((len(states), 1)), forces)
+    result = measured.measure(states, np.zeros((len(states), 1)), forces)
     wanted = (forces - STIFFNESS * states[:, :1] - DAMPING * states[:, 1:]) / MASS
-    return np.abs(found.value - wanted) / found.uncertainty
+    return np.abs(result.value - wanted) / result.uncertainty
 
 
 EVERYWHERE = [
@@ -87,7 +87,7 @@ EVERYWHERE = [
     (snapshot, 35),
     (compare, 35),
     (linearization, 35),
-    # Changes over a step as short as these are known to fewer digits, of a double too.
+    # Changes over such short steps have fewer digits, even in doubles.
     (accelerations, 33),
 ]
 
@@ -98,7 +98,7 @@ def test_coarse_rounding_is_in_the_uncertainty(bench: MakeBench, errors: Errors,
 
 
 @pytest.mark.parametrize(("errors", "bits"), EVERYWHERE)
-def test_it_is_the_companions_that_show_it(
+def test_only_companions_show_the_rounding(
     bench: MakeBench, errors: Errors, bits: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def nothing(starts: Starts, values: Array) -> Array:
@@ -109,10 +109,10 @@ def test_it_is_the_companions_that_show_it(
 
 
 @pytest.mark.parametrize("errors", [each for each, _ in EVERYWHERE])
-def test_an_engine_that_does_not_has_no_larger_uncertainty_for_it(
+def test_an_engine_without_coarse_rounding_keeps_a_small_uncertainty(
     bench: MakeBench, errors: Errors
 ) -> None:
-    found = errors(bench())
-    assert np.max(found) < 0.5
-    # An uncertainty that is honest by being huge would say nothing.
-    assert np.median(found) > 5e-4
+    ratios = errors(bench())
+    assert np.max(ratios) < 0.5
+    # A huge uncertainty would pass the bound above without being useful.
+    assert np.median(ratios) > 5e-4

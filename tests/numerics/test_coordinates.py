@@ -45,60 +45,60 @@ NAMES = ("bob.x", "bob.y", "bob.angle")
 
 
 def test_joints_named_like_coordinates_need_no_declaration(drum: System) -> None:
-    found = coordinate_map(drum, sidecar(), ("theta", "x"))
-    z, w = found.to_engine(np.array([[0.1, 0.2, 0.3, 0.4]]))
+    coords = coordinate_map(drum, sidecar(), ("theta", "x"))
+    z, w = coords.to_engine(np.array([[0.1, 0.2, 0.3, 0.4]]))
     assert z.tolist() == [[0.2, 0.1]]
     assert w.tolist() == [[0.4, 0.3]]
-    assert found.push_matrix is not None
-    assert found.push_matrix.tolist() == [[0.0, 1.0], [1.0, 0.0]]
+    assert coords.push_matrix is not None
+    assert coords.push_matrix.tolist() == [[0.0, 1.0], [1.0, 0.0]]
 
 
 def test_velocities_go_through_the_jacobian_and_back(pendulum: System) -> None:
-    found = coordinate_map(pendulum, BOB, NAMES)
+    coords = coordinate_map(pendulum, BOB, NAMES)
     states = np.array([[0.7, 1.3], [-2.9, 4.0]])
-    z, w = found.to_engine(states)
+    z, w = coords.to_engine(states)
     step = 1e-6
-    moved, _ = found.to_engine(states + step * np.array([[1.3, 0], [4.0, 0]]))
+    moved, _ = coords.to_engine(states + step * np.array([[1.3, 0], [4.0, 0]]))
     assert w == pytest.approx((moved - z) / step, abs=1e-5)
-    assert found.from_engine(z, w, states) == pytest.approx(states, abs=1e-14)
+    assert coords.from_engine(z, w, states) == pytest.approx(states, abs=1e-14)
 
 
 def test_forces_go_through_the_transpose(pendulum: System) -> None:
-    found = coordinate_map(pendulum, BOB, NAMES)
-    force = found.force(np.full((1, 3, 1), 2.0))
+    coords = coordinate_map(pendulum, BOB, NAMES)
+    force = coords.force(np.full((1, 3, 1), 2.0))
     assert isinstance(force, StateForce)
-    z, w = found.to_engine(np.array([[0.7, 1.3]]))
+    z, w = coords.to_engine(np.array([[0.7, 1.3]]))
     # The same power on z as on q: F . dz/dt = tau theta'.
     assert np.array(force.evaluate(z[0], [2.0])) @ w[0] == pytest.approx(2.0 * 1.3, rel=1e-14)
 
 
 def test_an_angle_read_by_atan2_is_taken_near_the_reference(pendulum: System) -> None:
-    found = coordinate_map(pendulum, BOB, NAMES)
+    coords = coordinate_map(pendulum, BOB, NAMES)
     states = np.array([[3.5, 1.0], [-9.0, 1.0], [20.0, 0.0]])
-    assert found.from_engine(*found.to_engine(states), states) == pytest.approx(states, abs=1e-13)
+    assert coords.from_engine(*coords.to_engine(states), states) == pytest.approx(states, abs=1e-13)
 
 
-def test_an_angle_is_followed_past_a_turn_that_the_reference_does_not_take(
+def test_an_angle_is_followed_over_full_turns_away_from_the_reference(
     pendulum: System,
 ) -> None:
-    found = coordinate_map(pendulum, BOB, NAMES)
+    coords = coordinate_map(pendulum, BOB, NAMES)
     states = np.stack([np.linspace(2.9, 16.0, 50), np.full(50, 3.0)], axis=1)
-    assert found.follow(*found.to_engine(states), states[0]) == pytest.approx(states, abs=1e-12)
+    assert coords.follow(*coords.to_engine(states), states[0]) == pytest.approx(states, abs=1e-12)
 
 
 def test_the_residual_of_the_map_is_the_constraint_drift(drum: System) -> None:
     rolling = sidecar({"phi": "x/r"})
-    found = coordinate_map(drum, rolling, ("x", "phi", "theta"))
-    z, _ = found.to_engine(np.array([[0.18, 0.5, 0, 0]]))
+    coords = coordinate_map(drum, rolling, ("x", "phi", "theta"))
+    z, _ = coords.to_engine(np.array([[0.18, 0.5, 0, 0]]))
     assert z[0, 1] == pytest.approx(1.0, rel=1e-15)
-    assert found.drift(z) < 1e-15
+    assert coords.drift(z) < 1e-15
     z[0, 1] += 1e-3  # the drum slips
-    assert found.drift(z) == pytest.approx(1e-3)
+    assert coords.drift(z) == pytest.approx(1e-3)
 
 
-def test_no_input_is_no_force(drum: System) -> None:
-    found = coordinate_map(drum, sidecar(), ("x", "theta"))
-    assert found.force(np.zeros((2, 3, 2))) is None
+def test_zero_input_gives_no_force(drum: System) -> None:
+    coords = coordinate_map(drum, sidecar(), ("x", "theta"))
+    assert coords.force(np.zeros((2, 3, 2))) is None
 
 
 @pytest.mark.parametrize(("coordinates", "readback", "names", "sentence"), [
@@ -110,18 +110,18 @@ def test_no_input_is_no_force(drum: System) -> None:
     ({"slide": "x"}, {"x": "2*slide"}, ("slide", "theta"), r"is not the inverse"),
     ({}, {"y": "x"}, ("x", "theta"), r"\[readback\] y is not a coordinate"),
 ])  # fmt: skip
-def test_a_map_that_does_not_close_is_refused_by_name(
+def test_an_inconsistent_map_is_rejected_by_name(
     drum: System,
     coordinates: dict[str, str],
     readback: dict[str, str],
     names: tuple[str, ...],
     sentence: str,
 ) -> None:
-    with pytest.raises(SidecarError, match=sentence) as refused:
+    with pytest.raises(SidecarError, match=sentence) as error:
         coordinate_map(drum, sidecar(coordinates, readback), names)
-    assert "m.xml.toml" in str(refused.value)
+    assert "m.xml.toml" in str(error.value)
 
 
-def test_expressions_are_no_way_to_run_code(drum: System) -> None:
+def test_expressions_cannot_run_code(drum: System) -> None:
     with pytest.raises(SidecarError, match="can't read"):
         coordinate_map(drum, sidecar({"phi": "__import__('os').getcwd()"}), ("x", "phi", "theta"))

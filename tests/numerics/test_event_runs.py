@@ -82,18 +82,18 @@ def test_runs_with_another_restitution_do_not_converge(drop: Motion, tmp_path: P
     [
         ([3.0, 2.0, 1.0, -0.5], 2 + 2 / 3),  # through zero
         ([0.0, 3.0, 1.0, -1.0], 2.5),  # begins on it
-        ([3.0, 2.0, 0.8, 1.5], 2 + 0.8 / 1.2),  # would reach it with another step
+        ([3.0, 2.0, 0.8, 1.5], 2 + 0.8 / 1.2),  # would reach it after one more step
         ([3.0, 2.0, 1.5, 2.5], None),
         ([-1.0, -1.0, -1.0, -1.0], None),
         ([np.nan] * 4, None),
     ],
 )
 def test_the_time_of_a_crossing(values: list[float], time: float | None) -> None:
-    at = crossing(np.arange(4.0), np.array(values))
-    assert at == (None if time is None else pytest.approx(time))
+    actual = crossing(np.arange(4.0), np.array(values))
+    assert actual == (None if time is None else pytest.approx(time))
 
 
-def test_steps_keep_below_the_largest_error_over_the_step() -> None:
+def test_steps_follow_the_largest_error_per_step() -> None:
     errors = [(h, h * (1.0 if k % 2 else 0.4)) for k, h in enumerate(2.0 ** -np.arange(8))]
     assert order_of(errors) == pytest.approx(1, abs=0.2)
     assert step_for(0.01, errors) == pytest.approx(0.01, rel=0.1)
@@ -101,7 +101,7 @@ def test_steps_keep_below_the_largest_error_over_the_step() -> None:
 
 
 @pytest.mark.parametrize(("per_second", "constant"), [(5.0, 0.0), (0.0, 0.01)])
-def test_an_error_that_falls_with_the_step_is_no_difference(
+def test_an_error_that_falls_with_the_step_is_not_a_difference(
     drop: Motion, monkeypatch: pytest.MonkeyPatch, per_second: float, constant: float
 ) -> None:
     model, coordinates = load(load_system(BALL), read_sidecar(BALL / "space.py.toml"), "pymunk")

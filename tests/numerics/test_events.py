@@ -32,36 +32,36 @@ def drop() -> Segments:
     return solve_events(derive(system), system.scenario("drop"))
 
 
-def test_the_laid_segments_are_accepted(drop: Segments) -> None:
+def test_the_solved_segments_are_accepted(drop: Segments) -> None:
     check_events(drop, min(ODD_RUNGS))
 
 
 @pytest.mark.parametrize("share", [0.37, 0.501, 0.999, 1.2])
-def test_an_event_elsewhere_in_a_segment_is_refused(drop: Segments, share: float) -> None:
+def test_an_event_off_the_middle_of_a_segment_is_rejected(drop: Segments, share: float) -> None:
     row = 7  # free of events
     planted = float(drop.t[row] + share * drop.lengths[row])
     with pytest.raises(MisplacedEventError, match="coarse steps would agree falsely"):
         check_events(replace(drop, events=(planted,)), min(ODD_RUNGS))
 
 
-def test_every_rung_meets_a_centred_event_in_the_middle_of_a_step() -> None:
+def test_every_rung_of_event_segments_is_odd() -> None:
     assert all(rung % 2 for rung in ODD_RUNGS)
     assert not all(rung % 2 for rung in RUNGS)
     assert np.all(np.diff(ODD_RUNGS) > 0)
 
 
-def test_an_event_off_its_middle_leaves_the_other_segments_their_limit() -> None:
+def test_an_event_off_the_middle_spoils_only_its_segment() -> None:
     apart = np.arange(7) == 3
-    rungs, one = ODD_RUNGS, np.ones(1)
+    rungs, unit = ODD_RUNGS, np.ones(1)
     # A wrong limit of a force: its event is met at another phase of each rung's steps.
     ends = [np.where(apart, n * 0.37 % 1 / n, 1 + 1 / n)[:, None] for n in rungs]
     for mask, resolved in ((apart, 6), (None, 2)):
-        limit = limits(ends, rungs, (1, 1), one, one, apart=mask)
+        limit = limits(ends, rungs, (1, 1), unit, unit, apart=mask)
         assert np.sum(limit.uncertainty < 1e-9) == resolved
         assert limit.uncertainty[3] > 1e-3
 
 
-def test_a_mode_that_only_fine_steps_end_leaves_its_segment_without_a_limit(
+def test_a_mode_change_seen_only_by_fine_steps_leaves_no_limit(
     drop: Segments, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model, coordinates = load(load_system(BALL), read_sidecar(BALL / "space.py.toml"), "pymunk")

@@ -1,4 +1,4 @@
-"""Full runs: global error, order, error taken apart, steps told, energy, drift."""
+"""Full runs: global error, order, decomposition, recommended steps, energy, drift."""
 
 import cmath
 import math
@@ -43,13 +43,13 @@ def study(bench: Bench, claimed: int = 1) -> StepStudy:
 
 
 def decomposed(bench: Bench) -> OscillationError:
-    found = study(bench).decomposition
-    assert found is not None
-    return found
+    result = study(bench).decomposition
+    assert result is not None
+    return result
 
 
 def discrete_root(h: float, damping: float) -> complex:
-    """ln z / h of one step of symplectic Euler: its own frequency and decay, in closed form."""
+    """Return ln z / h of one step of symplectic Euler: its frequency and decay in closed form."""
     matrix = np.array(
         [
             [1 - h * h * STIFFNESS / MASS, h - h * h * damping / MASS],
@@ -60,47 +60,47 @@ def discrete_root(h: float, damping: float) -> complex:
 
 
 @pytest.mark.parametrize("damping", [DAMPING, 0.2])
-def test_frequency_and_damping_error_are_those_of_the_difference_equation(
+def test_frequency_and_damping_errors_match_the_difference_equation(
     bench: MakeBench, damping: float
 ) -> None:
-    made = bench(damping=damping, duration=12.0)
-    found = decomposed(made)
-    s = discrete_root(made.model.step, damping)
+    rig = bench(damping=damping, duration=12.0)
+    result = decomposed(rig)
+    s = discrete_root(rig.model.step, damping)
     exact = complex(-damping / 2 / MASS, math.sqrt(STIFFNESS / MASS - (damping / 2 / MASS) ** 2))
-    # Second order in the error itself is what the least squares leave out: some 1 %.
-    assert found.frequency == pytest.approx(s.imag / exact.imag - 1, rel=0.03)
-    assert found.damping == pytest.approx(exact.real / abs(exact) - s.real / abs(s), rel=0.03)
-    assert found.explained > 0.999
+    # The least squares ignore terms of second order in the error: about 1 %.
+    assert result.frequency == pytest.approx(s.imag / exact.imag - 1, rel=0.03)
+    assert result.damping == pytest.approx(exact.real / abs(exact) - s.real / abs(s), rel=0.03)
+    assert result.explained > 0.999
 
 
 @pytest.mark.slow
-def test_a_wrong_frequency_is_told_as_that(bench: MakeBench) -> None:
+def test_a_wrong_frequency_is_reported_as_frequency_error(bench: MakeBench) -> None:
     model = SymplecticEuler(stiffness=STIFFNESS * 1.002, step=1e-4)
-    found = decomposed(bench(model, duration=8.0))
-    assert found.frequency == pytest.approx(1e-3, rel=0.05)
+    result = decomposed(bench(model, duration=8.0))
+    assert result.frequency == pytest.approx(1e-3, rel=0.05)
     # Half a percent of damping ratio would be 2.9e-4; the stiffness alone changes it by 6e-5.
-    assert abs(found.damping) < 1e-4
+    assert abs(result.damping) < 1e-4
 
 
 def test_the_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
-    found = study(bench())
-    assert found.full_run_check.converges
-    assert found.full_run_check.order == pytest.approx(1, abs=0.1)
-    assert 1e-3 < found.global_error < 1e-1
+    result = study(bench())
+    assert result.full_run_check.converges
+    assert result.full_run_check.order == pytest.approx(1, abs=0.1)
+    assert 1e-3 < result.global_error < 1e-1
 
 
-def test_a_step_told_for_an_error_gives_that_error(bench: MakeBench) -> None:
-    found = study(bench())
-    assert found.checked is not None
-    target, h, measured = found.checked
+def test_a_recommended_step_gives_its_target_error(bench: MakeBench) -> None:
+    result = study(bench())
+    assert result.checked is not None
+    target, h, measured = result.checked
     assert 0.5 * target < measured <= 1.05 * target
-    assert h in found.steps_for
-    steps = [step for step in found.steps_for if step is not None]
-    assert list(found.steps_for) == sorted(steps, reverse=True)
+    assert h in result.steps_for
+    steps = [step for step in result.steps_for if step is not None]
+    assert list(result.steps_for) == sorted(steps, reverse=True)
 
 
-class Late(SymplecticEuler):
-    """Its positions are as good as ever; its velocities are off by several times as much."""
+class WrongVelocity(SymplecticEuler):
+    """Correct positions, but velocities that are off by several times the position error."""
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
@@ -109,29 +109,29 @@ class Late(SymplecticEuler):
         return z, w + 15 * h
 
 
-def test_a_step_told_for_an_error_holds_for_velocities_too(bench: MakeBench) -> None:
-    made, plain = bench(Late(step=0.002)), bench(SymplecticEuler(step=0.002))
-    found = study(made)
-    assert found.global_error == study(plain).global_error
-    assert found.velocity_error > 3 * found.global_error
-    rates = made.motion.amplitude[1:]
-    for target, h in zip(step_study.TARGETS, found.steps_for, strict=True):
+def test_a_recommended_step_gives_its_target_error_in_velocity(bench: MakeBench) -> None:
+    rig, plain = bench(WrongVelocity(step=0.002)), bench(SymplecticEuler(step=0.002))
+    result = study(rig)
+    assert result.global_error == study(plain).global_error
+    assert result.velocity_error > 3 * result.global_error
+    rates = rig.motion.amplitude[1:]
+    for target, h in zip(step_study.TARGETS, result.steps_for, strict=True):
         assert h is not None
-        run = full_run(made.model, made.coordinates, made.motion, made.equations.numeric_power, h)
+        run = full_run(rig.model, rig.coordinates, rig.motion, rig.equations.numeric_power, h)
         error = np.max(np.abs(run.error[:, 1:]) / rates)
         assert 0.5 * target < error <= 1.05 * target
-    assert found.checked is not None
-    target, _, measured = found.checked
+    assert result.checked is not None
+    target, _, measured = result.checked
     assert 0.5 * target < measured <= 1.05 * target
 
 
-def test_steps_told_reach_the_breaks_of_the_input(bench: MakeBench) -> None:
-    found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
-    for h in found.steps_for:
+def test_recommended_steps_reach_the_breaks_of_the_input(bench: MakeBench) -> None:
+    result = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
+    for h in result.steps_for:
         assert h is not None
         assert 1.3 / h == pytest.approx(round(1.3 / h), abs=1e-9)
-    assert found.checked is not None
-    target, _, measured = found.checked
+    assert result.checked is not None
+    target, _, measured = result.checked
     assert measured <= 1.05 * target
 
 
@@ -149,7 +149,7 @@ class Sleepy(SymplecticEuler):
 
 
 class Precise(SymplecticEuler):
-    """The classical rule of order four: its error is tiny at steps where others' are not."""
+    """The classical rule of order four, with a tiny error at usual steps."""
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         return 4, 1
@@ -165,22 +165,22 @@ class Precise(SymplecticEuler):
         for _ in range(n // every):
             state = state @ np.linalg.matrix_power(power, every).T
             out.append(state)
-        found = np.stack(out, axis=1)
-        return found[..., 0], found[..., 1]
+        states = np.stack(out, axis=1)
+        return states[..., 0], states[..., 1]
 
 
-def test_of_a_tiny_error_coarser_runs_bear_witness_in_fewer_steps(bench: MakeBench) -> None:
-    found = study(bench(Precise(step=2e-3)), claimed=4)
-    assert found.global_error < step_study.TINY_ERROR
-    assert min(run.h for run in found.others) == 4e-3
-    assert sum(run.steps for run in found.others) < found.base_run.steps
-    assert found.full_run_check.order == pytest.approx(4, abs=0.1)
-    assert found.full_run_check.converges
-    assert found.full_run_check.predicted
+def test_a_tiny_error_is_checked_by_coarser_runs(bench: MakeBench) -> None:
+    result = study(bench(Precise(step=2e-3)), claimed=4)
+    assert result.global_error < step_study.TINY_ERROR
+    assert min(run.h for run in result.others) == 4e-3
+    assert sum(run.steps for run in result.others) < result.base_run.steps
+    assert result.full_run_check.order == pytest.approx(4, abs=0.1)
+    assert result.full_run_check.converges
+    assert result.full_run_check.predicted
 
 
 class Rough(Precise):
-    """Off at the shipped step alone."""
+    """Wrong only at the file's own time step."""
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
@@ -189,11 +189,11 @@ class Rough(Precise):
         return (z * (1 + 5e-6), w) if h == self.step else (z, w)
 
 
-def test_what_the_shipped_step_alone_does_shows_beside_coarser_ones_too(bench: MakeBench) -> None:
-    found = study(bench(Rough(step=2e-3)), claimed=4)
-    assert found.global_error < step_study.TINY_ERROR
-    assert not found.full_run_check.predicted
-    assert found.full_run_check.deviation == pytest.approx(5e-6, rel=0.5)
+def test_a_fault_of_the_files_own_step_shows_in_coarser_runs(bench: MakeBench) -> None:
+    result = study(bench(Rough(step=2e-3)), claimed=4)
+    assert result.global_error < step_study.TINY_ERROR
+    assert not result.full_run_check.predicted
+    assert result.full_run_check.deviation == pytest.approx(5e-6, rel=0.5)
 
 
 class Lazy(Precise):
@@ -208,16 +208,16 @@ class Lazy(Precise):
         return z, w
 
 
-def test_a_tiny_error_that_no_step_makes_less_is_a_finding(bench: MakeBench) -> None:
+def test_a_tiny_error_independent_of_the_step_does_not_converge(bench: MakeBench) -> None:
     assert not study(bench(Lazy(step=2e-3)), claimed=4).full_run_check.converges
 
 
-def test_a_run_that_does_not_converge_is_a_finding(bench: MakeBench) -> None:
+def test_an_engine_that_falls_asleep_does_not_converge(bench: MakeBench) -> None:
     assert not study(bench(Sleepy())).full_run_check.converges
 
 
 class Tiring(SymplecticEuler):
-    """A little more damping from the hundredth step of a run on: less than the step's own error."""
+    """Slightly more damping after 100 steps of a run, below the error of the time step."""
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
@@ -231,21 +231,21 @@ class Tiring(SymplecticEuler):
         return z[:, every - 1 :: every], w[:, every - 1 :: every]
 
 
-def test_memory_below_the_steps_own_error_is_a_finding_all_the_same(bench: MakeBench) -> None:
-    found = study(bench(Tiring()))
-    assert found.full_run_check.order > 0.9  # the global error alone looks well
-    assert found.full_run_check.residual > 1e-4
-    assert not found.full_run_check.converges
+def test_memory_below_the_step_error_does_not_converge(bench: MakeBench) -> None:
+    result = study(bench(Tiring()))
+    assert result.full_run_check.order > 0.9  # the global error alone looks correct
+    assert result.full_run_check.residual > 1e-4
+    assert not result.full_run_check.converges
 
 
-def test_an_honest_engine_leaves_nothing_as_the_step_falls(bench: MakeBench) -> None:
-    found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
-    assert found.full_run_check.converges
-    assert found.full_run_check.residual < 1e-6
+def test_a_correct_engine_has_no_residual_as_the_step_falls(bench: MakeBench) -> None:
+    result = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
+    assert result.full_run_check.converges
+    assert result.full_run_check.residual < 1e-6
 
 
 class Leaning(SymplecticEuler):
-    """A force of its own, a thousandth of the spring's: it does not go away with h."""
+    """A spurious force of a thousandth of the spring's, which does not fall with h."""
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
@@ -255,35 +255,35 @@ class Leaning(SymplecticEuler):
 
 
 @pytest.mark.slow
-def test_an_error_that_does_not_fall_with_the_step_is_a_finding(bench: MakeBench) -> None:
-    found = study(bench(Leaning(step=2e-5)))
-    assert not found.full_run_check.converges
-    assert found.full_run_check.order < 0.5
+def test_a_constant_error_does_not_converge(bench: MakeBench) -> None:
+    result = study(bench(Leaning(step=2e-5)))
+    assert not result.full_run_check.converges
+    assert result.full_run_check.order < 0.5
 
 
 def test_a_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:
-    found = study(bench(SymplecticEuler(step=2.0)))
-    assert not found.full_run_check.converges
-    assert found.steps_for == (None, None, None) or found.global_error > 1
+    result = study(bench(SymplecticEuler(step=2.0)))
+    assert not result.full_run_check.converges
+    assert result.steps_for == (None, None, None) or result.global_error > 1
 
 
 def test_energy_balances_to_the_order_of_the_step_with_input_and_damper(bench: MakeBench) -> None:
-    made = bench(drive=6 * Heaviside(t - Rational(13, 10)))
-    power = made.equations.numeric_power
+    rig = bench(drive=6 * Heaviside(t - Rational(13, 10)))
+    power = rig.equations.numeric_power
 
     def imbalance(model: SymplecticEuler, h: float) -> float:
-        return full_run(model, made.coordinates, made.motion, power, h).energy
+        return full_run(model, rig.coordinates, rig.motion, power, h).energy
 
-    coarse, fine = imbalance(made.model, 2e-3), imbalance(made.model, 2e-4)
+    coarse, fine = imbalance(rig.model, 2e-3), imbalance(rig.model, 2e-4)
     assert fine < 2e-3
     assert coarse / fine == pytest.approx(10, rel=0.2)
-    # A damper ten percent too weak takes ten percent too little.
+    # A damper that is 10 % too weak dissipates 10 % too little.
     assert imbalance(SymplecticEuler(damping=0.9 * DAMPING), 2e-4) > 10 * fine
 
 
-def test_sampling_does_not_change_what_is_seen_at_the_end(bench: MakeBench) -> None:
-    made = bench(duration=3.0)
-    run = full_run(made.model, made.coordinates, made.motion, made.equations.numeric_power, 1e-4)
+def test_a_sampled_run_ends_at_its_duration(bench: MakeBench) -> None:
+    rig = bench(duration=3.0)
+    run = full_run(rig.model, rig.coordinates, rig.motion, rig.equations.numeric_power, 1e-4)
     assert run.steps == 30000
     assert run.t[-1] == pytest.approx(3.0, abs=1e-12)
     assert 1000 <= len(run.t) <= 2000
@@ -291,15 +291,15 @@ def test_sampling_does_not_change_what_is_seen_at_the_end(bench: MakeBench) -> N
 
 @dataclass
 class Draining(SymplecticEuler):
-    """Takes a share of the velocity a step, at one step alone."""
+    """Loses a share of the velocity in each step of one size."""
 
     drain: float = 1e-3
-    at: float = 0.002
+    wrong_step: float = 0.002
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        if h != self.at:
+        if h != self.wrong_step:
             return super().rollout(q, v, h, n, force, every)
         zs, ws = [], []
         for i in range(n):
@@ -312,35 +312,35 @@ class Draining(SymplecticEuler):
 
 
 @pytest.mark.parametrize("drain", [1e-3, 1e-5, -1e-4])
-def test_what_is_wrong_at_the_shipped_step_alone_is_not_what_finer_steps_foretell(
+def test_a_fault_of_the_files_own_step_is_not_predicted_by_finer_steps(
     bench: MakeBench, drain: float
 ) -> None:
-    found = study(bench(Draining(drain=drain))).full_run_check
-    assert found.converges  # the two finest see nothing of it
-    assert not found.predicted
+    check = study(bench(Draining(drain=drain))).full_run_check
+    assert check.converges  # the two finest runs do not show it
+    assert not check.predicted
 
 
-@pytest.mark.parametrize("most", [60_000, 2_000])
-def test_it_is_seen_as_well_where_a_third_run_would_take_too_many_steps(
-    bench: MakeBench, monkeypatch: pytest.MonkeyPatch, most: int
+@pytest.mark.parametrize("max_steps", [60_000, 2_000])
+def test_a_fault_of_the_files_own_step_shows_in_two_runs(
+    bench: MakeBench, monkeypatch: pytest.MonkeyPatch, max_steps: int
 ) -> None:
-    monkeypatch.setattr(step_study, "MOST_STEPS", most)
+    monkeypatch.setattr(step_study, "MOST_STEPS", max_steps)
     assert not study(bench(Draining())).full_run_check.predicted
     assert study(bench()).full_run_check.predicted
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 @pytest.mark.parametrize("damping", [0.0, DAMPING])
-def test_a_sound_engine_is_what_its_finer_steps_foretell_up_to_the_limit_of_stability(
+def test_finer_steps_predict_a_correct_engine_up_to_the_stability_limit(
     bench: MakeBench, share: float, damping: float
 ) -> None:
     limit = 2 / math.sqrt(STIFFNESS / MASS)
-    if damping:  # of v explicit in the damper: its own limit is lower
+    if damping:  # the damper is explicit in v, so its limit is lower
         limit *= 0.9
     model = SymplecticEuler(damping=damping, step=share * limit)
-    found = study(bench(model, damping=damping, duration=12.0)).full_run_check
-    assert found.converges
-    assert found.predicted
+    check = study(bench(model, damping=damping, duration=12.0)).full_run_check
+    assert check.converges
+    assert check.predicted
 
 
 def oscillation(times: Array, a: complex, s: complex) -> Array:
@@ -349,36 +349,34 @@ def oscillation(times: Array, a: complex, s: complex) -> Array:
 
 
 @pytest.mark.parametrize("damping", [0.9, 3.0, 8.0])
-def test_amplitude_and_phase_at_the_end_are_those_of_an_exact_oscillation(
-    bench: MakeBench, damping: float
-) -> None:
-    made = bench(damping=damping, duration=4.0)
+def test_amplitude_and_phase_match_an_exact_oscillation(bench: MakeBench, damping: float) -> None:
+    rig = bench(damping=damping, duration=4.0)
     pole = complex(-damping / 2 / MASS, math.sqrt(STIFFNESS / MASS - (damping / 2 / MASS) ** 2))
     # q(0) = 0.25 and v(0) = -0.4.
     a = complex(0.25, -(-0.4 - pole.real * 0.25) / pole.imag)
     other, moved = a * (1 + 2e-4) * cmath.exp(-3e-4j), pole + complex(-2e-4, 3e-4)
     times = np.linspace(0, 4.0, 801)
-    assert made.motion.states_at(times)[:, 0] == pytest.approx(
+    assert rig.motion.states_at(times)[:, 0] == pytest.approx(
         oscillation(times, a, pole), abs=1e-12
     )
-    found = decompose(times, oscillation(times, other, moved), made.motion, 0)
+    result = decompose(times, oscillation(times, other, moved), rig.motion, 0)
     change = other / a * cmath.exp((moved - pole) * 4.0)
-    assert found.amplitude == pytest.approx(abs(change) - 1, rel=0.01)
-    assert found.explained > 0.99999
+    assert result.amplitude == pytest.approx(abs(change) - 1, rel=0.01)
+    assert result.explained > 0.99999
 
 
 def runs_of(error: Callable[[float, Array], Array], motion: Motion) -> list[SampledRun]:
-    """Six runs, each of half the step, with errors (S,) that are a function of step and time."""
+    """Return six runs, each of half the step, with errors (S,) as a function of step and time."""
     times = np.linspace(0, motion.duration, 301)
-    found = []
+    runs = []
     for i in range(6):
         h = 0.01 / 2**i
         off = np.stack([error(h, times), np.zeros_like(times)], axis=1)
         states = motion.states_at(times) + off
-        found.append(
+        runs.append(
             SampledRun(h=h, steps=300 * 2**i, every=2**i, t=times, states=states, error=off)
         )
-    return found
+    return runs
 
 
 def multiplied(motion: Motion, rate: float) -> Sensitivity:
@@ -388,25 +386,25 @@ def multiplied(motion: Motion, rate: float) -> Sensitivity:
     )  # fmt: skip
 
 
-def test_a_chaotic_run_bears_witness_as_far_as_it_is_resolved(bench: MakeBench) -> None:
+def test_a_chaotic_run_converges_until_it_is_unresolved(bench: MakeBench) -> None:
     motion = bench().motion
     size = np.array([0.25])
 
     def chaos(h: float, times: Array) -> Array:
         grown = 0.002 * h * np.exp(8 * times)
-        # What is large has been folded back, whatever the step.
+        # Large errors saturate at every step size.
         folded: Array = np.where(grown < 0.002, grown, 0.008)
         return folded
 
     runs = runs_of(chaos, motion)
     assert not check_full_runs(runs, 1, size, motion).converges
-    found = check_full_runs(runs, 1, size, motion, multiplied(motion, 8.0))
-    assert found.converges
-    assert found.partly_chaotic
-    assert 0 < found.until < 1.0
+    result = check_full_runs(runs, 1, size, motion, multiplied(motion, 8.0))
+    assert result.converges
+    assert result.partly_chaotic
+    assert 0 < result.until < 1.0
 
 
-def test_what_is_carried_from_step_to_step_is_no_chaos(bench: MakeBench) -> None:
+def test_an_error_carried_between_steps_is_not_chaos(bench: MakeBench) -> None:
     motion = bench().motion
     size = np.array([0.25])
     runs = runs_of(lambda h, times: (h + 0.003) * 0.25 * times, motion)

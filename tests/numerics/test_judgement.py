@@ -1,4 +1,4 @@
-"""One rule for what limits say: beside the equations, and beside another model."""
+"""The rule that judges limits compared with the equations or with another model."""
 
 import numpy as np
 import pytest
@@ -9,36 +9,36 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 
-def told(uncertainty: float = 1e-11) -> tuple[Array, Array]:
-    """Defects below their uncertainty, of five segments and two components."""
+def make_defects(uncertainty: float = 1e-11) -> tuple[Array, Array]:
+    """Return defects below their uncertainty, of five segments and two components."""
     rng = np.random.default_rng(3)
     return 1e-12 * rng.uniform(0.1, 0.9, (5, 2)), np.full((5, 2), uncertainty)
 
 
-def test_what_is_below_its_uncertainty_and_that_below_the_resolution_agrees() -> None:
-    found = judge(*told(), 1e-9, None)
-    assert found.outcome is Outcome.AGREES
-    assert found.unresolved_reason is None
+def test_defects_below_uncertainty_and_resolution_agree() -> None:
+    result = judge(*make_defects(), 1e-9, None)
+    assert result.outcome is Outcome.AGREES
+    assert result.unresolved_reason is None
 
 
-def test_the_largest_of_all_components_is_told_beside_that_of_the_worst_ratio() -> None:
-    defect, uncertainty = told()
-    defect[1, 1], uncertainty[:, 1] = 1.5e-11, 1.5e-10  # a tenth of U; the other component: more
+def test_largest_discrepancy_is_reported_with_that_of_the_worst_ratio() -> None:
+    defect, uncertainty = make_defects()
+    defect[1, 1], uncertainty[:, 1] = 1.5e-11, 1.5e-10  # E/U is 0.1; elsewhere larger
     defect[2, 0] = 9e-12
-    found = judge(defect, uncertainty, 1e-9, None)
-    assert (found.segment, found.component) == (2, 0)
-    assert (found.discrepancy, found.uncertainty) == (9e-12, 1e-11)
-    assert (found.largest_discrepancy, found.largest_uncertainty) == (1.5e-11, 1.5e-10)
+    result = judge(defect, uncertainty, 1e-9, None)
+    assert (result.segment, result.component) == (2, 0)
+    assert (result.discrepancy, result.uncertainty) == (9e-12, 1e-11)
+    assert (result.largest_discrepancy, result.largest_uncertainty) == (1.5e-11, 1.5e-10)
 
 
-def test_a_segment_that_could_not_be_resolved_hides_none_that_was() -> None:
-    defect, uncertainty = told()
+def test_an_unresolved_segment_does_not_hide_a_resolved_one() -> None:
+    defect, uncertainty = make_defects()
     defect[3, 1], uncertainty[0] = 1e-8, np.inf
-    found = judge(defect, uncertainty, 1e-9, None)
-    assert found.outcome is Outcome.DIFFERS
-    assert (found.segment, found.component) == (3, 1)
-    assert (found.discrepancy, found.uncertainty) == (1e-8, 1e-11)
-    assert (found.largest_discrepancy, found.largest_uncertainty) == (1e-8, np.inf)
+    result = judge(defect, uncertainty, 1e-9, None)
+    assert result.outcome is Outcome.DIFFERS
+    assert (result.segment, result.component) == (3, 1)
+    assert (result.discrepancy, result.uncertainty) == (1e-8, 1e-11)
+    assert (result.largest_discrepancy, result.largest_uncertainty) == (1e-8, np.inf)
 
 
 @pytest.mark.parametrize(
@@ -47,23 +47,23 @@ def test_a_segment_that_could_not_be_resolved_hides_none_that_was() -> None:
 def test_an_uncertainty_above_the_resolution_is_unresolved(
     worst: float, why: UnresolvedReason
 ) -> None:
-    defect, uncertainty = told()
+    defect, uncertainty = make_defects()
     uncertainty[4, 1] = worst
-    found = judge(defect, uncertainty, 1e-9, None)
-    assert found.outcome is Outcome.UNRESOLVED
-    assert found.unresolved_reason is why
-    assert (found.segment, found.component) == (4, 1)
-    assert found.uncertainty == found.largest_uncertainty == worst
+    result = judge(defect, uncertainty, 1e-9, None)
+    assert result.outcome is Outcome.UNRESOLVED
+    assert result.unresolved_reason is why
+    assert (result.segment, result.component) == (4, 1)
+    assert result.uncertainty == result.largest_uncertainty == worst
 
 
-def test_an_obstacle_leaves_no_digit_whatever_the_defects() -> None:
-    defect, uncertainty = told()
+def test_an_unresolved_reason_makes_the_uncertainty_infinite() -> None:
+    defect, uncertainty = make_defects()
     defect[0, 0], defect[1, 1] = np.nan, 1e-3
-    found = judge(defect, uncertainty, 1e-9, UnresolvedReason.WRONG_ORDER)
-    assert found.outcome is Outcome.UNRESOLVED
-    assert (found.segment, found.component) == (1, 1)
-    assert found.discrepancy == found.largest_discrepancy == 1e-3
-    assert found.uncertainty == found.largest_uncertainty == np.inf
+    result = judge(defect, uncertainty, 1e-9, UnresolvedReason.WRONG_ORDER)
+    assert result.outcome is Outcome.UNRESOLVED
+    assert (result.segment, result.component) == (1, 1)
+    assert result.discrepancy == result.largest_discrepancy == 1e-3
+    assert result.uncertainty == result.largest_uncertainty == np.inf
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_an_obstacle_leaves_no_digit_whatever_the_defects() -> None:
         (1.0, True, True, None),
     ],
 )
-def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
+def test_the_most_severe_unresolved_reason_is_reported(
     first: float, converges: bool, confirmed: bool, why: UnresolvedReason | None
 ) -> None:
     limit = ExtrapolatedLimit(
@@ -93,14 +93,14 @@ def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
 
 
 @pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])
-def test_what_is_measurable_below_the_resolution_agrees_and_is_told(
+def test_a_measurable_defect_below_the_resolution_agrees_and_is_reported(
     resolution: float, outcome: str
 ) -> None:
-    defect, uncertainty = told(1e-13)
+    defect, uncertainty = make_defects(1e-13)
     defect[:] *= 1e-3
     defect[2, 1] = 4e-12
-    found = judge(defect, uncertainty, resolution, None)
-    assert found.outcome == outcome
-    assert found.below_resolution is (outcome == "AGREES")
-    assert (found.segment, found.component) == (2, 1)
-    assert (found.discrepancy, found.uncertainty) == (4e-12, 1e-13)
+    result = judge(defect, uncertainty, resolution, None)
+    assert result.outcome == outcome
+    assert result.below_resolution is (outcome == "AGREES")
+    assert (result.segment, result.component) == (2, 1)
+    assert (result.discrepancy, result.uncertainty) == (4e-12, 1e-13)

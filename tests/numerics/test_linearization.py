@@ -28,21 +28,21 @@ def linear(
     return linearize_engine(bench.model, bench.coordinates, point, resolution, thorough)
 
 
-def test_a_right_engine_has_taylors_matrices_to_ten_digits(bench: MakeBench) -> None:
-    found = linear(bench())
-    assert found.a_error < 1e-10
-    assert found.b_error < 1e-10
-    assert found.transfer_error < 1e-8
-    assert found.shapes > 1 - 1e-12
-    for ours, theirs in zip(found.poles, found.taylor_poles, strict=True):
+def test_a_correct_engine_matches_taylor_matrices_to_ten_digits(bench: MakeBench) -> None:
+    result = linear(bench())
+    assert result.a_error < 1e-10
+    assert result.b_error < 1e-10
+    assert result.transfer_error < 1e-8
+    assert result.shapes > 1 - 1e-12
+    for ours, theirs in zip(result.poles, result.taylor_poles, strict=True):
         assert ours == pytest.approx(theirs, rel=1e-10)
 
 
 @pytest.mark.parametrize("fault", [1e-3, 1e-7])
 def test_a_wrong_stiffness_is_seen_in_a_and_not_in_b(bench: MakeBench, fault: float) -> None:
-    found = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))))
-    assert found.a_error == pytest.approx(fault, rel=1e-2)
-    assert found.b_error < 1e-10
+    result = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))))
+    assert result.a_error == pytest.approx(fault, rel=1e-2)
+    assert result.b_error < 1e-10
 
 
 class Hardening(SymplecticEuler):
@@ -55,41 +55,41 @@ class Hardening(SymplecticEuler):
         q, v = q.copy(), v.copy()
         for i in range(n):
             push = np.zeros_like(q) if force is None else force[:, i]
-            pull = self.stiffness * q * (1 + 3 * q**2) + self.damping * v
-            v = v + h * (push - pull) / self.mass
+            resistance = self.stiffness * q * (1 + 3 * q**2) + self.damping * v
+            v = v + h * (push - resistance) / self.mass
             q = q + h * v
         return q[:, None], v[:, None]
 
 
 def test_the_nonlinear_terms_are_extrapolated_away(bench: MakeBench) -> None:
-    found = linear(bench(Hardening()))
-    assert found.a_error < 1e-9
+    result = linear(bench(Hardening()))
+    assert result.a_error < 1e-9
 
 
 @pytest.mark.parametrize("kind", [SymplecticEuler, Hardening])
-def test_every_entry_is_known_to_its_uncertainty(bench: MakeBench, kind: type) -> None:
-    made = bench(kind())
-    found = linear(made)
-    taylor = linearize(made.equations, made.system.equilibria[0]).arrays
-    for own, error, wanted in (
-        (found.a, found.a_uncertainty, taylor["A"]),
-        (found.b, found.b_uncertainty, taylor["B"]),
+def test_every_entry_is_within_its_uncertainty(bench: MakeBench, kind: type) -> None:
+    rig = bench(kind())
+    result = linear(rig)
+    taylor = linearize(rig.equations, rig.system.equilibria[0]).arrays
+    for actual, error, expected in (
+        (result.a, result.a_uncertainty, taylor["A"]),
+        (result.b, result.b_uncertainty, taylor["B"]),
     ):
-        assert np.all(np.abs(own - wanted) <= error)
-        assert np.max(error) < 1e-8 * np.max(np.abs(wanted))
+        assert np.all(np.abs(actual - expected) <= error)
+        assert np.max(error) < 1e-8 * np.max(np.abs(expected))
 
 
 @pytest.mark.parametrize(("fault", "resolution", "differs"), [
     (0.0, 1e-13, False),
     (1e-6, 1e-9, True),
     (13.0, 1e-9, True),
-    (1e-7, 1e-6, False),  # not asked for
+    (1e-7, 1e-6, False),  # below the resolution
 ])  # fmt: skip
-def test_what_is_above_its_own_uncertainty_and_the_resolution_differs(
+def test_errors_above_uncertainty_and_resolution_differ(
     bench: MakeBench, fault: float, resolution: float, differs: bool
 ) -> None:
-    found = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))), resolution)
-    assert found.differs is differs
+    result = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))), resolution)
+    assert result.differs is differs
 
 
 class Forward(SymplecticEuler):
@@ -108,15 +108,15 @@ class Forward(SymplecticEuler):
 def test_accelerations_give_every_entry_within_its_uncertainty(
     bench: MakeBench, fault: float
 ) -> None:
-    made = bench(Forward(stiffness=STIFFNESS * (1 + fault)))
-    found = linear(made, thorough=False)
-    taylor = linearize(made.equations, made.system.equilibria[0]).arrays
-    assert found.differs == bool(fault)
-    assert found.a_error == pytest.approx(fault, rel=1e-2, abs=1e-12)
-    assert np.all(np.abs(found.b - taylor["B"]) <= found.b_uncertainty)
+    rig = bench(Forward(stiffness=STIFFNESS * (1 + fault)))
+    result = linear(rig, thorough=False)
+    taylor = linearize(rig.equations, rig.system.equilibria[0]).arrays
+    assert result.differs == bool(fault)
+    assert result.a_error == pytest.approx(fault, rel=1e-2, abs=1e-12)
+    assert np.all(np.abs(result.b - taylor["B"]) <= result.b_uncertainty)
     if not fault:
-        assert np.all(np.abs(found.a - taylor["A"]) <= found.a_uncertainty)
-    assert max(found.a_bound, found.b_bound) < 1e-10
+        assert np.all(np.abs(result.a - taylor["A"]) <= result.a_uncertainty)
+    assert max(result.a_bound, result.b_bound) < 1e-10
 
 
 class Contact(SymplecticEuler):
@@ -126,7 +126,7 @@ class Contact(SymplecticEuler):
         return np.where(z > 0, np.nan, (force - self.stiffness * z) / self.mass)
 
 
-def test_segments_serve_where_an_engine_returns_no_acceleration(bench: MakeBench) -> None:
-    found, whole = (linear(bench(Contact()), thorough=thorough) for thorough in (False, True))
-    assert found.a.tolist() == whole.a.tolist()
-    assert found.a_error < 1e-10
+def test_segments_replace_missing_accelerations(bench: MakeBench) -> None:
+    result, whole = (linear(bench(Contact()), thorough=thorough) for thorough in (False, True))
+    assert result.a.tolist() == whole.a.tolist()
+    assert result.a_error < 1e-10

@@ -1,4 +1,4 @@
-"""An engine that computes in 32 bits: what it knows is told, and no model is blamed for it."""
+"""An engine that computes in 32 bits: its precision is reported and not attributed to the model."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -29,7 +29,7 @@ NAMES = ("x", "x_dot")
 
 @dataclass
 class Single(SymplecticEuler):
-    """The oscillator in numbers of 24 binary digits, every operation."""
+    """The oscillator with every operation in 24 binary digits."""
 
     epsilon: float = SINGLE
 
@@ -40,82 +40,82 @@ class Single(SymplecticEuler):
         m, c, k, step = (np.float32(x) for x in (self.mass, self.damping, self.stiffness, h))
         x, speed = q.astype(np.float32), v.astype(np.float32)
         push = None if force is None else force.astype(np.float32)
-        at, fast = [], []
+        positions, speeds = [], []
         for i in range(n):
             pushed = np.float32(0) if push is None else push[:, i]
             speed = speed + step * (pushed - k * x - c * speed) / m
             x = x + step * speed
             if (i + 1) % every == 0:
-                at.append(x)
-                fast.append(speed)
-        return np.stack(at, axis=1).astype(float), np.stack(fast, axis=1).astype(float)
+                positions.append(x)
+                speeds.append(speed)
+        return np.stack(positions, axis=1).astype(float), np.stack(speeds, axis=1).astype(float)
 
 
-def run(made: Bench) -> tuple[Extrapolated, Array]:
-    batch = made.motion
-    return extrapolate(made.model, made.coordinates, batch, resolution=1e-9), batch.unit
+def run(bench: Bench) -> tuple[Extrapolated, Array]:
+    batch = bench.motion
+    return extrapolate(bench.model, bench.coordinates, batch, resolution=1e-9), batch.unit
 
 
 @pytest.mark.parametrize("removed", range(6))
-def test_weights_of_least_variance_cancel_the_powers_that_they_are_to(removed: int) -> None:
-    found = least_weights(RUNGS, (1, 1), removed)
+def test_weights_of_least_variance_cancel_their_powers(removed: int) -> None:
+    least = least_weights(RUNGS, (1, 1), removed)
     for power in range(removed + 1):
-        left = np.sum(found / np.array(RUNGS, dtype=float) ** power)
-        assert left == pytest.approx(float(power == 0), abs=1e-9)
+        power_sum = np.sum(least / np.array(RUNGS, dtype=float) ** power)
+        assert power_sum == pytest.approx(float(power == 0), abs=1e-9)
 
 
-def test_no_other_weights_that_cancel_as_much_amplify_rounding_less() -> None:
-    found = least_weights(RUNGS, (1, 1), 3)
+def test_least_weights_amplify_rounding_least() -> None:
+    least = least_weights(RUNGS, (1, 1), 3)
     n = np.array(RUNGS, dtype=float)
     rows = np.stack([n**-e for e in range(4)])
-    free = np.linalg.svd(rows)[2][4:]  # what may be added: it cancels everything
-    assert np.max(np.abs(free @ (n * found))) < 1e-10 * np.max(np.abs(n * found))
-    assert np.sum(np.abs(found)) == pytest.approx(3.2, abs=0.05)
+    free = np.linalg.svd(rows)[2][4:]  # the null space: it cancels every power
+    assert np.max(np.abs(free @ (n * least))) < 1e-10 * np.max(np.abs(n * least))
+    assert np.sum(np.abs(least)) == pytest.approx(3.2, abs=0.05)
     assert sum(map(abs, exact_weights(RUNGS, 1, 1))) > Fraction(59)
 
 
-def test_a_sound_model_agrees_to_the_digits_that_its_engine_has(bench: MakeBench) -> None:
-    made = bench(Single())
-    found, scale = run(made)
-    told = judge(found.limit, made.motion, NAMES, 1, 1e-9)
-    assert told.outcome is Outcome.AGREES
-    assert told.largest_discrepancy < told.largest_uncertainty < 1e-4
-    assert "24 binary digits" in told.reason
-    assert f"known to {told.largest_uncertainty:.1e}" in told.reason
-    assert told.largest_uncertainty <= resolvable(found.limit, scale, 1e-9) < 2e-4
+def test_a_correct_model_agrees_to_single_precision(bench: MakeBench) -> None:
+    rig = bench(Single())
+    result, scale = run(rig)
+    judgement = judge(result.limit, rig.motion, NAMES, 1, 1e-9)
+    assert judgement.outcome is Outcome.AGREES
+    assert judgement.largest_discrepancy < judgement.largest_uncertainty < 1e-4
+    assert "24 binary digits" in judgement.reason
+    assert f"known to {judgement.largest_uncertainty:.1e}" in judgement.reason
+    assert judgement.largest_uncertainty <= resolvable(result.limit, scale, 1e-9) < 2e-4
 
 
-def test_a_stiffness_off_by_a_thousandth_differs_all_the_same(bench: MakeBench) -> None:
-    made = bench(Single(stiffness=47.0 * 1.001))
-    told = judge(run(made)[0].limit, made.motion, NAMES, 1, 1e-9)
-    assert told.outcome is Outcome.DIFFERS
-    assert told.discrepancy == pytest.approx(1e-3, rel=0.1)
+def test_a_stiffness_off_by_a_thousandth_differs(bench: MakeBench) -> None:
+    rig = bench(Single(stiffness=47.0 * 1.001))
+    judgement = judge(run(rig)[0].limit, rig.motion, NAMES, 1, 1e-9)
+    assert judgement.outcome is Outcome.DIFFERS
+    assert judgement.discrepancy == pytest.approx(1e-3, rel=0.1)
 
 
-def test_doubles_are_asked_for_what_is_asked(bench: MakeBench) -> None:
-    found, scale = run(bench())
-    assert resolvable(found.limit, scale, 1e-13) == 1e-13
+def test_doubles_resolve_the_requested_resolution(bench: MakeBench) -> None:
+    result, scale = run(bench())
+    assert resolvable(result.limit, scale, 1e-13) == 1e-13
 
 
 def test_exact_weights_would_lose_most_of_the_digits(bench: MakeBench) -> None:
-    made = bench(Single())
-    found, scale = run(made)
-    raw = list(found.raw)
+    rig = bench(Single())
+    result, scale = run(rig)
+    raw = list(result.raw)
     least, exact = (
         limits(raw, RUNGS, (1, 1), scale, scale, epsilon=epsilon) for epsilon in (SINGLE, EPSILON)
     )
-    errors = [np.max(np.abs(one.value - made.motion.end) / scale) for one in (least, exact)]
+    errors = [np.max(np.abs(one.value - rig.motion.end) / scale) for one in (least, exact)]
     assert errors[0] < errors[1] / 3
 
 
-def test_the_runs_from_start_to_end_of_a_sound_model_bear_it_out(bench: MakeBench) -> None:
-    made = bench(Single(step=0.0005))
+def test_full_runs_of_a_correct_model_converge(bench: MakeBench) -> None:
+    rig = bench(Single(step=0.0005))
     study = study_step(
-        made.model,
-        made.coordinates,
-        made.motion,
-        power=made.equations.numeric_power,
-        amplitude=made.motion.amplitude,
+        rig.model,
+        rig.coordinates,
+        rig.motion,
+        power=rig.equations.numeric_power,
+        amplitude=rig.motion.amplitude,
         claimed=1,
     )
     assert study.full_run_check.converges
@@ -129,7 +129,7 @@ def test_rounding_is_in_the_uncertainty_wherever_a_limit_is_taken(
     assert np.max(errors(bench(Single()))) < 1
 
 
-def test_what_is_not_held_is_what_single_numbers_round_away() -> None:
+def test_quantization_error_is_the_rounding_to_single_precision() -> None:
     values = np.random.default_rng(3).normal(size=(50, 2)) * 10.0 ** np.arange(-9, 16, 0.5)[:, None]
     held = values.astype(np.float32).astype(float)
     assert np.array_equal(quantization_error(values, SINGLE), values - held)

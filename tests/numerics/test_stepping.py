@@ -1,4 +1,4 @@
-"""Engines' next states against their own rules on the equations, at the step that models ship."""
+"""Engines' next states compared with their step rules, at the time step of the models."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SYSTEMS = (
     "torsional_disc",
 )  # fmt: skip
 FIVE = 5.0
-"""Last digits of the largest of a component, after one step: most are within one."""
+"""Last digits of a component's largest value after one step; most errors are within one."""
 
 
 @cache
@@ -44,20 +44,20 @@ def robot_of(file: Path) -> PreparedTree:
 
 
 def sidecar(folder: str, model: str) -> Sidecar:
-    known = (one for one in model_files(builtin() / folder) if isinstance(one, Sidecar))
-    return next(one for one in known if one.model.name == model)
+    sidecars = (one for one in model_files(builtin() / folder) if isinstance(one, Sidecar))
+    return next(one for one in sidecars if one.model.name == model)
 
 
 def stepped(
     folder: str, model: Sidecar, engine: str, resolution: float = 1e-12
 ) -> StepComparison | None:
-    """One step from every segment of the first scenario."""
-    own = prepared(folder)
-    motion = next(iter(own.motions.values()))
-    loaded, coordinates = load(own.system, model, engine)
-    assert own.stepped is not None
+    """Compare one step from every segment of the first scenario."""
+    physics = prepared(folder)
+    motion = next(iter(physics.motions.values()))
+    loaded, coordinates = load(physics.system, model, engine)
+    assert physics.stepped is not None
     inputs = motion.inputs(motion.t)
-    return step_engine(loaded, coordinates, own.stepped, motion.start, inputs, resolution)
+    return step_engine(loaded, coordinates, physics.stepped, motion.start, inputs, resolution)
 
 
 @pytest.mark.parametrize(("folder", "model", "engine"), [
@@ -67,15 +67,13 @@ def stepped(
     ("drum_pendulum", "robot.urdf", "pybullet"),
     ("drum_pendulum", "robot_folded.urdf", "mujoco"),
 ])  # fmt: skip
-def test_the_next_state_is_the_equations_by_the_engines_own_rule(
-    folder: str, model: str, engine: str
-) -> None:
-    """PyBullet's gear among them: at 2 ms it holds the drum as a rolling one."""
-    found = stepped(folder, sidecar(folder, model), engine)
-    assert found is not None
-    assert found.judgement.outcome is Outcome.AGREES
-    assert found.judgement.largest_discrepancy < 1e-13
-    assert found.digits <= FIVE
+def test_the_next_state_matches_the_engines_step_rule(folder: str, model: str, engine: str) -> None:
+    """PyBullet's gear constraint keeps the drum rolling at dt = 2 ms."""
+    result = stepped(folder, sidecar(folder, model), engine)
+    assert result is not None
+    assert result.judgement.outcome is Outcome.AGREES
+    assert result.judgement.largest_discrepancy < 1e-13
+    assert result.digits <= FIVE
 
 
 @pytest.mark.parametrize(("folder", "engine", "settings"), [
@@ -85,46 +83,46 @@ def test_the_next_state_is_the_equations_by_the_engines_own_rule(
     ("drum_pendulum", "pinocchio", {"hold_mimics": True}),
     ("drum_pendulum", "drake", {"stepping": "continuous", "hold_mimics": True}),
 ])  # fmt: skip
-def test_engines_of_extras_step_by_their_own_rules(
+def test_optional_engines_match_their_step_rules(
     folder: str, engine: str, settings: dict[str, object]
 ) -> None:
-    """Dampers at the step's end in DART and by SAP, at its start by TAMSI, at each stage of RK4."""
+    """Check dampers at the end of a step in DART and SAP, at its start in TAMSI, per RK4 stage."""
     need(engine)
-    own = sidecar(folder, "robot.urdf")
-    found = stepped(folder, replace(own, engine_settings={engine: settings}), engine)
-    assert found is not None
-    assert found.judgement.outcome is Outcome.AGREES
-    assert found.judgement.largest_discrepancy < 1e-13
-    assert found.digits <= FIVE
+    base = sidecar(folder, "robot.urdf")
+    result = stepped(folder, replace(base, engine_settings={engine: settings}), engine)
+    assert result is not None
+    assert result.judgement.outcome is Outcome.AGREES
+    assert result.judgement.largest_discrepancy < 1e-13
+    assert result.digits <= FIVE
 
 
 @pytest.mark.parametrize("folder", ["anchored_pair", "mass_spring_damper", "torsional_disc"])
-def test_the_files_springs_are_taken_at_the_end_of_a_step_of_darts(folder: str) -> None:
+def test_dart_evaluates_springs_at_the_end_of_a_step(folder: str) -> None:
     need("dart")
-    found = stepped(folder, sidecar(folder, "robot.sdf"), "dart")
-    assert found is not None
-    assert "springs" in found.rule.name
-    assert found.judgement.outcome is Outcome.AGREES
-    assert found.digits <= FIVE
+    result = stepped(folder, sidecar(folder, "robot.sdf"), "dart")
+    assert result is not None
+    assert "springs" in result.rule.name
+    assert result.judgement.outcome is Outcome.AGREES
+    assert result.digits <= FIVE
 
 
 @pytest.mark.parametrize("folder", SYSTEMS)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_each_integrator_of_mujoco_has_its_rule(integrator: str, folder: str) -> None:
-    own = sidecar(folder, "mujoco.xml")
-    settings = {**own.settings, "integrator": integrator}
-    found = stepped(folder, replace(own, settings=settings), "mujoco")
-    assert found is not None
-    assert found.judgement.outcome is Outcome.AGREES
-    assert found.digits <= FIVE
+def test_each_mujoco_integrator_matches_its_rule(integrator: str, folder: str) -> None:
+    base = sidecar(folder, "mujoco.xml")
+    settings = {**base.settings, "integrator": integrator}
+    result = stepped(folder, replace(base, settings=settings), "mujoco")
+    assert result is not None
+    assert result.judgement.outcome is Outcome.AGREES
+    assert result.digits <= FIVE
 
 
-def test_a_soft_equality_shows_at_the_step_that_its_limit_hides() -> None:
-    found = stepped("drum_pendulum", sidecar("drum_pendulum", "mujoco_rolling.xml"), "mujoco")
-    assert found is not None
-    assert found.judgement.outcome is Outcome.DIFFERS
-    assert 1e-5 < found.judgement.discrepancy < 1e-4
-    assert "soft" in found.rule.besides
+def test_a_soft_equality_shows_in_one_step() -> None:
+    result = stepped("drum_pendulum", sidecar("drum_pendulum", "mujoco_rolling.xml"), "mujoco")
+    assert result is not None
+    assert result.judgement.outcome is Outcome.DIFFERS
+    assert 1e-5 < result.judgement.discrepancy < 1e-4
+    assert "soft" in result.rule.besides
 
 
 @pytest.mark.parametrize(("folder", "model", "engine", "address"), [
@@ -146,19 +144,19 @@ def test_a_soft_equality_shows_at_the_step_that_its_limit_hides() -> None:
     ("torsional_disc", "mujoco.xml", "mujoco", "body[disc]/inertial@diaginertia[2]"),
     ("torsional_disc", "robot.urdf", "pybullet", "gazebo[theta]/springStiffness"),
 ])  # fmt: skip
-def test_a_literal_off_by_a_part_in_ten_to_the_twelve_is_seen(
+def test_a_literal_off_by_1e_12_is_detected(
     tmp_path: Path, folder: str, model: str, engine: str, address: str
 ) -> None:
-    """Of the pendulum's discrepancy 4e-14 are the 1e-14 kg m² that its files give a point mass."""
-    own = sidecar(folder, model)
-    (bound,) = (b for b in bindings(prepared(folder).system, own) if b.address == address)
-    moved = with_literals(own, {address: bound.value * (1 + 1e-12)}, tmp_path / "moved")
-    right, wrong = (stepped(folder, one, engine) for one in (own, moved))
+    """Allow for the 1e-14 kg m² of a point mass in the pendulum's files: 4e-14 of discrepancy."""
+    original = sidecar(folder, model)
+    (bound,) = (b for b in bindings(prepared(folder).system, original) if b.address == address)
+    moved = with_literals(original, {address: bound.value * (1 + 1e-12)}, tmp_path / "moved")
+    right, wrong = (stepped(folder, one, engine) for one in (original, moved))
     assert right is not None
     assert wrong is not None
     assert right.judgement.largest_discrepancy < 1e-13
-    seen = max(wrong.judgement.uncertainty, 2 * right.judgement.largest_discrepancy)
-    assert seen < wrong.judgement.discrepancy < 2e-12
+    threshold = max(wrong.judgement.uncertainty, 2 * right.judgement.largest_discrepancy)
+    assert threshold < wrong.judgement.discrepancy < 2e-12
 
 
 @pytest.mark.parametrize(("file", "engine", "integrator"), [
@@ -169,18 +167,18 @@ def test_a_literal_off_by_a_part_in_ten_to_the_twelve_is_seen(
     (ASSETS / "ant.xml", "mujoco", "RK4"),
     (ASSETS / "ant.xml", "mujoco", "implicit"),
 ])  # fmt: skip
-def test_a_robots_next_state_is_the_equations(file: Path, engine: str, integrator: str) -> None:
-    """With a free base: MuJoCo's RK4 turns it by Munthe-Kaas's rule."""
+def test_robot_next_states_match_the_equations(file: Path, engine: str, integrator: str) -> None:
+    """Include a free base, which MuJoCo's RK4 turns by Munthe-Kaas's rule."""
     robot = robot_of(file)
     task = model_task(robot, engine)
     if integrator:
         task = task.with_settings(integrator=integrator)
     model, coordinates = task.load()
     bodies, drawn = SteppedBodies(robot.tree), robot.samples
-    found = step_engine(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-12)
-    assert found is not None
-    assert found.judgement.outcome is Outcome.AGREES
-    assert found.judgement.largest_discrepancy < 1e-12
+    result = step_engine(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-12)
+    assert result is not None
+    assert result.judgement.outcome is Outcome.AGREES
+    assert result.judgement.largest_discrepancy < 1e-12
 
 
 STIFF = """<mujoco><option timestep="{}" integrator="{}"/><worldbody>
@@ -195,23 +193,23 @@ STIFF = """<mujoco><option timestep="{}" integrator="{}"/><worldbody>
 """Servos that settle within nanoseconds."""
 
 
-@pytest.mark.parametrize(("integrator", "step", "known"), [
+@pytest.mark.parametrize(("integrator", "step", "stable"), [
     ("RK4", 2e-3, False), ("RK4", 1e-9, True), ("implicit", 2e-3, True),
 ])  # fmt: skip
-def test_of_runge_kutta_steps_that_are_not_stable_nothing_is_claimed(
-    tmp_path: Path, integrator: str, step: float, known: bool
+def test_unstable_runge_kutta_steps_are_not_compared(
+    tmp_path: Path, integrator: str, step: float, stable: bool
 ) -> None:
-    """Its stages turn a joint by some 1e6 rad; a rule of one stage has no such numbers."""
+    """Skip stages that turn a joint by about 1e6 rad; a rule of one stage has no such numbers."""
     file = tmp_path / "stiff.xml"
     file.write_text(STIFF.format(step, integrator))
-    found = run_case(model_task(prepare_tree(file, states=8), "mujoco")).stepping
-    assert (found is not None) is known
-    assert found is None or found.outcome is not Outcome.DIFFERS
+    result = run_case(model_task(prepare_tree(file, states=8), "mujoco")).stepping
+    assert (result is not None) is stable
+    assert result is None or result.outcome is not Outcome.DIFFERS
 
 
 @dataclass
 class OneStepOff(SymplecticEuler):
-    """Sound as its step goes to zero, and another at the very step that it ships with."""
+    """Correct as its step goes to zero, but wrong at its own time step."""
 
     by: float = 1e-9
 
@@ -227,34 +225,34 @@ class OneStepOff(SymplecticEuler):
 
 
 @pytest.mark.parametrize(("by", "outcome"), [(0.0, Outcome.AGREES), (1e-9, Outcome.DIFFERS)])
-def test_what_acts_at_the_shipped_step_alone_is_seen(
+def test_a_fault_of_the_files_own_step_is_detected(
     bench: MakeBench, by: float, outcome: Outcome
 ) -> None:
-    own = bench(OneStepOff(by=by))
-    motion, equations = own.motion, SteppedEquations(own.equations)
+    rig = bench(OneStepOff(by=by))
+    motion, equations = rig.motion, SteppedEquations(rig.equations)
     inputs = motion.inputs(motion.t)
-    found = step_engine(own.model, own.coordinates, equations, motion.start, inputs, 1e-9)
-    assert found is not None
-    assert found.judgement.outcome is outcome
+    result = step_engine(rig.model, rig.coordinates, equations, motion.start, inputs, 1e-9)
+    assert result is not None
+    assert result.judgement.outcome is outcome
 
 
-def test_another_integrator_than_it_says_is_seen(bench: MakeBench) -> None:
+def test_a_wrong_step_rule_is_detected(bench: MakeBench) -> None:
     class Explicit(OneStepOff):
         @property
         def step_rule(self) -> StepRule:
             return StepRule(scheme="Runge-Kutta 4")
 
-    own = bench(Explicit(by=0.0))
-    motion, equations = own.motion, SteppedEquations(own.equations)
+    rig = bench(Explicit(by=0.0))
+    motion, equations = rig.motion, SteppedEquations(rig.equations)
     inputs = motion.inputs(motion.t)
-    found = step_engine(own.model, own.coordinates, equations, motion.start, inputs, 1e-9)
-    assert found is not None
-    assert found.judgement.outcome is Outcome.DIFFERS
+    result = step_engine(rig.model, rig.coordinates, equations, motion.start, inputs, 1e-9)
+    assert result is not None
+    assert result.judgement.outcome is Outcome.DIFFERS
 
 
 @dataclass
-class Coarse(SymplecticEuler):
-    """In 24 binary digits, of which its accelerations lose most, as where a matrix is solved."""
+class SinglePrecision(SymplecticEuler):
+    """Single precision with accelerations that lose most digits, as in a matrix solve."""
 
     epsilon: float = float(np.finfo(np.float32).eps)
 
@@ -269,55 +267,55 @@ class Coarse(SymplecticEuler):
         assert not isinstance(force, StateForce)
         q, v, large = q.astype(np.float32), v.astype(np.float32), np.float32(3e4)
         for i in range(n):
-            held = 0.0 if force is None else force[:, i]
-            pull = held - self.stiffness * q - self.damping * v
-            a = (pull / self.mass).astype(np.float32) + large - large
+            push = 0.0 if force is None else force[:, i]
+            resultant = push - self.stiffness * q - self.damping * v
+            a = (resultant / self.mass).astype(np.float32) + large - large
             v = v + np.float32(h) * a
             q = q + np.float32(h) * v
         return q[:, None].astype(float), v[:, None].astype(float)
 
 
-def test_what_short_numbers_lose_on_the_way_is_no_other_integrator(bench: MakeBench) -> None:
-    own = bench(Coarse())
-    motion, equations = own.motion, SteppedEquations(own.equations)
+def test_single_precision_is_not_a_wrong_step_rule(bench: MakeBench) -> None:
+    rig = bench(SinglePrecision())
+    motion, equations = rig.motion, SteppedEquations(rig.equations)
     inputs = motion.inputs(motion.t)
-    found = step_engine(own.model, own.coordinates, equations, motion.start, inputs, 1e-9)
-    assert found is not None
-    assert found.judgement.outcome is not Outcome.DIFFERS
-    assert found.judgement.largest_discrepancy > 1e-5
+    result = step_engine(rig.model, rig.coordinates, equations, motion.start, inputs, 1e-9)
+    assert result is not None
+    assert result.judgement.outcome is not Outcome.DIFFERS
+    assert result.judgement.largest_discrepancy > 1e-5
 
 
-def test_no_rule_says_nothing(bench: MakeBench) -> None:
-    own = bench()
-    none = np.zeros((1, 1))
-    start = own.motion.start[:1]
-    stepped_equations = SteppedEquations(own.equations)
-    assert step_engine(own.model, own.coordinates, stepped_equations, start, none, 1e-9) is None
+def test_an_engine_without_a_rule_gives_no_result(bench: MakeBench) -> None:
+    rig = bench()
+    inputs = np.zeros((1, 1))
+    start = rig.motion.start[:1]
+    stepped_equations = SteppedEquations(rig.equations)
+    assert step_engine(rig.model, rig.coordinates, stepped_equations, start, inputs, 1e-9) is None
 
 
-def test_a_case_tells_its_next_state_beside_its_limit() -> None:
-    own = prepared("drum_pendulum")
+def test_a_case_reports_its_next_state_and_its_limit() -> None:
+    physics = prepared("drum_pendulum")
     model = sidecar("drum_pendulum", "mujoco_rolling.xml")
-    case: Case = run_case(_task(own, model))
+    case: Case = run_case(_task(physics, model))
     assert case.outcome is Outcome.AGREES
     assert case.stepping is not None
     assert case.stepping.outcome is Outcome.DIFFERS
 
 
-def _task(own: PreparedSystem, model: Sidecar) -> SystemTask:
-    return model_task(own, "mujoco", model, scenario=next(iter(own.motions)))
+def _task(physics: PreparedSystem, model: Sidecar) -> SystemTask:
+    return model_task(physics, "mujoco", model, scenario=next(iter(physics.motions)))
 
 
-def test_a_thousand_steps_stay_within_their_own_roundings() -> None:
-    """Of a linear oscillator, whose differences don't grow: a last digit a step at most."""
-    own = prepared("mass_spring_damper")
-    model, coordinates = load(own.system, sidecar("mass_spring_damper", "mujoco.xml"), "mujoco")
-    motion = own.motions["free"]
+def test_a_thousand_steps_stay_within_rounding() -> None:
+    """Use a linear oscillator, whose differences grow by at most one last digit per step."""
+    physics = prepared("mass_spring_damper")
+    model, coordinates = load(physics.system, sidecar("mass_spring_damper", "mujoco.xml"), "mujoco")
+    motion = physics.motions["free"]
     inputs = motion.inputs(motion.t)
-    assert own.stepped is not None
-    found = step_engine(model, coordinates, own.stepped, motion.start, inputs, 1e-12, long=True)
-    assert found is not None
-    assert 0 < found.long < 10_000
-    once = step_engine(model, coordinates, own.stepped, motion.start, inputs, 1e-12)
-    assert once is not None
-    assert np.isnan(once.long)
+    assert physics.stepped is not None
+    check = step_engine(model, coordinates, physics.stepped, motion.start, inputs, 1e-12, long=True)
+    assert check is not None
+    assert 0 < check.long < 10_000
+    single = step_engine(model, coordinates, physics.stepped, motion.start, inputs, 1e-12)
+    assert single is not None
+    assert np.isnan(single.long)
