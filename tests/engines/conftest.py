@@ -1,4 +1,4 @@
-"""The known-answer engine is found as a third party's is: by its entry point."""
+"""Register the known-answer engine by its entry point, as a third party does."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Engines of extras: what is run where they are installed, and skipped in plain sight elsewhere."""
+"""Optional engines: tests run where they are installed, and report a skip elsewhere."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def load(
     gravity: float = 0.0,
     settings: Mapping[str, object] | None = None,
 ) -> LoadedModel:
-    """A URDF of this text."""
+    """Load a URDF of this text."""
     need(name)
     path = folder / f"{name}.urdf"
     path.write_text(text)
-    given = {"step": H, "gravity": [0.0, 0.0, -gravity], **(settings or {})}
-    return engines()[name].load(ModelSpec(path, settings=given))
+    values = {"step": H, "gravity": [0.0, 0.0, -gravity], **(settings or {})}
+    return engines()[name].load(ModelSpec(path, settings=values))

@@ -15,7 +15,7 @@ Values = Array | Sequence[object]
 """Numbers as an array, or as nested lists."""
 
 STEP = 0.004
-"""The step that every file here ships with."""
+"""The time step of every file here."""
 
 MASS, STIFFNESS, DAMPING = 2.0, 50.0, 1.5
 OTHER_MASS, COUPLING, DRAG = 0.7, 30.0, 0.4
@@ -25,7 +25,7 @@ GAP = 3.0
 
 @dataclass(frozen=True)
 class Pairing:
-    """An adapter on a format: which of its coordinates are the mechanism's own."""
+    """An adapter on a format, with the coordinates of the mechanism."""
 
     engine: str
     format: str
@@ -46,7 +46,7 @@ class Pairing:
 
 @dataclass(frozen=True)
 class Loaded:
-    """A model with the places of the mechanism's coordinates among the engine's."""
+    """A model with the indices of the mechanism's coordinates in the engine."""
 
     model: LoadedModel
     places: Array
@@ -56,7 +56,7 @@ class Loaded:
         return len(self.model.coordinates)
 
     def lift(self, values: Values, origin: bool = True) -> Array:
-        """Values of the mechanism's coordinates, (..., n), as the engine's, (..., nz)."""
+        """Map the mechanism's coordinates, (..., n), to the engine's, (..., nz)."""
         values = np.asarray(values, dtype=float)
         full = np.zeros((*values.shape[:-1], self.size))
         full[..., self.places] = values
@@ -74,10 +74,10 @@ class Loaded:
         force: Values | None = None,
         every: int | None = None,
     ) -> tuple[Array, Array]:
-        """A rollout in the mechanism's coordinates, samples (B, S, n)."""
-        held = None if force is None else self.lift(force, origin=False)
+        """Return a rollout in the mechanism's coordinates, samples (B, S, n)."""
+        lifted = None if force is None else self.lift(force, origin=False)
         q, v = self.lift(q), self.lift(v, origin=False)
-        zs, ws = self.model.rollout(q, v, h, n, held, every or n)
+        zs, ws = self.model.rollout(q, v, h, n, lifted, every or n)
         zs = zs[..., self.places]
         if self.size > len(self.places):
             zs = zs - GAP * np.arange(len(self.places))
@@ -94,7 +94,7 @@ MECHANISMS = {
 
 
 def matrices(mechanism: str) -> tuple[Array, Array, Array]:
-    """M, C and K of a mechanism."""
+    """Return M, C and K of a mechanism."""
     m, k, c, pair = MECHANISMS[mechanism]
     join = np.array([[1.0, -1.0], [-1.0, 1.0]]) if pair else np.zeros((len(m), len(m)))
     stiffness, damping = pair or (0.0, 0.0)
@@ -132,7 +132,7 @@ GROUND = f'<link name="ground"><inertial><mass value="1"/>{INERTIA}</inertial></
 
 
 def link(name: str, mass: float, down: float = 0.0) -> str:
-    """A URDF link whose mass hangs `down` metres below its joint."""
+    """Return a URDF link whose mass hangs `down` metres below its joint."""
     return (
         f'<link name="{name}"><inertial><origin xyz="0 0 {-down}"/><mass value="{mass}"/>{INERTIA}'
         "</inertial></link>"
@@ -148,7 +148,7 @@ def joint(
     damping: float = 0.0,
     extra: str = "",
 ) -> str:
-    """A URDF joint."""
+    """Return a URDF joint."""
     limit = '<limit lower="-1e6" upper="1e6" effort="0" velocity="0"/>'
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
@@ -157,7 +157,7 @@ def joint(
 
 
 def urdf_settings(pairing: Pairing) -> dict[str, object]:
-    """Step and gravity, which a URDF can't say; MuJoCo's integrator."""
+    """Return step and gravity, which a URDF cannot state, and MuJoCo's integrator."""
     settings = {"step": STEP, "gravity": [0, 0, -GRAVITY]}
     return settings | ({"integrator": pairing.integrator} if pairing.integrator else {})
 
@@ -206,7 +206,7 @@ def _python(pairing: Pairing, mechanism: str, folder: Path) -> tuple[ModelSpec, 
     return ModelSpec(path, (), {"step": STEP}), [3 * i for i in range(len(m))]
 
 
-def _known(pairing: Pairing, mechanism: str, folder: Path) -> tuple[ModelSpec, list[int]]:
+def _known_answer(pairing: Pairing, mechanism: str, folder: Path) -> tuple[ModelSpec, list[int]]:
     path = folder / "model.known"
     if mechanism == "pendulum":
         inertia = [[MASS * LENGTH**2]]
@@ -226,7 +226,7 @@ _WRITERS: dict[str, Callable[[Pairing, str, Path], tuple[ModelSpec, list[int]]]]
     "mjcf": _mjcf,
     "urdf": _urdf,
     "python": _python,
-    "known": _known,
+    "known": _known_answer,
 }
 
 PAIRINGS = (

@@ -1,4 +1,4 @@
-"""Random linear systems with a closed form, as files of every engine: is the uncertainty honest?
+"""Test the uncertainty on random linear systems with a closed form, in every engine.
 
 Run as a script for more of them: `python -m tests.engines.random_linear --count 2000 --seed 7`.
 """
@@ -60,7 +60,7 @@ class Drawn:
 
     @property
     def label(self) -> str:
-        """What a person needs to find this one again."""
+        """Identify this mechanism in a report."""
         kind = "free pair" if not any(self.k) else f"{len(self.m)} masses"
         return f"{self.pairing} {self.integrator}, {kind}, {self.regime}, {self.signal}"
 
@@ -138,14 +138,14 @@ def _system(
     force = Input("f", "N", "force", on={x[int(rng.integers(0, size))]: 1})
     size_of_force = float(f"{0.1 * max(*k, kc) * rng.uniform(0.2, 1):.3g}")
     a, b = (float(f"{r:.3g}") for r in slow * rng.uniform(0.3, 2.5, 2))
-    terms = {
+    waveforms = {
         "step": Heaviside(t - float(f"{duration * rng.uniform(0.1, 0.6):.3g}")),
         "ramp": t / duration,
         "exponential": exp(-a * t),
         "harmonic": sin(b * t + float(f"{rng.uniform(0, 6):.2g}")),
     }
-    chosen = rng.choice(list(terms), int(rng.integers(2, 4)), replace=False)
-    value = sum(terms[name] for name in chosen) if signal == "sum" else terms.get(signal, 0)
+    chosen = rng.choice(list(waveforms), int(rng.integers(2, 4)), replace=False)
+    value = sum(waveforms[name] for name in chosen) if signal == "sum" else waveforms.get(signal, 0)
     start = [float(f"{v:.3g}") for v in rng.uniform(-0.4, 0.4, size)]
     speed = [float(f"{v:.3g}") for v in slow * rng.uniform(-0.3, 0.3, size)]
     scenario = Scenario(
@@ -250,8 +250,8 @@ def _python(d: Drawn) -> tuple[str, str, str]:
 
 
 @dataclass(frozen=True)
-class Found:
-    """What became of one drawn system."""
+class DrawnResult:
+    """The result of one drawn system."""
 
     label: str
     outcome: str
@@ -271,10 +271,10 @@ class Found:
         )
 
 
-def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
-    """Run one system through the segments and judge it against its closed form.
+def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> DrawnResult:
+    """Run one system through the segments and compare it with its closed form.
 
-    Twenty segments a period, as ever, but not 200 at least: time goes into more systems instead.
+    Use 20 segments per period as usual, but at least 60 instead of 200, to draw more systems.
     """
     sidecar = read_sidecar(write(drawn, folder))
     name = drawn.pairing.split()[0]
@@ -284,20 +284,20 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
         motion = reference_solve.solve(derive(drawn.system), drawn.system.scenarios[0])
     assert motion.method.startswith("matrix exponential")
     motion = replace(motion, scale=component_scale(motion, []))
-    found = extrapolate(model, coordinates, motion, resolution=resolution)
+    result = extrapolate(model, coordinates, motion, resolution=resolution)
     names = tuple(f"{p}{c.name}" for p in ("", "d") for c in drawn.system.coordinates)
     claimed = model.exponents(motion.varying)[0]
-    verdict = judge(found.limit, motion, names, claimed, resolution)
-    error = np.abs(found.limit.value - motion.end)
-    bound = found.limit.uncertainty + motion.bound
+    verdict = judge(result.limit, motion, names, claimed, resolution)
+    error = np.abs(result.limit.value - motion.end)
+    bound = result.limit.uncertainty + motion.bound
     with np.errstate(divide="ignore"):
         ratio = float(np.median(bound / error))
-    return Found(
+    return DrawnResult(
         drawn.label,
         str(verdict.outcome),
         verdict.discrepancy,
         verdict.uncertainty,
-        found.limit.order_confirmed,
+        result.limit.order_confirmed,
         verdict.order,
         int(np.sum(error > bound)),
         error.size,
@@ -306,29 +306,29 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
     )
 
 
-def sweep(seed: int, count: int, pairing: str) -> Iterator[Found]:
+def sweep(seed: int, count: int, pairing: str) -> Iterator[DrawnResult]:
     """Judge `count` systems of one pairing."""
     rng = np.random.default_rng([seed, PAIRINGS.index(pairing)])
     with tempfile.TemporaryDirectory() as folder:
         for number in range(count):
-            # A folder each: engines may cache what a path once held.
+            # Each system has a folder because engines may cache files by path.
             place = Path(folder) / str(number)
             place.mkdir()
             yield judge_drawn(draw(rng, pairing), place)
 
 
-def summary(found: Sequence[Found]) -> str:
-    """One line on many systems."""
-    values, misses = sum(f.values for f in found), sum(f.misses for f in found)
-    unresolved = sum(f.outcome == "UNRESOLVED" for f in found)
-    differs = sum(f.outcome == "DIFFERS" for f in found)
-    fine = sum(f.uncertainty <= 1e-9 for f in found)
-    alarms = sum(not f.order_confirmed for f in found)
-    ratio = float(np.median([f.ratio for f in found]))
-    worst = max(f.uncertainty for f in found)
+def summary(results: Sequence[DrawnResult]) -> str:
+    """Summarize many systems in one line."""
+    values, misses = sum(f.values for f in results), sum(f.misses for f in results)
+    unresolved = sum(f.outcome == "UNRESOLVED" for f in results)
+    differs = sum(f.outcome == "DIFFERS" for f in results)
+    fine = sum(f.uncertainty <= 1e-9 for f in results)
+    alarms = sum(not f.order_confirmed for f in results)
+    ratio = float(np.median([f.ratio for f in results]))
+    worst = max(f.uncertainty for f in results)
     return (
-        f"{len(found)} systems, {values} limits: {misses} outside U, {differs} DIFFERS,"
-        f" {unresolved} UNRESOLVED, {alarms} false alarms of the order test,"
+        f"{len(results)} systems, {values} limits: {misses} outside U, {differs} DIFFERS,"
+        f" {unresolved} UNRESOLVED; {alarms} false alarms of the order test,"
         f" {fine} with U <= 1e-9, worst U {worst:.1e}, median U/error {ratio:.0f}"
     )
 
@@ -343,12 +343,12 @@ def main() -> None:
     pairings = options.pairing or PAIRINGS
     everything = []
     for pairing in pairings:
-        found = list(sweep(options.seed, options.count // len(pairings), pairing))
-        for one in found:
-            if one.outcome != "AGREES" or one.misses or not one.order_confirmed:
-                print(one)
-        print(f"{pairing}: {summary(found)}")
-        everything += found
+        results = list(sweep(options.seed, options.count // len(pairings), pairing))
+        for result in results:
+            if result.outcome != "AGREES" or result.misses or not result.order_confirmed:
+                print(result)
+        print(f"{pairing}: {summary(results)}")
+        everything += results
     print(summary(everything))
 
 

@@ -1,4 +1,4 @@
-"""PyBullet's spherical joints of a URDF: a chain of them moves as its equations say."""
+"""PyBullet's spherical joints of a URDF: a chain of them follows its equations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def joint(name: str, kind: str, ends: tuple[str, str], inner: str) -> str:
     )
 
 
-# Moments about axes that are turned in the link, limits near which it is drawn, and a damper.
+# Inertia about rotated axes, limits near the initial position, and a damper.
 URDF = "".join([
     '<robot name="r"><link name="g"/>',
     link("a", 'xyz="0.1 0.2 0.3" rpy="0.7 0.2 -0.4"', "0.1 0.2 0.25"),
@@ -65,19 +65,19 @@ def states(count: int) -> tuple[Array, Array, Array]:
     return q, v, f
 
 
-def test_their_accelerations_are_those_of_the_equations(path: Path, model: LoadedModel) -> None:
+def test_accelerations_match_the_equations(path: Path, model: LoadedModel) -> None:
     equations = TreeEquations(robot_system(read_robot(path)))
     names = [c.name for c in equations.system.coordinates]
     order = [names.index(name) for name in model.coordinates]
     assert sorted(model.coordinates) == sorted(names)
     q, v, f = states(4)
-    own = np.argsort(order)
-    wanted = equations.pushed_acceleration(q[:, own], v[:, own], f[:, own])[:, order]
-    found = (model.rollout(q, v, H, 1, f[:, None], 1)[1][:, 0] - v) / H
-    assert found == pytest.approx(wanted, abs=1e-5 * np.max(np.abs(wanted)))
+    inverse = np.argsort(order)
+    expected = equations.pushed_acceleration(q[:, inverse], v[:, inverse], f[:, inverse])[:, order]
+    actual = (model.rollout(q, v, H, 1, f[:, None], 1)[1][:, 0] - v) / H
+    assert actual == pytest.approx(expected, abs=1e-5 * np.max(np.abs(expected)))
 
 
-def test_positions_move_as_the_rates_say_and_forces_by_state_are_the_same(
+def test_positions_follow_rates_and_forces_by_state_are_equal(
     model: LoadedModel,
 ) -> None:
     q, v, f = states(3)
@@ -87,8 +87,8 @@ def test_positions_move_as_the_rates_say_and_forces_by_state_are_the_same(
     assert model.rollout(q, v, 1e-6, 1, by_state, 1)[1] == pytest.approx(after)
 
 
-def test_their_motor_is_off_unless_asked_for(path: Path) -> None:
-    """Of its own accord it pulls to where the file draws the joint, with all its force."""
+def test_motors_are_off_by_default(path: Path) -> None:
+    """Compare with PyBullet's default: a motor that holds the joint with its full force."""
     pytest.importorskip("pybullet")
     q, v, _ = states(1)
     change = {}
@@ -101,7 +101,7 @@ def test_their_motor_is_off_unless_asked_for(path: Path) -> None:
 
 def test_links_are_placed_by_their_rotations(model: LoadedModel) -> None:
     turned = np.zeros((1, 7))
-    turned[0, 2] = 4 * np.tan(np.pi / 8)  # q, a quarter about the joint's z
+    turned[0, 2] = 4 * np.tan(np.pi / 8)  # a quarter turn of q about the joint's z
     still, moved = (model.poses(["link:a"], z)[1][0, 0] for z in (np.zeros((1, 7)), turned))
     quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     assert still.T @ moved == pytest.approx(quarter, abs=1e-6)

@@ -27,9 +27,9 @@ from tests.standing import brief
 
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "harness" / "engines"
-OWN = "physics_crosscheck.harness.engines"
+PACKAGE = "physics_crosscheck.harness.engines"
 ALLOWED = (
-    OWN,
+    PACKAGE,
     "physics_crosscheck.harness.documents",
     "physics_crosscheck.reference.mechanism.laws",
     "physics_crosscheck.reference.mechanism.planar",
@@ -38,17 +38,17 @@ ALLOWED = (
 )
 ADAPTERS = sorted(HOME.rglob("*.py"))
 SYSTEM = "drum_pendulum"
-"""Has models of every format, in every engine."""
+"""A system with models of every format, in every engine."""
 
 
 @pytest.mark.parametrize("path", ADAPTERS, ids=lambda p: p.relative_to(HOME).as_posix())
-def test_no_adapter_imports_equations_or_what_holds_a_system(path: Path) -> None:
+def test_adapters_do_not_import_equations_or_systems(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text())):
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: a relative import hides what it takes"
+            assert node.level == 0, f"{path}: a relative import hides its module"
             names = [node.module or ""]
         for name in names:
             if name.startswith("physics_crosscheck"):
@@ -64,17 +64,17 @@ HOMES = {type(engine).__module__.split(".")[3] for engine in engines().values()}
     [p for p in ADAPTERS if p.name not in ("registry.py", "pages.py")],
     ids=lambda p: p.relative_to(HOME).as_posix(),
 )
-def test_no_adapter_knows_another(path: Path) -> None:
-    own = path.relative_to(HOME).parts[0].removesuffix(".py")
+def test_adapters_do_not_import_each_other(path: Path) -> None:
+    home = path.relative_to(HOME).parts[0].removesuffix(".py")
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(OWN):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE):
             parts = (node.module or "").split(".")[3:]
             names = parts[:1] or [alias.name for alias in node.names]
-            assert not set(names) & (HOMES - {own}), f"{path.name} imports {node.module}"
+            assert not set(names) & (HOMES - {home}), f"{path.name} imports {node.module}"
 
 
 class Poisoning:
-    """An engine whose every call finds NaN in place of the system's constants."""
+    """An engine that sees NaN instead of the system's constants in every call."""
 
     def __init__(self, engine: Engine, constants: Sequence[Constant]) -> None:
         self._engine, self._constants, self.calls = engine, constants, 0
@@ -83,14 +83,14 @@ class Poisoning:
         return _PoisonedModel(self, self.poisoned(self._engine.load, spec))
 
     def poisoned(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        kept = [c.value for c in self._constants]
+        values = [c.value for c in self._constants]
         self.calls += 1
         for c in self._constants:
             object.__setattr__(c, "value", math.nan)
         try:
             return function(*arguments)
         finally:
-            for c, value in zip(self._constants, kept, strict=True):
+            for c, value in zip(self._constants, values, strict=True):
                 object.__setattr__(c, "value", value)
 
 
@@ -106,7 +106,7 @@ class _PoisonedModel:
 
 
 def tasks(folder: Path) -> Iterator[SystemTask]:
-    """One case of every engine of a system's folder."""
+    """Yield one case of every engine of a system's folder."""
     tried = set[str]()
     prepared = prepare_system(folder, described=False)
     scenario = prepared.system.scenarios[-1].name
@@ -114,7 +114,7 @@ def tasks(folder: Path) -> Iterator[SystemTask]:
         assert isinstance(sidecar, Sidecar)
         for engine in sidecar.engines:
             if engine in tried or (engines()[engine].extra and engine not in EXTRAS):
-                continue  # those that compile what they run, for minutes
+                continue  # these engines compile for minutes
             tried.add(engine)
             yield model_task(prepared, engine, sidecar, scenario=scenario)
 
@@ -129,7 +129,7 @@ def without_times(case: Case) -> Case:
 
 
 @pytest.mark.slow
-def test_a_case_with_poisoned_constants_comes_out_the_same(
+def test_poisoned_constants_do_not_change_a_case(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / SYSTEM

@@ -1,4 +1,4 @@
-"""The shipped conformance suite: every adapter passes it, and each mistake fails its own check."""
+"""The conformance suite: every adapter passes it, and each mistake fails its check."""
 
 import tempfile
 import tomllib
@@ -33,10 +33,10 @@ def adapter(name: str) -> Engine:
 
 
 @pytest.mark.parametrize("name", ADAPTERS)
-def test_every_adapter_conforms_on_its_own_samples(name: str) -> None:
-    found = conform_samples(adapter(name))
-    assert found
-    for checks in found.values():
+def test_every_adapter_conforms_on_its_samples(name: str) -> None:
+    results = conform_samples(adapter(name))
+    assert results
+    for checks in results.values():
         assert len(checks) == len(CHECKS)
         assert failures(checks) == []
 
@@ -46,7 +46,7 @@ def test_every_pairing_conforms(pairing: Pairing, tmp_path: Path) -> None:
     assert failures(conform(adapter(pairing.engine), pairing.spec("pair", tmp_path))) == []
 
 
-def test_checks_have_names_of_their_own_and_sentences() -> None:
+def test_checks_have_unique_names_and_sentences() -> None:
     (checks, *_) = conform_samples(KnownEngine()).values()
     assert len({check.name for check in checks}) == len(checks)
     for check in checks:
@@ -55,7 +55,7 @@ def test_checks_have_names_of_their_own_and_sentences() -> None:
 
 
 class Wrong(KnownModel):
-    """A model whose rollouts can be spoilt before and after."""
+    """A model whose rollouts subclasses can change before and after."""
 
     def __init__(self, file: Any) -> None:
         super().__init__(file)
@@ -71,9 +71,9 @@ class Wrong(KnownModel):
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         z, w = super().rollout(q, v, h, n, self.before(q, force), every)
-        found: tuple[Array, Array] = self.after(z, w, q, h, force, every)
+        result: tuple[Array, Array] = self.after(z, w, q, h, force, every)
         self.last = q.copy(), h, force, n
-        return found
+        return result
 
 
 class TwoAlike(Wrong):
@@ -88,7 +88,7 @@ class OneGravity(Wrong):
 
 class WordsForRemarks(Wrong):
     def remarks(self, z: Array, w: Array) -> Iterable[Remark]:
-        yield "a word"  # type: ignore[misc]  # is what is wrong
+        yield "a word"  # type: ignore[misc]  # the mistake
 
 
 class ForgetsItsStep(Wrong):
@@ -98,7 +98,7 @@ class ForgetsItsStep(Wrong):
 
 
 class FlatSingles(Wrong):
-    """One sample of one step comes without its axis."""
+    """Returns one sample of one step without its axis."""
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
@@ -124,9 +124,9 @@ class OneBuffer(Wrong):
 
     def after(self, z: Array, w: Array, q: Array, h: float, force: Force, every: int) -> Any:
         self.buffers = getattr(self, "buffers", {})
-        kept = self.buffers.setdefault(z.shape, z)
-        kept[:] = z
-        return kept, w
+        buffer = self.buffers.setdefault(z.shape, z)
+        buffer[:] = z
+        return buffer, w
 
 
 class NoticesARepeat(Wrong):
@@ -223,7 +223,7 @@ class WrongEngine(KnownEngine):
         self.model = model
 
     def load(self, spec: ModelSpec) -> KnownModel:
-        super().load(spec)  # what is wrong with the file is said as it should be
+        super().load(spec)  # reports errors of the file correctly
         return self.model(tomllib.loads(spec.path.read_text()))
 
 
@@ -232,7 +232,7 @@ class TwoWords(WrongEngine):
 
 
 class ForeignErrors(WrongEngine):
-    """Whatever goes wrong in reading is passed on as it is."""
+    """Passes on errors of reading without naming the file."""
 
     def load(self, spec: ModelSpec) -> KnownModel:
         spec.path.read_text().index("names")
@@ -271,7 +271,7 @@ WRONG = {
 
 
 def checked(engine: WrongEngine) -> tuple[Check, ...]:
-    """The checks of the first sample."""
+    """Return the checks of the first sample."""
     (sample,) = (one for one in engine.samples() if one.file == "euler.known")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / sample.file
@@ -283,16 +283,16 @@ def failed(engine: WrongEngine) -> list[str]:
     return [check.name for check in checked(engine) if not check.passed]
 
 
-def test_the_engine_that_they_are_made_from_passes() -> None:
+def test_the_engine_without_mistakes_passes() -> None:
     assert failed(WrongEngine()) == []
 
 
-def test_there_is_a_wrong_engine_for_every_check() -> None:
+def test_every_check_has_a_wrong_engine() -> None:
     assert list(WRONG) == [check.__name__.replace("_", " ") for check in CHECKS]
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_mistake_fails_its_own_check_and_no_other(name: str) -> None:
+def test_a_mistake_fails_only_its_check(name: str) -> None:
     assert failed(WRONG[name]) == [name]
 
 
@@ -307,17 +307,17 @@ def test_other_mistakes_fail_too(model: type[Wrong], name: str) -> None:
     assert name in failed(WrongEngine(model))
 
 
-def test_an_engine_that_ends_in_an_error_of_its_own_is_told() -> None:
+def test_an_engine_that_raises_is_reported() -> None:
     class Raises(Wrong):
         def before(self, q: Array, force: Force) -> Force:
             raise ZeroDivisionError("an engine's own")
 
     checks = checked(WrongEngine(Raises))
-    told = [check.sentence for check in checks if not check.passed]
-    assert "it ended in ZeroDivisionError: an engine's own" in told
+    messages = [check.sentence for check in checks if not check.passed]
+    assert "it ended in ZeroDivisionError: an engine's own" in messages
 
 
-def test_the_command_tells_each_check_of_an_engine(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_lists_each_check_of_an_engine(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(Namespace(conformance="known")) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "euler.known"
@@ -325,11 +325,11 @@ def test_the_command_tells_each_check_of_an_engine(capsys: pytest.CaptureFixture
     assert len(lines) == 3 * (1 + len(CHECKS))
 
 
-def test_the_command_ends_with_one_where_a_check_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_exits_with_1_if_a_check_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "engines", lambda: {"wrong": WrongEngine(ClaimsTwo)})
     assert command.main(Namespace(conformance="wrong")) == 1
 
 
-def test_the_command_knows_what_is_installed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_lists_installed_engines(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(Namespace(conformance="nothing")) == 2
     assert "engine 'nothing' is not installed. Installed: " in capsys.readouterr().err

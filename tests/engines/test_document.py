@@ -1,4 +1,4 @@
-"""`docs/engines/adapter.md`: its adapter is one, and its tables name every hook."""
+"""`docs/engines/adapter.md`: its adapter conforms, and its tables list every hook."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ TOY = 'names = ["x"]\nm = [1.3]\nc = [0.9]\nk = [{}]\nstep = 0.005\n'
 
 
 def block(language: str) -> str:
-    """The page's one block in a language."""
-    (found,) = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
-    return str(found)
+    """Return the page's only block in a language."""
+    (code,) = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    return str(code)
 
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A distribution of the adapter, registered as the page says."""
+    """Install a distribution of the adapter, registered as on the page."""
     place = tmp_path / "site"
     info = place / "toy-1.0.dist-info"
     info.mkdir(parents=True)
@@ -43,7 +43,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("installed")
-def test_the_adapter_shown_keeps_the_protocol() -> None:
+def test_the_example_adapter_conforms() -> None:
     assert sum(bool(line.strip()) for line in block("python").splitlines()) <= 40
     (checks,) = conform_samples(engines()["toy"]).values()
     assert len(checks) == len(CHECKS)
@@ -51,24 +51,24 @@ def test_the_adapter_shown_keeps_the_protocol() -> None:
 
 
 @pytest.mark.usefixtures("installed")
-def test_a_folder_runs_in_the_adapter_shown_and_a_wrong_number_is_found(tmp_path: Path) -> None:
+def test_the_example_adapter_runs_a_folder_and_detects_a_wrong_number(tmp_path: Path) -> None:
     folder = tmp_path / "oscillator"
     folder.mkdir()
     (folder / "system.py").write_text(SYSTEM)
     prepared = prepare_system(folder, described=False)
-    found = {}
+    outcomes = {}
     for name, stiffness in (("good", "47.0"), ("off", "47.000047")):
         (folder / f"{name}.toy").write_text(TOY.format(stiffness))
         (folder / f"{name}.toy.toml").write_text('engines = ["toy"]\n')
         sidecar = read_sidecar(folder / f"{name}.toy.toml")
-        found[name] = judge(model_task(prepared, "toy", sidecar, scenario="driven")).outcome
-    assert found == {"good": Outcome.AGREES, "off": Outcome.DIFFERS}
+        outcomes[name] = judge(model_task(prepared, "toy", sidecar, scenario="driven")).outcome
+    assert outcomes == {"good": Outcome.AGREES, "off": Outcome.DIFFERS}
 
 
-def test_every_hook_of_the_protocol_is_in_the_tables() -> None:
+def test_the_tables_list_every_hook_of_the_protocol() -> None:
     _, _, tables = PAGE.partition("## Required members")
     rows = [line for line in tables.splitlines() if line.startswith("|")]
-    told = {word for row in rows for word in re.findall(r"\w+", row.split("|")[1])}
+    documented = {word for row in rows for word in re.findall(r"\w+", row.split("|")[1])}
     for base in (Engine, LoadedModel):
         hooks = {name for name in (*vars(base), *base.__annotations__) if name[0] != "_"}
-        assert hooks - told == set()
+        assert hooks - documented == set()

@@ -1,4 +1,4 @@
-"""What a format can't say and the adapters add: springs in a URDF, mimic joints."""
+"""Features that adapters add to a format: springs in a URDF, mimic joints."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,30 +35,28 @@ def load(
     return engines()[pairing.engine].load(spec)
 
 
-def pull(
+def accel(
     model: LoadedModel, q: Sequence[float], v: Sequence[float] | None = None, h: float = 1e-6
 ) -> Array:
-    """Accelerations, from one tiny step."""
+    """Return accelerations from one tiny step."""
     z = np.array([q], dtype=float)
     w = np.zeros_like(z) if v is None else np.array([v], dtype=float)
-    found: Array = (model.rollout(z, w, h, 1, None, 1)[1][0, 0] - w[0]) / h
-    return found
+    result: Array = (model.rollout(z, w, h, 1, None, 1)[1][0, 0] - w[0]) / h
+    return result
 
 
 TWO = [link("a", 2.0), joint("q1", "prismatic", "a"), link("b", 0.5), joint("q2", "prismatic", "b")]
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_gazebos_joint_spring_pulls_towards_its_rest_position(
-    pairing: Pairing, tmp_path: Path
-) -> None:
+def test_gazebo_springs_act_towards_their_rest_position(pairing: Pairing, tmp_path: Path) -> None:
     spring = (
         '<gazebo reference="q2"><springStiffness>30</springStiffness>'
         "<springReference>0.2</springReference></gazebo>"
     )
     model = load(pairing, tmp_path, [*TWO, spring])
-    assert pull(model, [0.7, 0.5]) == pytest.approx([0.0, -30 * 0.3 / 0.5], rel=1e-5, abs=1e-6)
-    assert pull(model, [0.7, 0.2]) == pytest.approx([0.0, 0.0], abs=1e-3)
+    assert accel(model, [0.7, 0.5]) == pytest.approx([0.0, -30 * 0.3 / 0.5], rel=1e-5, abs=1e-6)
+    assert accel(model, [0.7, 0.2]) == pytest.approx([0.0, 0.0], abs=1e-3)
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
@@ -70,14 +68,14 @@ def test_a_sidecars_spring_and_damper_act_on_a_combination_of_joints(
     q, v = [0.1, 0.5], [0.3, -0.2]
     force = 30 * (-2 * 0.1 + 0.5 - 0.1) + 4 * (-2 * 0.3 - 0.2)
     expected = [2 * force / 2.0, -force / 0.5]
-    assert pull(model, q, v) == pytest.approx(expected, rel=1e-4)
+    assert accel(model, q, v) == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
 def test_two_springs_on_one_joint_add_up(pairing: Pairing, tmp_path: Path) -> None:
     springs = (Spring({"q1": 1.0}, 10.0, 0.0, 0.0), Spring({"q1": 1.0}, 20.0, 0.0, 0.1))
     model = load(pairing, tmp_path, TWO, springs)
-    assert pull(model, [0.4, 0.0])[0] == pytest.approx(-(10 * 0.4 + 20 * 0.3) / 2.0, rel=1e-5)
+    assert accel(model, [0.4, 0.0])[0] == pytest.approx(-(10 * 0.4 + 20 * 0.3) / 2.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("pairing", [p for p in ON_URDF if p.integrator != "RK4"], ids=str)
@@ -98,7 +96,7 @@ def test_a_mimic_joint_follows_its_leader_and_brings_its_inertia(
     zs, ws = model.rollout(np.array([[0.2, 0.6]]), np.zeros((1, 2)), h, n, None, 100)
     assert zs[0, :, 1] == pytest.approx(3 * zs[0, :, 0], abs=2e-5)
     assert ws[0, :, 1] == pytest.approx(3 * ws[0, :, 0], abs=2e-4)
-    # Both move as one mass of 2 + 3^2 * 0.5 on the spring.
+    # Both move like one mass of 2 + 3^2 * 0.5 on the spring.
     rate = np.sqrt(30 / (2.0 + 9 * 0.5))
     t = h * 100 * np.arange(1, 41)
     assert zs[0, :, 0] == pytest.approx(0.2 * np.cos(rate * t), abs=2e-4)

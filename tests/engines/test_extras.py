@@ -1,4 +1,4 @@
-"""Engines of extras: a sidecar that names them runs without them where they aren't installed."""
+"""Optional engines: a sidecar that names them runs without those that are not installed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MODELS = Path(__file__).parents[2] / "models"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A pendulum's URDF, of MuJoCo and Pinocchio."""
+    """Return a folder with a pendulum's URDF for MuJoCo and Pinocchio."""
     folder = tmp_path / "pendulum"
     folder.mkdir()
     for name in ("system.py", "robot.urdf"):
@@ -48,7 +48,7 @@ def absent(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("absent")
-def test_what_is_absent_is_left_out_of_a_sidecar_and_told(folder: Path) -> None:
+def test_missing_engines_are_dropped_from_a_sidecar_and_reported(folder: Path) -> None:
     sidecar = read_sidecar(folder / "robot.urdf.toml")
     assert (sidecar.engines, sidecar.absent) == (("mujoco",), ("pinocchio",))
     assert absent_engine_lines([folder]) == [
@@ -58,7 +58,7 @@ def test_what_is_absent_is_left_out_of_a_sidecar_and_told(folder: Path) -> None:
     assert "pinocchio" not in [engine.name for engine in engines_to_run(".urdf")]
 
 
-def test_what_is_there_is_run(folder: Path) -> None:
+def test_installed_engines_run(folder: Path) -> None:
     assert engines()["pinocchio"].version() is not None
     sidecar = read_sidecar(folder / "robot.urdf.toml")
     assert (sidecar.engines, sidecar.absent) == (("mujoco", "pinocchio"), ())
@@ -66,7 +66,7 @@ def test_what_is_there_is_run(folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("absent")
-def test_settings_of_what_is_absent_are_none_of_a_stranger(folder: Path) -> None:
+def test_settings_of_a_missing_engine_require_its_name(folder: Path) -> None:
     _write(folder, '["mujoco", "pinocchio"]', "[settings.pinocchio]\nstep = 0.01\n")
     read_sidecar(folder / "robot.urdf.toml")
     _write(folder, '["mujoco"]', "[settings.pinocchio]\nstep = 0.01\n")
@@ -76,29 +76,29 @@ def test_settings_of_what_is_absent_are_none_of_a_stranger(folder: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("absent")
-def test_where_nothing_else_runs_a_model_it_is_absent(folder: Path) -> None:
+def test_a_model_without_installed_engines_is_absent(folder: Path) -> None:
     _write(folder, '["pinocchio"]')
-    found = check(folder)
-    assert {case.outcome for case in found.cases} == {Outcome.ABSENT}
-    assert "pip install 'physics-crosscheck[pinocchio]'" in found.cases[0].reason
+    results = check(folder)
+    assert {case.outcome for case in results.cases} == {Outcome.ABSENT}
+    assert "pip install 'physics-crosscheck[pinocchio]'" in results.cases[0].reason
 
 
 @pytest.mark.usefixtures("absent")
-def test_an_absent_engine_that_is_asked_for_is_refused_with_what_installs_it() -> None:
+def test_a_requested_missing_engine_is_an_error_with_its_install_command() -> None:
     with pytest.raises(FolderError, match=r"pip install 'physics-crosscheck\[pinocchio\]'"):
         check_engines(["pinocchio"])
 
 
 @pytest.mark.usefixtures("absent")
-def test_the_list_of_engines_tells_what_installs_one(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_of_engines_shows_install_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["engines"]) == 0
-    told = capsys.readouterr().out
-    assert "pinocchio  not installed " in told
-    assert "pip install 'physics-crosscheck[pinocchio]'\n" in told
+    output = capsys.readouterr().out
+    assert "pinocchio  not installed " in output
+    assert "pip install 'physics-crosscheck[pinocchio]'\n" in output
 
 
 @pytest.mark.usefixtures("absent")
-def test_a_gate_leaves_what_was_accepted_of_it(tmp_path: Path) -> None:
+def test_a_gate_keeps_accepted_results_of_missing_engines(tmp_path: Path) -> None:
     names = ("pinocchio", "mujoco", "pybullet")
     state = survey([], GateOptions(baseline=tmp_path))
     assert [name for name in names if not state.includes(name)] == ["pinocchio"]
@@ -106,7 +106,7 @@ def test_a_gate_leaves_what_was_accepted_of_it(tmp_path: Path) -> None:
     assert [name for name in names if not state.includes(name)] == ["pinocchio", "pybullet"]
 
 
-def test_standing_engines_are_no_extras() -> None:
+def test_default_engines_are_not_extras() -> None:
     extras = {name for name, one in engines().items() if one.extra}
     assert extras >= {"pinocchio", "drake", "dart", "newton", "mjx"}
     assert not {"mujoco", "pybullet", "pymunk"} & set(absent_extras())
@@ -114,20 +114,20 @@ def test_standing_engines_are_no_extras() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("absent")
-def test_the_line_is_told_once_where_a_run_ends(
+def test_a_run_reports_missing_engines_once(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder.parent)
     brief(folder)
     assert main(["run", str(folder), "--resolution", "1e-6", "-v"]) == 0
-    told = capsys.readouterr()
-    assert told.err.count("crosscheck: not installed: pinocchio") == 1
-    assert "[pinocchio]" not in told.out
+    output = capsys.readouterr()
+    assert output.err.count("crosscheck: not installed: pinocchio") == 1
+    assert "[pinocchio]" not in output.out
 
 
-def test_a_file_alone_runs_on_request_in_what_compiles_it_for_minutes() -> None:
-    named = engines()
-    assert named["mjx"].on_request
+def test_slow_compiling_engines_run_only_on_request() -> None:
+    registered = engines()
+    assert registered["mjx"].on_request
     for suffix in (".urdf", ".xml"):
         assert "mjx" not in [engine.name for engine in engines_to_run(suffix)]
         assert "mjx" in [engine.name for engine in engines_reading(suffix)]

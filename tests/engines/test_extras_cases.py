@@ -1,4 +1,4 @@
-"""Cases of `docs/cases.md` that want an extra, as the page has them."""
+"""Cases of `docs/cases.md` that need an optional engine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.installed.documents import ROOT, check_shown, commands
 CROSSCHECK = f'crosscheck() {{ {shlex.quote(sys.executable)} -m physics_crosscheck "$@"; }}\n'
 
 
-def test_a_constraint_that_drake_ignores_is_told_as_the_page_has_it(tmp_path: Path) -> None:
+def test_a_constraint_that_drake_ignores_is_reported_as_on_the_page(tmp_path: Path) -> None:
     need("drake")
     shutil.copy(ROOT / "docs" / "cases" / "fingers.urdf", tmp_path)
     _, excepted = commands((ROOT / "docs" / "cases.md").read_text())

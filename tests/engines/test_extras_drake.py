@@ -50,7 +50,7 @@ def checked(tmp_path: Path, loaded: str = URDF_ARM) -> WholeStepCheck:
 
 
 def test_joint_limits_follow_the_law_of_sap(tmp_path: Path) -> None:
-    """Catch a regularization, a dissipation or a damper that is stated wrong."""
+    """Catch a wrong regularization, dissipation or damper."""
     check = checked(tmp_path)
     assert check.judgement is not None
     assert check.record.outcome is Outcome.AGREES
@@ -61,7 +61,7 @@ def test_joint_limits_follow_the_law_of_sap(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_planted_faults_of_limits_are_seen(tmp_path: Path, fault: str) -> None:
+def test_planted_faults_of_limits_are_detected(tmp_path: Path, fault: str) -> None:
     """Catch a number of a limit that whole steps do not depend on."""
     right, wrong = FAULTS[fault]
     assert URDF_ARM.count(right) == 1
@@ -102,7 +102,7 @@ def problem_of(tmp_path: Path) -> LawProblem[LawModel, LawSolution]:
 @pytest.mark.parametrize(
     ("name", "value"), [("share", 0.01), ("dissipation", 0.003), ("stiffness", 1e4)]
 )
-def test_other_rules_of_limits_are_seen(tmp_path: Path, name: str, value: float) -> None:
+def test_other_rules_of_limits_are_detected(tmp_path: Path, name: str, value: float) -> None:
     """Catch a setting of SAP that the law does not depend on."""
     problem = problem_of(tmp_path)
     laws = problem.comparison.laws
@@ -112,8 +112,8 @@ def test_other_rules_of_limits_are_seen(tmp_path: Path, name: str, value: float)
     limits = tuple(replace(limit, softness=softness) for limit in laws.laws.limits)
     other = replace(laws, rules=rules, laws=replace(laws.laws, limits=limits))
     assert problem.of_model(problem.comparison.model).judge(1e-9).outcome is Outcome.AGREES
-    known = LawEngine(problem.comparison.under(other))
-    assert problem.of_model(known).judge(1e-9).outcome is Outcome.DIFFERS
+    engine = LawEngine(problem.comparison.under(other))
+    assert problem.of_model(engine).judge(1e-9).outcome is Outcome.DIFFERS
 
 
 def test_a_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:

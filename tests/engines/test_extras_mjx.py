@@ -1,4 +1,4 @@
-"""MJX is MuJoCo in JAX: the same file is the same model, to the last digits."""
+"""MJX is MuJoCo in JAX: the same file gives the same model to the last digits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def load(path: Path, engine: str = "mjx", **settings: object) -> LoadedModel:
     return engines()[engine].load(ModelSpec(path, settings=settings))
 
 
-def test_the_adapter_keeps_the_protocol(tmp_path: Path) -> None:
+def test_the_adapter_conforms(tmp_path: Path) -> None:
     need("mjx")
     sample = engines()["mjx"].samples()[0]
     path = tmp_path / sample.file
@@ -39,7 +39,7 @@ def test_the_adapter_keeps_the_protocol(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("bits", "apart"), [(64, 1e-13), (32, 1e-4)])
-def test_motions_are_mujocos_to_the_digits_that_it_has(bits: int, apart: float) -> None:
+def test_motions_match_mujoco_to_its_precision(bits: int, apart: float) -> None:
     path = MODELS / "free_pair" / "mujoco.xml"
     model, other = load(path, bits=bits), load(path, "mujoco")
     assert model.epsilon == np.finfo(f"float{bits}").eps
@@ -47,26 +47,26 @@ def test_motions_are_mujocos_to_the_digits_that_it_has(bits: int, apart: float) 
     q, v = rng.normal(size=(2, 3, 2))
     push = rng.normal(size=(3, 700, 2))
     ends = model.rollout(q, v, 1e-3, 700, push, 350)
-    for end, known in zip(ends, other.rollout(q, v, 1e-3, 700, push, 350), strict=True):
-        assert np.max(np.abs(end - known)) < apart
+    for end, expected in zip(ends, other.rollout(q, v, 1e-3, 700, push, 350), strict=True):
+        assert np.max(np.abs(end - expected)) < apart
     assert np.max(np.abs(ends[0][:, 1] - q)) > 0.1
     by_state = model.rollout(q, v, 1e-3, 20, StateForce(push[:, :20], lambda z, u: u), 20)
     numbers = model.rollout(q, v, 1e-3, 20, push[:, :20], 20)
     assert np.array_equal(by_state[0], numbers[0])
 
 
-def test_what_mjx_has_not_or_reads_over_is_refused(tmp_path: Path) -> None:
+def test_features_that_mjx_lacks_or_ignores_are_rejected(tmp_path: Path) -> None:
     path = MODELS / "free_pair" / "mujoco.xml"
     with pytest.raises(EngineError, match="mjINT_IMPLICIT"):
         load(path, integrator="implicit")
     with pytest.raises(EngineError, match="expected 32 or 64"):
         load(path, bits=16)
-    bent = tmp_path / "bent.xml"
+    copy = tmp_path / "bent.xml"
     text = (MODELS / "mass_spring_damper" / "mujoco.xml").read_text()
     assert 'damping="0.9"' in text
-    bent.write_text(text.replace('damping="0.9"', 'damping="0.9 0.2"'))
+    copy.write_text(text.replace('damping="0.9"', 'damping="0.9 0.2"'))
     with pytest.raises(EngineError, match="a polynomial of dof_damping, which MJX ignores"):
-        load(bent)
+        load(copy)
 
 
 WHOLE = """<mujoco><option timestep="0.002" {}/><worldbody>
@@ -123,7 +123,7 @@ def test_equalities_follow_mujocos_law_without_drift(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_planted_faults_of_whole_steps_are_seen(tmp_path: Path, fault: str) -> None:
+def test_planted_faults_of_whole_steps_are_detected(tmp_path: Path, fault: str) -> None:
     """Catch a wrong mixing rule, a lost limit, and numbers that are wrong by a millionth."""
     right, wrong = FAULTS[fault]
     text = WHOLE.format(FAST)
@@ -132,14 +132,14 @@ def test_planted_faults_of_whole_steps_are_seen(tmp_path: Path, fault: str) -> N
     assert check.record.outcome is Outcome.DIFFERS
 
 
-def test_a_state_that_mjx_does_not_use_early_differs(tmp_path: Path) -> None:
+def test_actearly_that_mjx_ignores_differs(tmp_path: Path) -> None:
     """Catch `actearly`, which MJX ignores, passed as equal."""
     drive = '<general joint="b" dyntype="integrator" actearly="true"/></actuator>'
     text = WHOLE.format(FAST).replace("</actuator>", drive)
     assert whole_step(tmp_path, text, text).record.outcome is Outcome.DIFFERS
 
 
-def test_contacts_that_mjx_refuses_are_named(tmp_path: Path) -> None:
+def test_contacts_that_mjx_rejects_are_reported(tmp_path: Path) -> None:
     """Catch a refusal of MJX that ends the case."""
     text = WHOLE.format(FAST).replace('condim="4"', 'condim="1"')
     plane = text.replace('size="5 5 .1"', 'size="5 5 .1" condim="1"')

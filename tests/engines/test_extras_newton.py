@@ -1,4 +1,4 @@
-"""What Newton makes of URDFs and MJCFs, as `docs/engines/` tells it."""
+"""How Newton reads URDFs and MJCFs, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 
 
 def mjcf(
-    folder: Path, body: str, beside: str = "", settings: Mapping[str, object] | None = None
+    folder: Path, body: str, extra: str = "", settings: Mapping[str, object] | None = None
 ) -> LoadedModel:
     need("newton")
     path = folder / "sample.xml"
     compiler = '<compiler angle="radian"/>'
-    path.write_text(f"<mujoco>{compiler}<worldbody>{body}</worldbody>{beside}</mujoco>")
+    path.write_text(f"<mujoco>{compiler}<worldbody>{body}</worldbody>{extra}</mujoco>")
     return engines()["newton"].load(ModelSpec(path, settings=settings or {}))
 
 
-def test_the_adapter_keeps_the_protocol() -> None:
+def test_the_adapter_conforms() -> None:
     need("newton")
-    found = conform_samples(engines()["newton"])
-    assert len(found) == 2
-    for checks in found.values():
+    results = conform_samples(engines()["newton"])
+    assert len(results) == 2
+    for checks in results.values():
         assert len(checks) == len(CHECKS)
         assert [str(check) for check in checks if not check.passed] == []
 
@@ -55,36 +55,36 @@ def test_friction_is_ignored_and_limits_are_springs(tmp_path: Path) -> None:
     assert np.isinf(free.limits).all()
 
 
-def test_limits_of_a_continuous_joint_stop_it_and_a_remark_says_so(tmp_path: Path) -> None:
+def test_limits_of_a_continuous_joint_act_and_are_reported(tmp_path: Path) -> None:
     model = load("newton", urdf('<limit lower="0" upper="0" effort="1" velocity="9"/>'), tmp_path)
     assert abs(moved(model, 0.5, 1.0, 0.01)[1] - 1.0) > 1
     still = np.zeros((1, 1))
     assert any("is continuous" in one.message for one in model.remarks(still, still))
 
 
-def test_a_mimic_is_held_on_the_mass_matrix(tmp_path: Path) -> None:
-    model = load("newton", urdf(beside=MIMIC), tmp_path)
+def test_a_mimic_is_constrained_through_the_mass_matrix(tmp_path: Path) -> None:
+    model = load("newton", urdf(extra=MIMIC), tmp_path)
     push = np.ones((1, 1000, 2)) * [0.004, 0.0]
     z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 1000, push, 1000)
     assert z[0, 0, 0] == pytest.approx(0.2 * 0.004 / 0.01 / 2, rel=5e-3)
     assert z[0, 0, 1] == pytest.approx(2 * z[0, 0, 0], rel=1e-5)
 
 
-def test_small_moments_are_enlarged_unless_told(tmp_path: Path) -> None:
-    text = urdf(beside=WELDED.format(BODY.replace('ixx="0.01"', 'ixx="0.1"')))
-    felt = 0.01 + 1 + 0.01
+def test_small_inertias_are_enlarged_by_default(tmp_path: Path) -> None:
+    text = urdf(extra=WELDED.format(BODY.replace('ixx="0.01"', 'ixx="0.1"')))
+    iyy = 0.01 + 1 + 0.01
     model = load("newton", text, tmp_path)
-    assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(felt + 0.08, rel=1e-4)
-    (undone,) = model.corrective_settings.values()
-    told = load("newton", text, tmp_path, settings=undone)
-    assert 1 / (moved(told, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(felt, rel=1e-5)
-    assert told.corrective_settings == {}
+    assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(iyy + 0.08, rel=1e-4)
+    (remedy,) = model.corrective_settings.values()
+    corrected = load("newton", text, tmp_path, settings=remedy)
+    assert 1 / (moved(corrected, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(iyy, rel=1e-5)
+    assert corrected.corrective_settings == {}
 
 
-def test_welded_links_that_newton_joins_are_heavier_and_its_setting_is_a_cause(
+def test_merged_fixed_links_are_heavier_and_their_setting_is_a_cause(
     tmp_path: Path,
 ) -> None:
-    text = urdf(beside=WELDED.format(BODY.replace('value="0"', 'value="1"')))
+    text = urdf(extra=WELDED.format(BODY.replace('value="0"', 'value="1"')))
     whole = load("newton", text, tmp_path)
     joined = load("newton", text, tmp_path, settings={"collapse_fixed_joints": True})
     inertia = [1 / (moved(one, 0.0, 0.0, H, push=1.0)[1] / H) for one in (whole, joined)]
@@ -93,14 +93,14 @@ def test_welded_links_that_newton_joins_are_heavier_and_its_setting_is_a_cause(
     assert whole.corrective_settings == {}
 
 
-def test_what_moves_nothing_and_what_is_no_hinge_is_refused(tmp_path: Path) -> None:
+def test_joints_without_inertia_or_of_other_types_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="moves nothing with inertia"):
         load("newton", urdf(body=""), tmp_path)
     with pytest.raises(EngineError, match="is neither a slide nor a hinge"):
         load("newton", urdf(kind="floating"), tmp_path)
 
 
-def test_step_gravity_and_zero_of_an_mjcf_are_the_files(tmp_path: Path) -> None:
+def test_an_mjcf_sets_step_gravity_and_zero(tmp_path: Path) -> None:
     joint = HINGE.format('ref="0.4"')
     options = '<option timestep="0.003" gravity="0 0 -5"/>'
     model = mjcf(tmp_path, f"<body>{joint}{INERTIAL}</body>", options)
@@ -110,19 +110,19 @@ def test_step_gravity_and_zero_of_an_mjcf_are_the_files(tmp_path: Path) -> None:
     assert sum("ignores <option" in one.message for one in model.remarks(still, still)) == 2
 
 
-@pytest.mark.parametrize(("setting", "beside"), [
+@pytest.mark.parametrize(("setting", "extra"), [
     ("tendons", '<tendon><fixed stiffness="3" springlength="0"><joint joint="j" coef="1"/></fixed>'
      "</tendon>"),
     ("equalities", '<equality><joint joint1="j" joint2="k" polycoef="0 2 0 0 0"/></equality>'),
 ])  # fmt: skip
-def test_what_its_solver_leaves_out_of_an_mjcf_is_added_unless_told(
-    setting: str, beside: str, tmp_path: Path
+def test_features_that_its_solver_lacks_are_added_by_default(
+    setting: str, extra: str, tmp_path: Path
 ) -> None:
     inner = HINGE.format("").replace('"j"', '"k"')
     bodies = f"<body>{HINGE.format('')}{INERTIAL}<body>{inner}{INERTIAL}</body></body>"
     ends = []
     for on in (True, False):
-        model = mjcf(tmp_path, bodies, beside, {setting: on, "gravity": [0.0, 0.0, 0.0]})
+        model = mjcf(tmp_path, bodies, extra, {setting: on, "gravity": [0.0, 0.0, 0.0]})
         start = np.array([[0.1, 0.05]])
         z, _ = model.rollout(start, np.ones((1, 2)), 1e-3, 100, None, 100)
         ends.append(z[0, 0])
@@ -131,32 +131,30 @@ def test_what_its_solver_leaves_out_of_an_mjcf_is_added_unless_told(
     assert ends[1] == pytest.approx([0.2, 0.15], rel=1e-4)
 
 
-@pytest.mark.parametrize(("beside", "why"), [
+@pytest.mark.parametrize(("extra", "why"), [
     ('<actuator><motor joint="j"/></actuator>', "actuators"),
     ('<option density="1.2"/>', "a medium"),
 ])  # fmt: skip
-def test_what_it_leaves_out_and_is_not_added_is_refused(
-    beside: str, why: str, tmp_path: Path
-) -> None:
+def test_features_that_are_not_added_are_rejected(extra: str, why: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=f"{why}, which Newton's own solvers leave out"):
-        mjcf(tmp_path, f"<body>{HINGE.format('')}{INERTIAL}</body>", beside)
+        mjcf(tmp_path, f"<body>{HINGE.format('')}{INERTIAL}</body>", extra)
 
 
 @pytest.mark.parametrize("joint", ['<freejoint name="f"/>', '<joint name="f" type="ball"/>'])
-def test_bodies_that_turn_freely_move_as_in_mujoco(joint: str, tmp_path: Path) -> None:
-    """Their velocities, forces and rotations are told in the same coordinates."""
+def test_free_and_ball_joints_match_mujoco(joint: str, tmp_path: Path) -> None:
+    """Compare velocities, forces and rotations in the same coordinates."""
     inertial = '<inertial pos="0.1 -0.2 0.3" mass="2" diaginertia="0.1 0.2 0.25"/>'
-    own = mjcf(tmp_path, f"<body>{joint}{inertial}</body>")
+    model = mjcf(tmp_path, f"<body>{joint}{inertial}</body>")
     other = engines()["mujoco"].load(
         ModelSpec(tmp_path / "sample.xml", settings={"integrator": "RK4"})
     )
-    assert own.coordinates == other.coordinates
+    assert model.coordinates == other.coordinates
     rng = np.random.default_rng(1)
-    q, v = rng.normal(size=(2, 3, len(own.coordinates)))
+    q, v = rng.normal(size=(2, 3, len(model.coordinates)))
     push = np.repeat(rng.normal(size=(3, 1, q.shape[1])), 200, axis=1)
-    once = own.rollout(q, v, 5e-4, 200, push, 200)
-    twice = own.rollout(q, v, 2.5e-4, 400, np.repeat(push, 2, axis=1), 400)
+    once = model.rollout(q, v, 5e-4, 200, push, 200)
+    twice = model.rollout(q, v, 2.5e-4, 400, np.repeat(push, 2, axis=1), 400)
     right = other.rollout(q, v, 5e-4, 200, push, 200)
-    for one, two, known, start in zip(once, twice, right, (q, v), strict=True):
-        end = 2 * two - one  # of order 1
-        assert np.max(np.abs(end - known)) < 2e-4 * np.max(np.abs(known[:, 0] - start))
+    for coarse, fine, expected, start in zip(once, twice, right, (q, v), strict=True):
+        end = 2 * fine - coarse  # extrapolates order 1
+        assert np.max(np.abs(end - expected)) < 2e-4 * np.max(np.abs(expected[:, 0] - start))

@@ -1,4 +1,4 @@
-"""What engines of extras make of one URDF, as `docs/engines/` tabulates it."""
+"""How optional engines read one URDF, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ WELDED = (
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_adapters_keep_the_protocol(name: str) -> None:
+def test_adapters_conform(name: str) -> None:
     need(name)
-    found = conform_samples(engines()[name])
-    assert {Path(file).suffix for file in found} == set(engines()[name].formats)
-    for checks in found.values():
+    results = conform_samples(engines()[name])
+    assert {Path(file).suffix for file in results} == set(engines()[name].formats)
+    for checks in results.values():
         assert len(checks) == len(CHECKS)
         assert [str(check) for check in checks if not check.passed] == []
 
@@ -47,26 +47,22 @@ def test_damping_is_applied(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "idyntree"])
-def test_some_themselves_leave_damping_out_and_a_remedy_brings_it(
-    name: str, tmp_path: Path
-) -> None:
+def test_missing_damping_has_a_corrective_setting(name: str, tmp_path: Path) -> None:
     text = urdf('<dynamics damping="0.3"/>')
     model = load(name, text, tmp_path, settings={"damping": False})
     assert moved(model, 0.0, 1.0, 0.01)[1] == 1.0
-    (undone,) = model.corrective_settings.values()
-    again = load(name, text, tmp_path, settings=undone)
-    assert moved(again, 0.0, 1.0, 0.01)[1] < 0.75
+    (remedy,) = model.corrective_settings.values()
+    corrected = load(name, text, tmp_path, settings=remedy)
+    assert moved(corrected, 0.0, 1.0, 0.01)[1] < 0.75
 
 
-@pytest.mark.parametrize(("name", "left"), [
+@pytest.mark.parametrize(("name", "speed"), [
     ("pinocchio", 1.0), ("drake", 1.0), ("dart", 0.8), ("idyntree", 1.0),
 ])  # fmt: skip
-def test_friction_is_applied_by_dart_unless_all_is_to_be_smooth(
-    name: str, left: float, tmp_path: Path
-) -> None:
+def test_dart_applies_friction_unless_smooth(name: str, speed: float, tmp_path: Path) -> None:
     text = urdf('<dynamics friction="0.2"/>')
     model = load(name, text, tmp_path)
-    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(left, abs=1e-6)
+    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(speed, abs=1e-6)
     smooth = load(name, text, tmp_path, settings={"smooth": True})
     assert moved(smooth, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
 
@@ -74,9 +70,7 @@ def test_friction_is_applied_by_dart_unless_all_is_to_be_smooth(
 @pytest.mark.parametrize(("name", "stopped"), [
     ("pinocchio", False), ("drake", True), ("dart", False), ("idyntree", False),
 ])  # fmt: skip
-def test_limits_stop_a_joint_in_drakes_discrete_plants_alone(
-    name: str, stopped: bool, tmp_path: Path
-) -> None:
+def test_limits_act_only_in_discrete_drake_plants(name: str, stopped: bool, tmp_path: Path) -> None:
     model = load(name, limit(-0.5, 0.5), tmp_path)
     q, v = moved(model, 0.495, 1.0, 0.1)
     assert (v < 0.5) is stopped
@@ -86,14 +80,14 @@ def test_limits_stop_a_joint_in_drakes_discrete_plants_alone(
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_crossed_limits_are_none(name: str, tmp_path: Path) -> None:
+def test_crossed_limits_have_no_effect(name: str, tmp_path: Path) -> None:
     assert moved(load(name, limit(1, -1), tmp_path), 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_springs_of_gazebo_pull(name: str, tmp_path: Path) -> None:
+def test_gazebo_springs_act(name: str, tmp_path: Path) -> None:
     spring = '<gazebo reference="j"><springStiffness>50</springStiffness></gazebo>'
-    q, _ = moved(load(name, urdf(beside=spring), tmp_path), 0.1, 0.0, 0.01)
+    q, _ = moved(load(name, urdf(extra=spring), tmp_path), 0.1, 0.0, 0.01)
     assert q == pytest.approx(0.1 * np.cos(np.sqrt(5000) * 0.01), rel=5e-3)
 
 
@@ -105,40 +99,40 @@ def test_springs_of_gazebo_pull(name: str, tmp_path: Path) -> None:
     ("dart", {}, 1e-2, 1.0),
     ("idyntree", {}, 1e-13, 0.2), ("idyntree", {"hold_mimics": False}, 0.41, 1.0),
 ])  # fmt: skip
-def test_a_mimic_is_left_out_held_or_a_servo(
+def test_a_mimic_is_ignored_constrained_or_a_servo(
     name: str, settings: dict[str, object], off: float, led: float, tmp_path: Path
 ) -> None:
-    model = load(name, urdf(beside=MIMIC), tmp_path, settings=settings)
-    at = [model.coordinates.index(one) for one in ("j", "k")]
+    model = load(name, urdf(extra=MIMIC), tmp_path, settings=settings)
+    index = [model.coordinates.index(one) for one in ("j", "k")]
     push = np.zeros((1, 1000, 2))
-    push[:, :, at[0]] = 0.004
+    push[:, :, index[0]] = 0.004
     still = np.zeros((1, 2))
     z, _ = model.rollout(still, still, 1e-3, 1000, push, 1000)
-    leader, follower = z[0, 0, at]
-    # 0.01 kg m^2 alone, or with that of the follower times the square of its ratio.
+    leader, follower = z[0, 0, index]
+    # 0.01 kg m^2, plus the follower's inertia times the square of its ratio if constrained.
     assert leader == pytest.approx(led * 0.004 / 0.01 / 2, rel=5e-3)
     assert abs(follower - 2 * leader) <= off
-    told = any("servo" in remark.message for remark in model.remarks(still, still))
-    assert (told or bool(model.corrective_settings)) is (led == 1.0)
-    assert told is (name == "dart")
+    has_remark = any("servo" in remark.message for remark in model.remarks(still, still))
+    assert (has_remark or bool(model.corrective_settings)) is (led == 1.0)
+    assert has_remark is (name == "dart")
 
 
 @pytest.mark.parametrize(("ratio", "holds"), [(0.5, True), (1.0, True), (2.0, False)])
-def test_a_coupler_of_dart_holds_what_is_slower_than_its_leader_and_blows_up_on_what_is_faster(
+def test_a_dart_coupler_is_stable_only_for_slow_followers(
     ratio: float, holds: bool, tmp_path: Path
 ) -> None:
-    text = urdf(beside=MIMIC.replace('"2"', f'"{ratio}"'))
+    text = urdf(extra=MIMIC.replace('"2"', f'"{ratio}"'))
     model = load("dart", text, tmp_path, settings={"couplers": True})
     push = np.ones((1, 500, 2)) * [0.004, 0.0]
     z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), H, 500, push, 500)
-    wanted = 0.004 / (0.01 * (1 + ratio**2)) * 0.05**2 / 2
-    right = z[0, 0] == pytest.approx([wanted, ratio * wanted], rel=0.01)
+    angle = 0.004 / (0.01 * (1 + ratio**2)) * 0.05**2 / 2
+    right = z[0, 0] == pytest.approx([angle, ratio * angle], rel=0.01)
     assert right is holds
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_a_mimic_that_is_not_meant_is_left_out(name: str, tmp_path: Path) -> None:
-    model = load(name, urdf(beside=MIMIC), tmp_path, settings={"couplings": False})
+def test_a_disabled_mimic_is_ignored(name: str, tmp_path: Path) -> None:
+    model = load(name, urdf(extra=MIMIC), tmp_path, settings={"couplings": False})
     push = np.ones((1, 10, 2)) * [0.0, 0.01]
     z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 10, push, 10)
     assert np.count_nonzero(z) == 1
@@ -146,24 +140,24 @@ def test_a_mimic_that_is_not_meant_is_left_out(name: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_a_long_axis_is_made_a_unit_vector(name: str, tmp_path: Path) -> None:
+def test_a_long_axis_is_normalized(name: str, tmp_path: Path) -> None:
     _, once = moved(load(name, urdf(body=BELOW), tmp_path, 9.81), 0.5, 0.0, 0.01)
     _, twice = moved(load(name, urdf(body=BELOW, axis="0 2 0"), tmp_path, 9.81), 0.5, 0.0, 0.01)
     assert twice == pytest.approx(once, rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "felt"), [
+@pytest.mark.parametrize(("name", "inertia"), [
     ("pinocchio", 0.01), ("drake", 0.01), ("dart", 0.01 + 1 + 1),
 ])  # fmt: skip
-def test_a_welded_link_without_inertia_is_a_kilogram_in_dart_unless_told(
-    name: str, felt: float, tmp_path: Path
+def test_dart_gives_a_massless_fixed_link_one_kilogram_by_default(
+    name: str, inertia: float, tmp_path: Path
 ) -> None:
-    model = load(name, urdf(beside=WELDED.format("")), tmp_path)
-    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / felt, rel=1e-6)
-    for undone in model.corrective_settings.values():
-        told = load(name, urdf(beside=WELDED.format("")), tmp_path, settings=undone)
-        assert moved(told, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
-        assert told.corrective_settings == {}
+    model = load(name, urdf(extra=WELDED.format("")), tmp_path)
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / inertia, rel=1e-6)
+    for remedy in model.corrective_settings.values():
+        corrected = load(name, urdf(extra=WELDED.format("")), tmp_path, settings=remedy)
+        assert moved(corrected, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
+        assert corrected.corrective_settings == {}
 
 
 @pytest.mark.parametrize(("name", "refused"), [
@@ -174,10 +168,10 @@ def test_a_welded_link_without_inertia_is_a_kilogram_in_dart_unless_told(
     '<inertial><mass value="0"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
     "</inertial>",
 ], ids=["no triangle", "moments without mass"])  # fmt: skip
-def test_an_inertia_for_which_drake_takes_a_ball_is_refused(
+def test_an_inertia_that_drake_replaces_by_a_ball_is_rejected(
     name: str, refused: bool, body: str, tmp_path: Path
 ) -> None:
-    text = urdf(beside=WELDED.format(body))
+    text = urdf(extra=WELDED.format(body))
     if refused:
         with pytest.raises(
             EngineError, match="a ball of 1 kg for the impossible inertia of link 'tip'"
@@ -191,58 +185,56 @@ def test_an_inertia_for_which_drake_takes_a_ball_is_refused(
     ("pinocchio", "floating"), ("drake", "floating"), ("dart", "floating"),
     ("idyntree", "spherical"),
 ])  # fmt: skip
-def test_what_is_no_slide_or_hinge_is_refused(name: str, kind: str, tmp_path: Path) -> None:
+def test_other_joint_types_are_rejected(name: str, kind: str, tmp_path: Path) -> None:
     with pytest.raises(
         EngineError, match=f"{name}.urdf: joint '[aj]' is neither a slide nor a hinge"
     ):
         load(name, urdf(kind=kind), tmp_path)
 
 
-def test_what_idyntree_reads_over_with_an_error_is_refused(tmp_path: Path) -> None:
+def test_joints_that_idyntree_ignores_with_an_error_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=r"idyntree\.urdf: iDynTree can't load it: .* floating"):
         load("idyntree", urdf(kind="floating"), tmp_path)
 
 
-def test_links_without_mass_are_frames_to_idyntree_and_its_remedy_keeps_their_moments(
+def test_idyntree_drops_inertia_of_massless_links_unless_set(
     tmp_path: Path,
 ) -> None:
     tip = '<inertial><mass value="0"/><inertia ixx="1" iyy="0.04" izz="1" ixy="0" ixz="0" iyz="0"/>'
-    text = urdf(beside=WELDED.format(f"{tip}</inertial>"))
+    text = urdf(extra=WELDED.format(f"{tip}</inertial>"))
     push = np.full((1, 100, 1), 0.1)
     rest = np.zeros((1, 1))
     for settings, inertia in ({}, 0.01), ({"massless_links": True}, 0.05):
         model = load("idyntree", text, tmp_path, settings=settings)
         _, w = model.rollout(rest, rest, H, 100, push, 100)
         assert w[0, 0, 0] == pytest.approx(0.1 * 100 * H / inertia, rel=1e-9)
-        undone = [] if settings else [{"massless_links": True}]
-        assert list(model.corrective_settings.values()) == undone
+        remedy = [] if settings else [{"massless_links": True}]
+        assert list(model.corrective_settings.values()) == remedy
         assert "link:tip" in model.places
         assert ("centre:tip" in model.places) is bool(settings)
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "dart"])
-def test_what_the_parser_prints_is_the_reason_of_a_refusal(name: str, tmp_path: Path) -> None:
+def test_an_error_quotes_the_output_of_the_parser(name: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="is of type REVOLUTE but it does not specify limits"):
         load(name, urdf(kind="revolute"), tmp_path)
 
 
-def test_a_revolute_joint_without_limits_is_free_in_drake(tmp_path: Path) -> None:
+def test_drake_accepts_a_revolute_joint_without_limits(tmp_path: Path) -> None:
     model = load("drake", urdf(kind="revolute"), tmp_path)
     assert moved(model, 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
 
 
 @pytest.mark.parametrize(
-    ("name", "taken"),
+    ("name", "accepted"),
     [
         ("pinocchio", False),
         ("drake", True),
         ("dart", False),
     ],
 )
-def test_dynamics_that_state_nothing_are_taken_by_drake_alone(
-    name: str, taken: bool, tmp_path: Path
-) -> None:
-    if taken:
+def test_only_drake_accepts_empty_dynamics(name: str, accepted: bool, tmp_path: Path) -> None:
+    if accepted:
         load(name, urdf("<dynamics/>"), tmp_path)
     else:
         with pytest.raises(EngineError, match="no damping and no friction"):
@@ -281,9 +273,7 @@ def test_products_of_inertia_lose_no_digits(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", EXTRAS)
 @pytest.mark.parametrize("root", ["g", "world"])
-def test_the_root_is_what_hangs_from_nothing_wherever_it_stands(
-    name: str, root: str, tmp_path: Path
-) -> None:
+def test_the_root_link_may_be_anywhere_in_the_file(name: str, root: str, tmp_path: Path) -> None:
     ground = f'<link name="g">{BODY}</link>'
     text = urdf(body=BELOW)
     assert ground in text
@@ -294,7 +284,7 @@ def test_the_root_is_what_hangs_from_nothing_wherever_it_stands(
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_frames_are_where_the_file_puts_them(name: str, tmp_path: Path) -> None:
+def test_frames_match_the_file(name: str, tmp_path: Path) -> None:
     model = load(name, urdf(body=BELOW), tmp_path)
     assert {"link:g", "link:a", "centre:a"} <= set(model.places)
     origins, turns = model.poses(["link:a", "centre:a"], np.array([[0.5]]))
@@ -306,26 +296,26 @@ def test_frames_are_where_the_file_puts_them(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("number", "place"), [
     ('value="1"', 'mass value="1 "'), ('iyy="0.01"', 'inertia iyy="0.01 "'),
 ])  # fmt: skip
-def test_urdfdom_drops_an_inertial_with_a_blank_after_a_number_and_a_cause_names_its_line(
+def test_an_inertial_dropped_for_a_trailing_blank_is_a_cause_with_its_line(
     name: str, number: str, place: str, tmp_path: Path
 ) -> None:
     def with_body(old: str, new: str) -> str:
-        return urdf(beside=WELDED.format(BODY), body=BODY.replace(old, new))
+        return urdf(extra=WELDED.format(BODY), body=BODY.replace(old, new))
 
     before, after = with_body('="', '=" '), with_body(number, f'{number[:-1]} "')
     assert load(name, before, tmp_path).corrective_settings == {}
     model = load(name, after, tmp_path)
-    ((cause, undone),) = model.corrective_settings.items()
+    ((cause, remedy),) = model.corrective_settings.items()
     assert f"{name}.urdf:1: <{place}>" in cause
-    mended = load(name, after, tmp_path, settings=undone)
-    assert mended.corrective_settings == {}
+    corrected = load(name, after, tmp_path, settings=remedy)
+    assert corrected.corrective_settings == {}
     still = np.zeros((1, len(model.coordinates)))
     push = np.ones_like(still)
-    given, whole = (one.accelerations(still, still, push) for one in (model, mended))
-    assert given is not None
-    assert whole is not None
-    assert whole == pytest.approx(np.full((1, 1), 1 / (0.01 + 0.01 + 1)))
-    assert abs(given - whole).max() > 1e-3
+    actual, expected = (one.accelerations(still, still, push) for one in (model, corrected))
+    assert actual is not None
+    assert expected is not None
+    assert expected == pytest.approx(np.full((1, 1), 1 / (0.01 + 0.01 + 1)))
+    assert abs(actual - expected).max() > 1e-3
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "dart"])
@@ -333,7 +323,7 @@ def test_urdfdom_drops_an_inertial_with_a_blank_after_a_number_and_a_cause_names
     '<dynamics damping="0.3 "/>', '<limit lower="-1" upper="1 " effort="1" velocity="1"/>',
     '<limit lower="-1" upper="1" effort="1&#9;" velocity="1"/>',
 ])  # fmt: skip
-def test_urdfdom_reads_no_joint_with_a_blank_after_a_number(
+def test_a_joint_with_a_trailing_blank_is_rejected_unless_trimmed(
     name: str, part: str, tmp_path: Path
 ) -> None:
     with pytest.raises(EngineError, match=r"\.urdf:\d+: <\w+ \w+=.* has a space after the number"):
@@ -343,24 +333,22 @@ def test_urdfdom_reads_no_joint_with_a_blank_after_a_number(
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "sapien"])
-def test_a_mass_below_zero_is_refused_by_line_where_no_body_is_made_of_it(
-    name: str, tmp_path: Path
-) -> None:
+def test_a_negative_mass_without_a_body_is_rejected_by_line(name: str, tmp_path: Path) -> None:
     below = BODY.replace('value="1"', 'value="-1"')
     with pytest.raises(EngineError, match=r"\.urdf:\d+: the mass of link 'a' is below zero, -1 kg"):
         load(name, urdf(body=below), tmp_path)
 
 
-def test_pinocchio_adds_a_mass_below_zero_to_what_it_is_welded_to(tmp_path: Path) -> None:
+def test_pinocchio_adds_a_negative_mass_to_its_parent_link(tmp_path: Path) -> None:
     below = BODY.replace('value="1"', 'value="-0.001"')
-    model = load("pinocchio", urdf(beside=WELDED.format(below)), tmp_path)
+    model = load("pinocchio", urdf(extra=WELDED.format(below)), tmp_path)
     still = np.zeros((1, 1))
-    found = model.accelerations(still, still, np.ones((1, 1)))
-    assert found == pytest.approx(np.full((1, 1), 1 / (0.01 + 0.01 - 0.001)))
+    acceleration = model.accelerations(still, still, np.ones((1, 1)))
+    assert acceleration == pytest.approx(np.full((1, 1), 1 / (0.01 + 0.01 - 0.001)))
 
 
-def test_dart_drops_the_cubic_term_of_small_turns_of_a_root_that_floats(tmp_path: Path) -> None:
-    """Motions of a quadruped are 7e-9 off by that; a setting turns it here."""
+def test_dart_drops_the_cubic_term_of_small_rotations_of_a_floating_root(tmp_path: Path) -> None:
+    """Test the cause of an error of 7e-9 in a quadruped's motions, and its setting."""
 
     def turn(settings: dict[str, object]) -> tuple[np.ndarray, float]:
         model = load("dart", TUMBLING, tmp_path, settings={"floating": True, **settings})
@@ -369,12 +357,12 @@ def test_dart_drops_the_cubic_term_of_small_turns_of_a_root_that_floats(tmp_path
         after, speeds = (one[0, 0, 3:6] for one in model.rollout(z, v, H, 1, None, 1))
         reached = unit_quaternion(after)
         spin = from_quaternion(reached) @ angular_velocity(after, speeds)
-        wanted = exponential(H * spin)
-        off = float(np.abs(reached - wanted).max())
-        return wanted, off
+        expected = exponential(H * spin)
+        off = float(np.abs(reached - expected).max())
+        return expected, off
 
-    wanted, off = turn({})
-    cubic = (2 * np.linalg.norm(wanted[1:])) ** 3 / 12
+    expected, off = turn({})
+    cubic = (2 * np.linalg.norm(expected[1:])) ** 3 / 12
     assert off == pytest.approx(cubic, rel=0.7)
     assert off > 100 * turn({"exact_turns": True})[1]
     floating = load("dart", TUMBLING, tmp_path, settings={"floating": True})

@@ -1,4 +1,4 @@
-"""What SAPIEN makes of URDFs, as `docs/engines/` tells it."""
+"""How SAPIEN reads URDFs, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ POINT = BELOW.replace("0.01", "0")
 """A mass of 1 kg without moments, 1 m below its link."""
 
 
-def test_the_adapter_keeps_the_protocol() -> None:
+def test_the_adapter_conforms() -> None:
     need("sapien")
     (checks,) = conform_samples(engines()["sapien"]).values()
     assert len(checks) == len(CHECKS)
     assert [str(check) for check in checks if not check.passed] == []
 
 
-def test_numbers_have_24_digits_and_dampers_act_at_the_steps_end(tmp_path: Path) -> None:
+def test_numbers_have_24_digits_and_dampers_act_at_the_end_of_a_step(tmp_path: Path) -> None:
     model = load("sapien", urdf('<dynamics damping="0.3"/>'), tmp_path)
     assert model.epsilon == np.finfo(np.float32).eps
     _, v = model.rollout(np.zeros((1, 1)), np.ones((1, 1)), 0.01, 1, None, 1)
@@ -39,28 +39,28 @@ def test_numbers_have_24_digits_and_dampers_act_at_the_steps_end(tmp_path: Path)
     assert model.step_rule.damping == pytest.approx(np.array([[0.3]]))
 
 
-def test_in_ten_parts_of_a_step_dampers_act_ten_times(tmp_path: Path) -> None:
+def test_dampers_act_in_each_of_ten_substeps(tmp_path: Path) -> None:
     model = load("sapien", urdf('<dynamics damping="0.3"/>'), tmp_path, settings={"solver": "TGS"})
     _, v = model.rollout(np.zeros((1, 1)), np.ones((1, 1)), 0.01, 1, None, 1)
     assert v[0, 0, 0] == pytest.approx((1 + 0.01 * 0.3 / 0.01 / 10) ** -10, rel=1e-4)
     assert model.step_rule is None
 
 
-def test_the_files_friction_is_ignored_and_its_own_is_a_cause(tmp_path: Path) -> None:
+def test_friction_of_the_file_is_ignored_and_default_friction_is_a_cause(tmp_path: Path) -> None:
     text = urdf('<dynamics friction="0.2"/>', axis="0 0 1")
     still = load("sapien", text, tmp_path, 9.81)
     assert moved(still, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-6)
     for key, cause in (("joint_friction", "friction of joints"), ("link_damping", "of links")):
-        own = load("sapien", text, tmp_path, 9.81, settings={key: 0.05})  # friction is by the load
-        assert moved(own, 0.0, 1.0, 0.01)[1] < 1 - 1e-4
-        ((name, undone),) = own.corrective_settings.items()
+        model = load("sapien", text, tmp_path, 9.81, settings={key: 0.05})  # grows with load
+        assert moved(model, 0.0, 1.0, 0.01)[1] < 1 - 1e-4
+        ((name, remedy),) = model.corrective_settings.items()
         assert cause in name
-        assert undone == {key: 0.0}
-        told = [one for one in own.remarks(np.zeros((1, 1)), np.zeros((1, 1))) if one.shows_in]
-        assert [one.address for one in told] == [f"sidecar:settings.{key}"]
+        assert remedy == {key: 0.0}
+        remarks = [one for one in model.remarks(np.zeros((1, 1)), np.zeros((1, 1))) if one.shows_in]
+        assert [one.address for one in remarks] == [f"sidecar:settings.{key}"]
 
 
-def test_speeds_are_bounded_where_that_is_asked_for(tmp_path: Path) -> None:
+def test_a_setting_bounds_speeds(tmp_path: Path) -> None:
     free = load("sapien", urdf(body=BELOW), tmp_path)
     bounded = load("sapien", urdf(body=BELOW), tmp_path, settings={"bounded_speeds": True})
     assert moved(free, 0.0, 150.0, 0.01)[1] == pytest.approx(150.0, rel=1e-4)
@@ -68,7 +68,7 @@ def test_speeds_are_bounded_where_that_is_asked_for(tmp_path: Path) -> None:
     assert list(bounded.corrective_settings.values()) == [{"bounded_speeds": False}]
 
 
-def test_limits_stop_a_joint_and_a_continuous_one_goes_on_turning(tmp_path: Path) -> None:
+def test_limits_act_and_a_continuous_joint_keeps_turning(tmp_path: Path) -> None:
     model = load("sapien", limit(-0.5, 0.5), tmp_path)
     assert moved(model, 0.495, 1.0, 0.1)[0] == pytest.approx(0.5, abs=1e-3)
     assert model.limits.tolist() == [[-0.5, 0.5]]
@@ -82,30 +82,30 @@ def test_limits_stop_a_joint_and_a_continuous_one_goes_on_turning(tmp_path: Path
     )
 
 
-def test_a_mimic_is_a_spring_and_a_remark_says_so(tmp_path: Path) -> None:
-    model = load("sapien", urdf(beside=MIMIC), tmp_path)
+def test_a_mimic_is_a_spring_and_is_reported(tmp_path: Path) -> None:
+    model = load("sapien", urdf(extra=MIMIC), tmp_path)
     still = np.zeros((1, 2))
     assert any("spring of 1e5" in one.message for one in model.remarks(still, still))
-    alone = load("sapien", urdf(beside=MIMIC), tmp_path, settings={"couplings": False})
-    assert not any("spring of 1e5" in one.message for one in alone.remarks(still, still))
+    uncoupled = load("sapien", urdf(extra=MIMIC), tmp_path, settings={"couplings": False})
+    assert not any("spring of 1e5" in one.message for one in uncoupled.remarks(still, still))
 
 
-def test_a_point_mass_is_dropped_unless_told(tmp_path: Path) -> None:
+def test_a_point_mass_is_dropped_by_default(tmp_path: Path) -> None:
     model = load("sapien", urdf(body=POINT), tmp_path, 9.81)
     inertia = 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H)
     assert inertia == pytest.approx(1e-6, rel=1e-3)
-    ((name, undone),) = model.corrective_settings.items()
+    ((name, remedy),) = model.corrective_settings.items()
     assert "without mass or moments" in name
-    told = load("sapien", urdf(body=POINT), tmp_path, 9.81, settings=undone)
-    assert 1 / (moved(told, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(1.0, rel=1e-5)
-    assert told.corrective_settings == {}
+    corrected = load("sapien", urdf(body=POINT), tmp_path, 9.81, settings=remedy)
+    assert 1 / (moved(corrected, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(1.0, rel=1e-5)
+    assert corrected.corrective_settings == {}
 
 
-def test_a_welded_link_without_an_inertial_weighs_next_to_nothing(tmp_path: Path) -> None:
-    model = load("sapien", urdf(beside=WELDED.format("")), tmp_path)
+def test_a_fixed_link_without_an_inertial_is_nearly_massless(tmp_path: Path) -> None:
+    model = load("sapien", urdf(extra=WELDED.format("")), tmp_path)
     assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=3e-4)
     assert model.corrective_settings == {}
-    heavy = load("sapien", urdf(beside=WELDED.format(BODY)), tmp_path)
+    heavy = load("sapien", urdf(extra=WELDED.format(BODY)), tmp_path)
     inertia = 0.01 + 0.01 + 1
     assert 1 / (moved(heavy, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(inertia, rel=1e-4)
 
@@ -121,7 +121,7 @@ def test_a_link_without_an_inertial_has_the_mass_of_its_collision_shapes(tmp_pat
     assert 1 / (moved(both, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=1e-4)
 
 
-def test_a_root_that_floats_keeps_momentum_and_is_pushed_at_its_origin(tmp_path: Path) -> None:
+def test_a_floating_root_moves_as_in_mujoco(tmp_path: Path) -> None:
     model = load("sapien", TUMBLING, tmp_path, settings={"floating": True})
     assert len(model.coordinates) == 7
     start, rates = np.zeros((1, 7)), np.array([[0.1, 0.2, 0.3, 1.0, -0.5, 0.7, 0.4]])
@@ -130,36 +130,36 @@ def test_a_root_that_floats_keeps_momentum_and_is_pushed_at_its_origin(tmp_path:
     push = np.zeros((1, n, 7))
     push[..., :6] = [0.3, -0.2, 0.1, 0.05, 0.02, -0.1]
     ends = []
-    for name in ("sapien", "mujoco"):  # of one order: both are that far from where it goes
-        one = load(name, TUMBLING, tmp_path, settings={"floating": True})
-        ends.append([one.rollout(start, rates, h, n, push, n)[0][0, 0] for h in (4e-4, 2e-4)])
+    for name in ("sapien", "mujoco"):  # both have order 1, with similar errors
+        engine = load(name, TUMBLING, tmp_path, settings={"floating": True})
+        ends.append([engine.rollout(start, rates, h, n, push, n)[0][0, 0] for h in (4e-4, 2e-4)])
     (_, ours), (_, theirs) = ends
     assert np.max(np.abs(ours - theirs)) < 2e-3 * np.max(np.abs(ours - start))
 
 
-def test_bodies_are_where_mujoco_has_them(tmp_path: Path) -> None:
+def test_poses_match_mujoco(tmp_path: Path) -> None:
     z = np.array([[0.1, 0.2, 0.3, 0.5, -0.3, 0.2, 0.4]])
     model, other = (
         load(name, TUMBLING, tmp_path, settings={"floating": True}) for name in ("sapien", "mujoco")
     )
     for place, theirs in (("link:a", "link:a"), ("centre:a", "centre:a")):
-        (origins, turns), (at, axes) = model.poses([place], z), other.poses([theirs], z)
-        assert origins == pytest.approx(at, abs=1e-6)
+        (origins, turns), (points, axes) = model.poses([place], z), other.poses([theirs], z)
+        assert origins == pytest.approx(points, abs=1e-6)
         assert turns == pytest.approx(axes, abs=1e-6)
 
 
-@pytest.mark.parametrize("beside", [
+@pytest.mark.parametrize("extra", [
     '<gazebo reference="a"><sensor><camera><image width="2" height="2"/><clip near="1" far="2"/>'
     "<horizontal_fov>1</horizontal_fov></camera></sensor></gazebo>",
     '<transmission name="t"><type>S</type><joint name="j"/><actuator name="m"><mechanicalReduction>'
     "reduction</mechanicalReduction></actuator></transmission>",
 ])  # fmt: skip
-def test_what_moves_nothing_does_not_keep_it_from_loading(beside: str, tmp_path: Path) -> None:
-    model = load("sapien", urdf(beside=beside), tmp_path)
+def test_sensors_and_transmissions_are_ignored(extra: str, tmp_path: Path) -> None:
+    model = load("sapien", urdf(extra=extra), tmp_path)
     assert moved(model, 0.0, 1.0, 0.01)[0] == pytest.approx(0.01, rel=1e-4)
 
 
-def test_what_it_can_t_load_is_refused_by_the_file(tmp_path: Path) -> None:
+def test_invalid_inertias_and_solvers_are_rejected(tmp_path: Path) -> None:
     flat = BODY.replace('izz="0.01"', 'izz="0"')
     with pytest.raises(EngineError, match=r"sapien\.urdf: SAPIEN .*invalid moment"):
         load("sapien", urdf(body=flat), tmp_path)
@@ -174,7 +174,7 @@ def test_what_it_can_t_load_is_refused_by_the_file(tmp_path: Path) -> None:
         ("-0.7515", Outcome.DIFFERS),
     ],
 )
-def test_a_built_in_model_agrees_as_32_bits_allow_and_a_wrong_length_differs(
+def test_a_built_in_model_agrees_and_a_wrong_length_differs(
     length: str, outcome: Outcome, tmp_path: Path
 ) -> None:
     need("sapien")
@@ -182,11 +182,11 @@ def test_a_built_in_model_agrees_as_32_bits_allow_and_a_wrong_length_differs(
     shutil.copytree(builtin() / "simple_pendulum", folder)
     model = folder / "robot.urdf"
     text = model.read_text()
-    assert text.count('xyz="0 0 -0.75"/>') == 2  # of its inertial, and of what is seen
+    assert text.count('xyz="0 0 -0.75"/>') == 2  # the inertial and the visual
     model.write_text(text.replace('xyz="0 0 -0.75"/>', f'xyz="0 0 {length}"/>', 1))
-    (found,) = (
+    (case,) = (
         case
         for case in check(folder, engines=["sapien"], baseline=tmp_path).cases
         if case.scenario == "free"
     )
-    assert found.outcome is outcome
+    assert case.outcome is outcome

@@ -1,4 +1,4 @@
-"""What Drake and DART make of one SDFormat file, as `docs/engines/` tabulates it."""
+"""How Drake and DART read one SDFormat file, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STRAIGHT = "0 0 -0.5 0 0 0"
 
 def text(
     axis: str = "", *, version: str = "1.6", pose: str = STRAIGHT, ixx: str = "0.01",
-    kind: str = "revolute", beside: str = "", xyz: str = "<xyz>0 -1 0</xyz>", link: str = "",
+    kind: str = "revolute", extra: str = "", xyz: str = "<xyz>0 -1 0</xyz>", link: str = "",
 ) -> str:  # fmt: skip
     return f"""<sdf version="{version}">
 <model name="m"><pose>0.1 0.2 0.3 0.2 -0.1 0.4</pose>
@@ -37,19 +37,19 @@ def text(
 <inertia><ixx>{ixx}</ixx><ixy>0.001</ixy><ixz>0.002</ixz><iyy>0.02</iyy><iyz>0.001</iyz>
 <izz>0.015</izz></inertia></inertial></link>
 <joint name="j" type="{kind}"><parent>world</parent><child>a</child><pose>0.1 0 0 0.2 0 0.1</pose>
-<axis>{xyz}{axis}</axis></joint>{beside}</model></sdf>"""
+<axis>{xyz}{axis}</axis></joint>{extra}</model></sdf>"""
 
 
 def load(name: str, sdf: str, folder: Path, **settings: object) -> LoadedModel:
     need(name)
     path = folder / "m.sdf"
     path.write_text(sdf)
-    given = {"step": H, "gravity": [0.3, 0.0, -9.81], **settings}
-    return engines()[name].load(ModelSpec(path, settings=given))
+    values = {"step": H, "gravity": [0.3, 0.0, -9.81], **settings}
+    return engines()[name].load(ModelSpec(path, settings=values))
 
 
 def outcome(name: str, sdf: str, folder: Path, **settings: object) -> Outcome:
-    """Of the file alone, against the equations of what is read of it."""
+    """Return the outcome of the file alone, compared with its own equations."""
     need(name)
     path = folder / "robot.sdf"
     path.write_text(sdf)
@@ -77,30 +77,30 @@ IN_MODEL = "<use_parent_model_frame>1</use_parent_model_frame><xyz>0.1 -1 0.2</x
         ),
         text(xyz=""),
     ],
-    ids=["spring of a hinge", "spring of a slide", "in the model", "1.4", "1.9", "no axis told"],
+    ids=["spring of a hinge", "spring of a slide", "in the model", "1.4", "1.9", "no axis"],
 )
-def test_poses_axes_springs_and_dampers_mean_what_the_format_says(
+def test_poses_axes_springs_and_dampers_follow_the_format(
     name: str, sdf: str, tmp_path: Path
 ) -> None:
     assert outcome(name, sdf, tmp_path) is Outcome.AGREES
 
 
-def test_dart_does_not_turn_inertials_and_its_setting_does(tmp_path: Path) -> None:
+def test_dart_ignores_rotations_of_inertials_unless_set(tmp_path: Path) -> None:
     sdf = text(pose=TURNED)
     assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
     assert outcome("dart", sdf, tmp_path) is Outcome.DIFFERS
-    ((cause, undone),) = load("dart", sdf, tmp_path).corrective_settings.items()
+    ((cause, remedy),) = load("dart", sdf, tmp_path).corrective_settings.items()
     assert "<inertial>s that are turned as if they were not (a)" in cause
-    assert outcome("dart", sdf, tmp_path, **undone) is Outcome.AGREES
-    assert not load("dart", sdf, tmp_path, **undone).corrective_settings
+    assert outcome("dart", sdf, tmp_path, **remedy) is Outcome.AGREES
+    assert not load("dart", sdf, tmp_path, **remedy).corrective_settings
     assert not load("dart", text(), tmp_path).corrective_settings
 
 
 @pytest.mark.parametrize(("name", "falls"), [("drake", True), ("dart", False)])
 def test_a_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path: Path) -> None:
     sdf = text(link="<gravity>false</gravity>")
-    wanted = Outcome.DIFFERS if falls else Outcome.AGREES
-    assert outcome(name, sdf, tmp_path) is wanted
+    expected = Outcome.DIFFERS if falls else Outcome.AGREES
+    assert outcome(name, sdf, tmp_path) is expected
     model = load(name, sdf, tmp_path)
     warned = any("Unsupported value for SDFormat element gravity" in one for one in model.warnings)
     assert warned is falls
@@ -110,11 +110,11 @@ def test_a_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path:
 
 @pytest.mark.parametrize("stepping", ["sap", "tamsi", "continuous"])
 @pytest.mark.parametrize("held", [True, False])
-def test_a_setting_lifts_a_link_without_gravity_in_drake(
+def test_a_setting_compensates_gravity_of_a_link_in_drake(
     stepping: str, held: bool, tmp_path: Path
 ) -> None:
     sdf = text(link="<gravity>false</gravity>")
-    if not held:  # a root that floats, and a link on it that falls
+    if not held:  # a floating root that carries the link
         base = "<link name='b'><inertial><mass>0.7</mass></inertial></link>"
         sdf = sdf.replace("<parent>world", "<parent>b").replace("<link ", f"{base}<link ", 1)
     settings = {"stepping": stepping, "weightless_links": True}
@@ -124,7 +124,7 @@ def test_a_setting_lifts_a_link_without_gravity_in_drake(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_limits_stop_a_joint_in_both(name: str, tmp_path: Path) -> None:
+def test_limits_act(name: str, tmp_path: Path) -> None:
     sdf = text("<limit><lower>-0.5</lower><upper>0.5</upper></limit>")
     still = {"gravity": [0.0, 0.0, 0.0]}
     z, v = np.array([[0.495]]), np.array([[1.0]])
@@ -136,14 +136,14 @@ def test_limits_stop_a_joint_in_both(name: str, tmp_path: Path) -> None:
     assert smooth.rollout(z, v, H, 1000, None, 1000)[0][0, 0, 0] == pytest.approx(0.595, abs=1e-6)
 
 
-def test_what_dart_can_not_say_is_refused_by_line(tmp_path: Path) -> None:
+def test_versions_that_dart_cannot_read_are_rejected_by_line(tmp_path: Path) -> None:
     sdf = text(version="1.9").replace("<pose>0 0 1", '<pose degrees="true">0 0 1')
     with pytest.raises(EngineError, match=r"m\.sdf:3: DART reads SDFormat to version 1\.6"):
         load("dart", sdf, tmp_path)
     assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
 
 
-def test_an_inertia_that_no_body_has_is_a_ball_of_drakes(tmp_path: Path) -> None:
+def test_drake_replaces_an_impossible_inertia_by_a_ball(tmp_path: Path) -> None:
     with pytest.raises(
         EngineError, match=r"a ball of 0\.5 kg for the impossible inertia of link 'a'"
     ):
@@ -161,10 +161,10 @@ FOLLOWER = (
 @pytest.mark.parametrize(("name", "stepping", "held"), [
     ("drake", "sap", True), ("drake", "tamsi", False),
 ])  # fmt: skip
-def test_a_mimic_is_written_for_drake_as_its_own(
+def test_a_mimic_is_written_in_drakes_syntax(
     name: str, stepping: str, held: bool, tmp_path: Path
 ) -> None:
-    sdf = text(version="1.11", beside=FOLLOWER)
+    sdf = text(version="1.11", extra=FOLLOWER)
     model = load(name, sdf, tmp_path, stepping=stepping)
     still = np.zeros((1, 2))
     z, _ = model.rollout(still, still, H, 500, None, 500)
@@ -175,19 +175,17 @@ def test_a_mimic_is_written_for_drake_as_its_own(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
-    name: str, tmp_path: Path
-) -> None:
+def test_the_file_sets_step_and_gravity_unless_the_sidecar_does(name: str, tmp_path: Path) -> None:
     need(name)
     path = tmp_path / "m.sdf"
     world = "<gravity>0 0 -3</gravity><physics type='ode'><max_step_size>0.005</max_step_size>"
     inner = text().split("\n", 1)[1].removesuffix("</sdf>")
     path.write_text(f"<sdf version='1.6'><world name='w'>{world}</physics>{inner}</world></sdf>")
     engine = engines()[name]
-    own = engine.load(ModelSpec(path))
-    assert (own.step, own.gravity) == (0.005, (0.0, 0.0, -3.0))
-    said = engine.load(ModelSpec(path, settings={"gravity": [0, 0, -5], "step": 0.001}))
-    assert (said.step, said.gravity) == (0.001, (0.0, 0.0, -5.0))
+    plain = engine.load(ModelSpec(path))
+    assert (plain.step, plain.gravity) == (0.005, (0.0, 0.0, -3.0))
+    changed = engine.load(ModelSpec(path, settings={"gravity": [0, 0, -5], "step": 0.001}))
+    assert (changed.step, changed.gravity) == (0.001, (0.0, 0.0, -5.0))
     with pytest.raises(EngineError, match="floating contradicts the file"):
         engine.load(ModelSpec(path, settings={"floating": True}))
     path.write_text(text())
@@ -196,7 +194,7 @@ def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("old", "new", "said"), [
+@pytest.mark.parametrize(("old", "new", "message"), [
     ("</sdf>", "<model name='n'/></sdf>", ":7: it has 2 models that move"),
     ("</model>", "<include/></model>", ":7: <include> is not covered; write what it includes"),
     ("</model>", "<model name='n'/></model>", ":7: <model> is not covered; write the links"),
@@ -207,12 +205,12 @@ def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
     ("<mass>0.5", "<mass>inf", ":3: <mass> of link 'a' is 'inf'; expected a finite number"),
     ("<axis><xyz>0 -1 0</xyz></axis>", "", ":6: joint 'j' has no <axis>"),
 ])  # fmt: skip
-def test_what_is_not_covered_is_refused_by_line(
-    name: str, old: str, new: str, said: str, tmp_path: Path
+def test_unsupported_content_is_rejected_by_line(
+    name: str, old: str, new: str, message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(EngineError) as error:
         load(name, text().replace(old, new), tmp_path)
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -224,7 +222,7 @@ def test_equal_copies_of_an_element_count_once(name: str, tmp_path: Path) -> Non
 
 
 def diagnosed(folder: Path, engine: str) -> Cause:
-    """The first cause of what its one model does."""
+    """Return the first cause of the only model's difference."""
     prepared = prepare_system(folder)
     (sidecar,) = model_files(folder)
     assert isinstance(sidecar, Sidecar)
@@ -237,9 +235,7 @@ def diagnosed(folder: Path, engine: str) -> Cause:
 @pytest.mark.parametrize(("address", "value"), [
     ("link[pendulum]/inertial/mass", "0.47"), ("link[pendulum]/inertial/pose[2]", "-0.77"),
 ])  # fmt: skip
-def test_a_wrong_number_of_a_builtin_model_is_named_by_its_line(
-    address: str, value: str, tmp_path: Path
-) -> None:
+def test_a_wrong_number_is_named_with_its_line(address: str, value: str, tmp_path: Path) -> None:
     need("dart")
     folder = tmp_path / "simple_pendulum"
     folder.mkdir()
@@ -254,7 +250,7 @@ def test_a_wrong_number_of_a_builtin_model_is_named_by_its_line(
     assert [one.line for one in cause.locations] == [place.line]
 
 
-def test_what_drake_alone_reads_is_left_out_where_a_file_is_checked_alone(tmp_path: Path) -> None:
+def test_drake_extensions_are_ignored_in_a_standalone_check(tmp_path: Path) -> None:
     rotor = "<drake:rotor_inertia>0.5</drake:rotor_inertia><drake:gear_ratio>3</drake:gear_ratio>"
     sdf = text("<limit><effort>9</effort></limit>").replace("</joint>", rotor + "</joint>")
     sdf = sdf.replace("<sdf ", '<sdf xmlns:drake="http://drake.mit.edu" ')
@@ -262,7 +258,7 @@ def test_what_drake_alone_reads_is_left_out_where_a_file_is_checked_alone(tmp_pa
     assert outcome("drake", sdf, tmp_path, smooth=False) is Outcome.DIFFERS
 
 
-def test_dart_takes_the_files_springs_and_dampers_at_the_step_s_end(tmp_path: Path) -> None:
+def test_dart_evaluates_springs_and_dampers_at_the_end_of_a_step(tmp_path: Path) -> None:
     rules = [load("dart", text(axis), tmp_path).step_rule for axis in ("", DYNAMICS)]
     assert [rule and rule.name for rule in rules] == [
         "semi-implicit Euler",
@@ -276,7 +272,7 @@ def test_dart_takes_the_files_springs_and_dampers_at_the_step_s_end(tmp_path: Pa
 
 
 def shaped(inertial: str = '<inertial auto="true"/>') -> str:
-    """A link of two shapes, in the axes of the second turned."""
+    """Return a link of two shapes, of which the second is rotated."""
     shapes = """<collision name="c"><pose>0.1 0 -0.3 0 0 0</pose><geometry><box><size>0.1 0.2 0.3
 </size></box></geometry></collision><collision name="d"><pose>0 0.2 -0.5 0.4 0.5 0.6</pose>
 <density>700</density><geometry><cone><radius>0.1</radius><length>0.4</length></cone></geometry>
@@ -294,12 +290,12 @@ def shaped(inertial: str = '<inertial auto="true"/>') -> str:
 def test_dart_ignores_an_automatic_inertia_that_drake_computes(sdf: str, tmp_path: Path) -> None:
     assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
     assert outcome("dart", sdf, tmp_path) is Outcome.DIFFERS
-    ((cause, undone),) = load("dart", sdf, tmp_path).corrective_settings.items()
+    ((cause, remedy),) = load("dart", sdf, tmp_path).corrective_settings.items()
     assert cause == 'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> (a)'
-    assert outcome("dart", sdf, tmp_path, **undone) is Outcome.AGREES
+    assert outcome("dart", sdf, tmp_path, **remedy) is Outcome.AGREES
 
 
-def test_an_automatic_ball_of_water_is_no_inertia_that_drake_has_made_up(tmp_path: Path) -> None:
+def test_an_automatic_ball_of_water_is_a_valid_inertia_in_drake(tmp_path: Path) -> None:
     ball = "<collision name='c'><pose>0 0 1 0 0 0</pose><geometry><sphere/></geometry></collision>"
     sdf = (
         text().replace("<inertial>", '<inertial auto="true">').replace("</link>", ball + "</link>")
@@ -310,17 +306,17 @@ def test_an_automatic_ball_of_water_is_no_inertia_that_drake_has_made_up(tmp_pat
     assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
 
 
-def test_dart_takes_other_moments_of_a_mass_without_inertia(tmp_path: Path) -> None:
+def test_dart_assumes_other_moments_of_a_mass_without_inertia(tmp_path: Path) -> None:
     bare = "<inertial><mass>3</mass><pose>0 0 -0.4 0 0 0</pose></inertial>"
     assert outcome("drake", shaped(bare), tmp_path) is Outcome.AGREES
     assert outcome("dart", shaped(bare), tmp_path) is Outcome.DIFFERS
-    ((cause, undone),) = load("dart", shaped(bare), tmp_path).corrective_settings.items()
+    ((cause, remedy),) = load("dart", shaped(bare), tmp_path).corrective_settings.items()
     assert cause == "DART's own moments, mass times 1 m^2, without <inertia> (a)"
-    assert outcome("dart", shaped(bare), tmp_path, **undone) is Outcome.AGREES
+    assert outcome("dart", shaped(bare), tmp_path, **remedy) is Outcome.AGREES
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_one_model_of_a_world_is_run_by_its_name(name: str, tmp_path: Path) -> None:
+def test_a_model_of_a_world_is_selected_by_name(name: str, tmp_path: Path) -> None:
     inner = text().split("\n", 1)[1].removesuffix("</sdf>")
     ground = "<model name='g'><static>1</static><link name='l'/></model>"
     other = "<model name='n'><link name='free'/></model>"

@@ -1,4 +1,4 @@
-"""An engine's own format: its numbers have addresses, and a file without a sidecar is told."""
+"""Formats of other engines: numbers have addresses; files without sidecars are reported."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,14 +27,14 @@ def folder(tmp_path: Path) -> Path:
     return known_folder(tmp_path / "oscillator", {"good": ""})
 
 
-def test_an_engine_says_what_its_format_is_written_like(folder: Path) -> None:
+def test_an_engine_declares_the_syntax_of_its_format(folder: Path) -> None:
     file = folder / "good.known"
-    (found,) = find(file, [STIFFNESS]).values()
-    assert found.value == 47.0
-    assert line_of(file, STIFFNESS) == found.line
+    (number,) = find(file, [STIFFNESS]).values()
+    assert number.value == 47.0
+    assert line_of(file, STIFFNESS) == number.line
 
 
-def test_literals_of_such_a_file_are_bound_moved_and_hypotheses(
+def test_literals_of_a_declared_format_are_bound_moved_and_hypotheses(
     folder: Path, tmp_path: Path
 ) -> None:
     path = folder / "good.known.toml"
@@ -50,11 +50,11 @@ def test_literals_of_such_a_file_are_bound_moved_and_hypotheses(
     assert {STIFFNESS, "damping on x"} <= names
 
 
-def test_where_it_does_not_say_causes_are_numbers_of_the_equations_alone(
+def test_without_declared_syntax_only_equations_have_hypotheses(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    like: Mapping[str, str] = {}
-    monkeypatch.setattr(KnownEngine, "syntax", like)
+    syntax: Mapping[str, str] = {}
+    monkeypatch.setattr(KnownEngine, "syntax", syntax)
     sidecar, physics = (
         read_sidecar(folder / "good.known.toml"),
         prepare_system(folder, described=False),
@@ -68,7 +68,7 @@ def test_where_it_does_not_say_causes_are_numbers_of_the_equations_alone(
     assert np.all([candidate.hypothesis.size > 0 for candidate in tried])
 
 
-def test_a_model_file_of_its_own_format_without_a_sidecar_is_told(folder: Path) -> None:
+def test_a_model_file_without_a_sidecar_is_reported(folder: Path) -> None:
     (folder / "forgotten.known").write_text((folder / "good.known").read_text())
     unread = [one for one in model_files(folder) if isinstance(one, UnreadModel)]
     assert [one.model for one in unread] == ["forgotten.known"]
@@ -76,6 +76,6 @@ def test_a_model_file_of_its_own_format_without_a_sidecar_is_told(folder: Path) 
     assert folder_files(folder).broken == (f"{folder / 'forgotten.known'}: has no sidecar",)
 
 
-def test_a_spring_is_a_number_or_a_polynomial_as_the_version_has_it() -> None:
+def test_a_spring_is_a_number_or_a_polynomial() -> None:
     assert spring_terms(5.0, 0.0) == 5.0
     assert spring_terms(5.0, np.zeros(3)) == [5.0, 0.0, 0.0]

@@ -1,4 +1,4 @@
-"""Free and ball joints in an adapter: their coordinates' rates are velocities, in the world."""
+"""Free and ball joints in an adapter: velocities are the rates of the coordinates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TUMBLING = (
     f'<link name="a">{BELOW}</link><joint name="j" type="continuous"><parent link="g"/>'
     '<child link="a"/><axis xyz="0 1 0"/></joint></robot>'
 )
-"""A URDF whose root has its centre beside its origin, and a hinge."""
+"""A URDF with a hinge and a root whose centre of mass is off its origin."""
 
 
 @pytest.fixture(scope="module")
@@ -36,17 +36,17 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
     return engines()["mujoco"].load(ModelSpec(file))
 
 
-def test_its_coordinates_are_as_many_as_it_has_freedoms(model: LoadedModel) -> None:
+def test_coordinates_match_the_degrees_of_freedom(model: LoadedModel) -> None:
     place, turn = ("top:x", "top:y", "top:z"), ("top:rx", "top:ry", "top:rz")
     assert model.coordinates == (*place, *turn, "neck:rx", "neck:ry", "neck:rz")
-    # Of a quarter of a turn about z: 4 tan(90/4 degrees).
+    # A quarter turn about z has the coordinate 4 tan(90/4 degrees).
     assert model.home[:3] == pytest.approx([1, 2, 3])
     assert model.home[3:6] == pytest.approx([0, 0, 4 * np.tan(np.pi / 8)])
     assert model.sampling_range.shape == model.limits.shape == (9, 2)
     assert np.isinf(model.limits).all()
 
 
-def test_positions_move_as_the_rates_say(model: LoadedModel) -> None:
+def test_positions_follow_the_rates(model: LoadedModel) -> None:
     rng = np.random.default_rng(0)
     q, v = rng.normal(size=(2, 5, 9))
     moved, after = model.rollout(q, v, H, 1, None, 1)
@@ -54,20 +54,20 @@ def test_positions_move_as_the_rates_say(model: LoadedModel) -> None:
     assert (moved[:, 0] - q) / H == pytest.approx(after[:, 0], abs=1e-5)
 
 
-def test_beyond_half_a_turn_coordinates_go_on(model: LoadedModel) -> None:
-    """Spinning about z from 170 degrees over 180: a quaternion's sign must not show."""
+def test_coordinates_continue_beyond_half_a_turn(model: LoadedModel) -> None:
+    """Spin about z from 170 degrees beyond 180: the sign of a quaternion has no effect."""
     q, v = np.zeros((1, 9)), np.zeros((1, 9))
     q[0, 5] = 4 * np.tan(np.radians(170) / 4)
-    rate = (1 + (q[0, 5] / 4) ** 2) * 10.0  # of 10 rad/s
+    rate = (1 + (q[0, 5] / 4) ** 2) * 10.0  # 10 rad/s
     v[0, 5] = rate
-    found, _ = model.rollout(q, v, 1e-3, 40, None, 1)
-    angles = 4 * np.arctan(found[0, :, 5] / 4)
+    positions, _ = model.rollout(q, v, 1e-3, 40, None, 1)
+    angles = 4 * np.arctan(positions[0, :, 5] / 4)
     assert np.diff(angles) == pytest.approx(0.01, rel=1e-6)
     assert angles[-1] == pytest.approx(np.radians(170) + 0.4, rel=1e-6)
 
 
-def test_forces_are_along_the_world_and_moments_about_the_bodys_axes(model: LoadedModel) -> None:
-    """Turned by a quarter about z: a moment about its x axis turns it about the world's y."""
+def test_forces_are_in_world_axes_and_moments_in_body_axes(model: LoadedModel) -> None:
+    """After a quarter turn about z, a moment about body x acts about world y."""
     q, push = model.home[None], np.zeros((1, 1, 9))
     push[0, 0, 0], push[0, 0, 3] = 6.0, 0.05
     held = model.rollout(q, np.zeros((1, 9)), H, 1, push, 1)[1][0, 0] / H
@@ -82,9 +82,7 @@ def test_forces_are_along_the_world_and_moments_about_the_bodys_axes(model: Load
 
 
 @pytest.mark.parametrize("name", ["mujoco", "pybullet"])
-def test_links_of_a_urdf_whose_root_floats_are_where_they_are_put(
-    name: str, tmp_path: Path
-) -> None:
+def test_links_of_a_floating_urdf_match_their_coordinates(name: str, tmp_path: Path) -> None:
     path = tmp_path / "r.urdf"
     path.write_text(TUMBLING)
     settings = {"step": 1e-3, "gravity": [0.0, 0.0, 0.0], "floating": True}
@@ -96,5 +94,5 @@ def test_links_of_a_urdf_whose_root_floats_are_where_they_are_put(
         for q in (unit_quaternion(z[0, 3:6]), np.array([np.cos(0.2), 0, np.sin(0.2), 0]))
     )
     assert turns[0] == pytest.approx(np.stack([root, root @ hinge]), abs=1e-12)
-    at = z[0, :3]
-    assert origins[0] == pytest.approx(np.stack([at, at + root @ hinge @ [0, 0, -1]]), abs=1e-12)
+    pos = z[0, :3]
+    assert origins[0] == pytest.approx(np.stack([pos, pos + root @ hinge @ [0, 0, -1]]), abs=1e-12)

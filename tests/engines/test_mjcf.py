@@ -1,4 +1,4 @@
-"""What makes no model in an MJCF is refused by line; what is overridden or warned of is told."""
+"""Invalid MJCFs are rejected by line; overridden values and warnings are reported."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def messages(model: LoadedModel) -> list[str]:
         (("</mujoco>", "<custom>" * 300), ":7: refused: more than 300 nested"),
     ],
 )
-def test_what_makes_no_model_is_refused_on_one_line(
+def test_an_invalid_model_is_rejected_in_one_line(
     change: tuple[str, str], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(EngineError) as caught:
@@ -71,7 +71,7 @@ def test_what_makes_no_model_is_refused_on_one_line(
     assert os.listdir(tmp_path) == ["model.xml"]
 
 
-def test_a_dtd_or_a_pipe_is_not_hidden_by_an_include(tmp_path: Path) -> None:
+def test_a_dtd_or_a_pipe_in_an_include_is_rejected(tmp_path: Path) -> None:
     other = tmp_path / "other.txt"
     other.write_text("<!DOCTYPE mujoco>\n<mujoco/>\n")
     change = ("<worldbody>", '<include file="other.txt"/>\n<worldbody>')
@@ -83,7 +83,7 @@ def test_a_dtd_or_a_pipe_is_not_hidden_by_an_include(tmp_path: Path) -> None:
         load(tmp_path, *change)
 
 
-def test_what_mujoco_alone_reads_is_read(tmp_path: Path) -> None:
+def test_comments_that_only_mujoco_reads_are_accepted(tmp_path: Path) -> None:
     model = load(tmp_path, "<worldbody>", "<!-- -- <!DOCTYPE x> -- -->\n<worldbody>")
     assert model.coordinates == ("q",)
     assert not any("the file sets no gravity" in message for message in messages(model))
@@ -93,7 +93,7 @@ def test_what_mujoco_alone_reads_is_read(tmp_path: Path) -> None:
     ("key", "value", "shown"),
     [("gravity", [0, 0, -9.81], "gravity, 0 0 -1.62"), ("step", 0.001, "timestep, 0.002")],
 )
-def test_what_a_sidecar_overrides_is_told(
+def test_values_that_a_sidecar_overrides_are_reported(
     key: str, value: object, shown: str, tmp_path: Path
 ) -> None:
     (note,) = [m for m in messages(load(tmp_path, **{key: value})) if "overrides" in m]
@@ -103,7 +103,7 @@ def test_what_a_sidecar_overrides_is_told(
     assert not any("overrides" in m for m in messages(load(tmp_path, **{key: same})))
 
 
-def test_second_elements_and_crossed_ranges_are_told(tmp_path: Path) -> None:
+def test_second_elements_and_crossed_ranges_are_reported(tmp_path: Path) -> None:
     model = load(tmp_path, "</mujoco>", '<option timestep="0.01"/></mujoco>')
     assert model.step == 0.01
     assert any("a second <option> at model.xml:7" in message for message in messages(model))
@@ -111,7 +111,7 @@ def test_second_elements_and_crossed_ranges_are_told(tmp_path: Path) -> None:
     assert any("the range [1, -1] of q has no effect" in message for message in messages(crossed))
 
 
-def test_what_mujoco_warns_of_is_kept_and_no_log_file_is_left(tmp_path: Path) -> None:
+def test_mujoco_warnings_are_recorded_without_a_log_file(tmp_path: Path) -> None:
     model = load(tmp_path, 'stiffness="3"', 'stiffness="1e308"')
     start = np.ones((1, 1))
     z, _ = model.rollout(start, start, 0.002, 5, None, 5)
@@ -122,7 +122,7 @@ def test_what_mujoco_warns_of_is_kept_and_no_log_file_is_left(tmp_path: Path) ->
     assert os.listdir(tmp_path) == ["model.xml"]
 
 
-def test_what_is_raised_in_a_rollout_names_the_file(tmp_path: Path) -> None:
+def test_an_error_in_a_rollout_names_the_file(tmp_path: Path) -> None:
     start = np.ones((1, 1))
     with pytest.raises(EngineError, match=r"model.xml: MuJoCo raises ValueError"):
         load(tmp_path).rollout(start, start, 0.002, 5, np.ones((1, 7, 3)), 5)
@@ -133,7 +133,7 @@ FILTER = """<actuator><general name="motor" joint="q" dyntype="filter" dynprm="0
 </actuator>"""
 
 
-def test_actuators_without_controls_are_refused(tmp_path: Path) -> None:
+def test_actuators_without_controls_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=r"it has actuators.*\[settings\] controls"):
         load(tmp_path, "</mujoco>", SERVO + "</mujoco>")
 
@@ -158,7 +158,7 @@ def test_the_state_of_an_actuator_is_the_velocity_of_a_coordinate(tmp_path: Path
     assert w[0, 0, 0] == pytest.approx(2 * 1.0 * h, rel=1e-13)  # the state at the step's start
 
 
-def test_a_force_on_the_state_of_an_actuator_is_refused(tmp_path: Path) -> None:
+def test_a_force_on_the_state_of_an_actuator_is_rejected(tmp_path: Path) -> None:
     model = load(tmp_path, "</mujoco>", FILTER + "</mujoco>", controls=[3.0])
     zero = np.zeros((1, 2))
     with pytest.raises(EngineError, match=r"inputs can't act on motor\.act"):

@@ -1,4 +1,4 @@
-"""All that is known of an engine is in `harness/engines/`: nothing else calls one by its name."""
+"""Only `harness/engines/` contains code for particular engines."""
 
 import re
 from pathlib import Path
@@ -28,20 +28,20 @@ NAMES = re.compile(
 
 
 def texts() -> list[Path]:
-    """Every file of the packages, in code, comments, pages and schemas alike."""
-    found = [ROOT / name for name in SEARCHED if (ROOT / name).is_file()]
+    """Return every file of the packages: code, pages and schemas."""
+    files = [ROOT / name for name in SEARCHED if (ROOT / name).is_file()]
     for name in SEARCHED:
-        found += [path for path in (ROOT / name).rglob("*") if path.is_file()]
+        files += [path for path in (ROOT / name).rglob("*") if path.is_file()]
     return [
         path
-        for path in found
+        for path in files
         if "__pycache__" not in path.parts
         and HOME not in path.parents
         and not any(path.is_relative_to(ROOT / one) for one in EXAMPLES)
     ]
 
 
-def test_no_engine_is_named_outside_its_home() -> None:
+def test_no_engine_is_named_outside_the_engines_folder() -> None:
     files = texts()
     assert len(files) > 100
     named = [
@@ -53,7 +53,7 @@ def test_no_engine_is_named_outside_its_home() -> None:
     assert named == []
 
 
-def test_hooks_are_declared_and_never_looked_for_by_their_names() -> None:
+def test_hooks_are_declared_and_not_looked_up_by_name() -> None:
     hooks = {
         name
         for base in (Engine, LoadedModel)
@@ -68,17 +68,17 @@ def test_hooks_are_declared_and_never_looked_for_by_their_names() -> None:
         "remarks",
         "epsilon",
     } <= hooks
-    looked = re.compile(rf"(?:getattr|hasattr)\([^()]*,\s*\"(?:{'|'.join(sorted(hooks))})\"")
-    found = [path for path in texts() if looked.search(path.read_text("utf-8", errors="replace"))]
-    assert found == []
+    lookup = re.compile(rf"(?:getattr|hasattr)\([^()]*,\s*\"(?:{'|'.join(sorted(hooks))})\"")
+    files = [path for path in texts() if lookup.search(path.read_text("utf-8", errors="replace"))]
+    assert files == []
 
 
-def test_the_known_answer_engine_is_known_only_where_it_is_asked_for() -> None:
+def test_the_known_answer_engine_is_not_built_in() -> None:
     built_in = (HOME / "registry.py").read_text()
     assert "known_answer" not in built_in
 
 
-def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
+def test_the_preferred_engine_of_a_format_comes_first() -> None:
     everyones = ["pybullet", "mujoco"]
     extras = ["pinocchio", "drake", "dart", "newton", "mjx", "idyntree", "sapien"]
     assert [engine.name for engine in engines_reading(".urdf")] == [*everyones, *extras]

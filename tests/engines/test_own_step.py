@@ -1,4 +1,4 @@
-"""A script's own step and callbacks are its model: they are run, and what they raise is told."""
+"""Steps and callbacks of a script are part of its model; their errors are reported."""
 
 from __future__ import annotations
 
@@ -64,30 +64,30 @@ def speeds(model: LoadedModel, n: int = 3, force: Array | StateForce | None = No
     return [float(w) for w in model.rollout(still, v, H, n, force, 1)[1][0, :, 0]]
 
 
-OWN = [
+CUSTOM_STEPS = [
     {"before": SUBCLASS, "space": "Half"},
     {"before": AFTER, "inside": "body.velocity_func = slow"},
     {"before": SUBCLASS, "inside": "space.step = lambda dt: Half.step(space, dt)", "space": "Half"},
 ]
 
 
-@pytest.mark.parametrize("own", OWN, ids=["subclass", "post-step", "of the object"])
-def test_a_step_of_its_own_is_run(own: dict[str, str], tmp_path: Path) -> None:
-    model = load(tmp_path, **own)
+@pytest.mark.parametrize("options", CUSTOM_STEPS, ids=["subclass", "post-step", "attribute"])
+def test_a_custom_step_runs(options: dict[str, str], tmp_path: Path) -> None:
+    model = load(tmp_path, **options)
     assert speeds(model) == [4.0, 2.0, 1.0]
     assert speeds(model) == [4.0, 2.0, 1.0]
     z = np.zeros((1, 3))
     assert any("own step" in remark.message for remark in model.remarks(z, z))
 
 
-def test_a_callback_asked_for_by_build_is_run_once(tmp_path: Path) -> None:
+def test_a_post_step_callback_of_build_runs_once(tmp_path: Path) -> None:
     once = 'space.add_post_step_callback(halve, "key", body)'
     model = load(tmp_path, before=AFTER, inside=once)
     for _ in range(2):
         assert speeds(model) == [4.0, 4.0, 4.0]
 
 
-def test_inputs_act_in_every_part_of_a_step(tmp_path: Path) -> None:
+def test_inputs_act_in_every_substep(tmp_path: Path) -> None:
     model = load(tmp_path, before=SUBCLASS.replace("0.5", "1.0"), space="Half")
     push = np.zeros((1, 3, 3))
     push[:, :, 0] = 10.0
@@ -97,13 +97,13 @@ def test_inputs_act_in_every_part_of_a_step(tmp_path: Path) -> None:
     assert speeds(model, force=by_state) == pytest.approx(expected)
 
 
-def test_a_step_that_inputs_do_not_reach_is_refused(tmp_path: Path) -> None:
+def test_a_step_that_ignores_inputs_is_rejected(tmp_path: Path) -> None:
     model = load(tmp_path, inside="space.step = lambda dt: None")
     with pytest.raises(EngineError, match=r"space.py: .*super\(\).step"):
         speeds(model, force=np.ones((1, 3, 3)))
 
 
-def test_what_a_callback_raises_is_told_with_its_line(tmp_path: Path) -> None:
+def test_an_error_in_a_callback_is_reported_with_its_line(tmp_path: Path) -> None:
     before = "def wrong(body, gravity, damping, dt):\n    raise ValueError('of no\\nuse')\n"
     with pytest.raises(EngineError, match=r"space.py:4: a callback fails: of no use"):
         load(tmp_path, before=before, inside="body.velocity_func = wrong")
@@ -112,14 +112,14 @@ def test_what_a_callback_raises_is_told_with_its_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "error", ["SystemExit(0)", "GeneratorExit", "KeyboardInterrupt", "BaseException('odd')"]
 )
-def test_what_ends_a_process_ends_a_build_alone(error: str, tmp_path: Path) -> None:
+def test_exceptions_that_end_a_process_only_fail_the_build(error: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=r"space.py:9: build\(\) fails"):
         load(tmp_path, inside=f"raise {error}")
     with pytest.raises(EngineError, match=r"space.py:3: "):
         load(tmp_path, before=f"raise {error}")
 
 
-def test_a_step_of_its_own_keeps_the_protocol(tmp_path: Path) -> None:
+def test_a_custom_step_conforms(tmp_path: Path) -> None:
     path = tmp_path / "space.py"
     text = SCRIPT.format(before=SUBCLASS.replace("0.5", "1.0"), space="Half", inside="pass")
     path.write_text(text)
@@ -127,7 +127,7 @@ def test_a_step_of_its_own_keeps_the_protocol(tmp_path: Path) -> None:
     assert [str(check) for check in checks if not check.passed] == []
 
 
-def test_a_sidecars_gravity_over_the_scripts_own_is_noted(tmp_path: Path) -> None:
+def test_gravity_that_a_sidecar_overrides_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "space.py"
     inside = "space.gravity = 0, -1.62"
     path.write_text(SCRIPT.format(before="", space="pymunk.Space", inside=inside))
@@ -135,6 +135,6 @@ def test_a_sidecars_gravity_over_the_scripts_own_is_noted(tmp_path: Path) -> Non
     for gravity, noted in (([0, -9.81, 0], True), ([0, -1.62, 0], False)):
         settings = {"step": H, "gravity": gravity}
         model = engines()["pymunk"].load(ModelSpec(path, settings=settings))
-        told = [r.message for r in model.remarks(z, z) if "overrides the file's" in r.message]
-        assert bool(told) is noted
-        assert not noted or ("-1.62" in told[0] and "-9.81" in told[0])
+        notes = [r.message for r in model.remarks(z, z) if "overrides the file's" in r.message]
+        assert bool(notes) is noted
+        assert not noted or ("-1.62" in notes[0] and "-9.81" in notes[0])

@@ -1,4 +1,4 @@
-"""The engine pages: their generated parts are current, and true of each engine's samples."""
+"""The engine pages: generated parts are current and match each engine's samples."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ ENGINES = [kind() for kind in BUILT_IN]
 
 
 def test_the_generated_parts_are_current() -> None:
-    found = pages(FOLDER)
-    assert {path.stem for path in found} == {"index", *(engine.name for engine in ENGINES)}
-    for path, text in found.items():
+    rendered = pages(FOLDER)
+    assert {path.stem for path in rendered} == {"index", *(engine.name for engine in ENGINES)}
+    for path, text in rendered.items():
         assert path.read_text() == text, "python -m physics_crosscheck.harness.engines.pages ..."
 
 
-def test_a_page_without_markers_is_refused() -> None:
+def test_a_page_without_markers_is_rejected() -> None:
     with pytest.raises(ValueError, match="no part between"):
         renewed("# Engine\n", "| fact | value |\n")
 
@@ -45,24 +45,24 @@ def test_phrases_are_short_and_every_setting_is_explained(engine: Engine) -> Non
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
-def test_an_engine_does_what_its_page_says(engine: Engine, tmp_path: Path) -> None:
+def test_an_engine_matches_its_page(engine: Engine, tmp_path: Path) -> None:
     if engine.version() is None:
         pytest.skip(f"{engine.name} is not installed")
-    said = phrases(engine)
+    page = phrases(engine)
     for sample in engine.samples():
         path = tmp_path / sample.file
         path.write_text(sample.text)
         model = engine.load(ModelSpec(path, sample.springs, sample.settings))
         still = 0 * model.home[None]
-        told = model.accelerations(model.home[None], still, still) is not None
-        assert told == (said["accelerations"] != "no")
-        assert (model.step_rule is not None) == (said["next state"] != "no")
+        has_accelerations = model.accelerations(model.home[None], still, still) is not None
+        assert has_accelerations == (page["accelerations"] != "no")
+        assert (model.step_rule is not None) == (page["next state"] != "no")
         order = model.exponents(varying_input=False)[0]
-        assert f"order {order}" in said["steps"]
+        assert f"order {order}" in page["steps"]
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
-def test_the_listed_settings_are_those_that_an_engine_takes(engine: Engine, tmp_path: Path) -> None:
+def test_an_engine_accepts_the_listed_settings(engine: Engine, tmp_path: Path) -> None:
     if engine.version() is None:
         pytest.skip(f"{engine.name} is not installed")
     sample = engine.samples()[0]

@@ -1,4 +1,4 @@
-"""What PyBullet's sweeps lose of a tensor: told with its size, undone, and told from a fault."""
+"""PyBullet's rounding of principal axes: its size, its setting, and its distinction from faults."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def diagnosis(hinge: PreparedSystem, sidecar: Sidecar) -> Ranking:
     return ranked(model_task(hinge, "pybullet", sidecar))
 
 
-def test_a_right_file_differs_by_the_engines_own_sweeps_and_agrees_without_them(
+def test_a_correct_file_differs_unless_exact_axes_are_set(
     hinge: PreparedSystem, right: Sidecar
 ) -> None:
     for sidecar, outcome in ((right, Outcome.DIFFERS), (exact(right), Outcome.AGREES)):
@@ -114,53 +114,53 @@ def test_a_right_file_differs_by_the_engines_own_sweeps_and_agrees_without_them(
 
 
 @pytest.mark.slow
-def test_the_cause_is_named_with_its_size_and_no_literal(
+def test_the_cause_is_an_engine_default_with_its_size(
     hinge: PreparedSystem, right: Sidecar
 ) -> None:
-    found = diagnosis(hinge, right)
-    assert found.explained
-    (cause,) = found.fits[0].causes
+    ranking = diagnosis(hinge, right)
+    assert ranking.explained
+    (cause,) = ranking.fits[0].causes
     assert cause.kind == "default"
     assert cause.subject[0].startswith(NAME)
     assert "e-09 of its inertia off" in cause.subject[0]
-    assert found.fits[0].remaining < 1e-2
+    assert ranking.fits[0].remaining < 1e-2
 
 
 @pytest.mark.slow
-def test_a_fault_of_a_thousandth_beside_it_is_named(
+def test_a_fault_of_a_thousandth_is_named_as_the_cause(
     hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
-    found = diagnosis(hinge, wrong(right, {"mass@value": 0.3003}, tmp_path))
-    assert found.explained
-    assert [cause.subject for cause in found.fits[0].causes] == [(f"{BODY}mass@value",)]
+    ranking = diagnosis(hinge, wrong(right, {"mass@value": 0.3003}, tmp_path))
+    assert ranking.explained
+    assert [cause.subject for cause in ranking.fits[0].causes] == [(f"{BODY}mass@value",)]
 
 
-def test_the_audit_tells_the_size_and_finds_nothing_wrong(
+def test_the_audit_notes_the_rounding_without_findings(
     hinge: PreparedSystem, right: Sidecar
 ) -> None:
-    found = audit(hinge, right)
-    assert grave(list(found)) == []
+    findings = audit(hinge, right)
+    assert grave(list(findings)) == []
     (remark,) = [
-        one for one in found if one.message.startswith("PyBullet computes the principal axes")
+        one for one in findings if one.message.startswith("PyBullet computes the principal axes")
     ]
     assert remark.severity == "note"
     assert remark.actual is not None
     assert 1e-13 < remark.actual < 1e-8
     assert remark.location is not None
     assert remark.location.line == 4
-    assert "the engine's own rounding explains it" in said(found, "inertia", "note")
+    assert "the engine's own rounding explains it" in said(findings, "inertia", "note")
     assert "loss of digits" not in "".join(one.message for one in audit(hinge, exact(right)))
 
 
-def test_the_audit_still_finds_a_fault_beside_it(
+def test_the_audit_finds_a_fault_larger_than_the_rounding(
     hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
-    found = audit(hinge, wrong(right, {"inertia@iyy": 0.06006}, tmp_path))
-    assert "inertia of theta" in said(found, "inertia")
-    assert "loss of digits" not in said(found, "inertia")
+    findings = audit(hinge, wrong(right, {"inertia@iyy": 0.06006}, tmp_path))
+    assert "inertia of theta" in said(findings, "inertia")
+    assert "loss of digits" not in said(findings, "inertia")
 
 
-def test_a_flat_bodys_tensor_keeps_the_triangle_rule(tmp_path: Path) -> None:
+def test_the_tensor_of_a_flat_body_satisfies_the_triangle_inequality(tmp_path: Path) -> None:
     flat = URDF
     for key, value in zip(KEYS, ("0.03", "0.05", "0.08", "0.01", "0", "0"), strict=True):
         old = flat.split('body"><inertial>')[1].split(f'{key}="')[1].split('"')[0]
@@ -174,8 +174,8 @@ def test_a_flat_bodys_tensor_keeps_the_triangle_rule(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("frame", ["0 0 3.1415926535897932", "0.4 1.5707963267948966 0.3"])
-def test_axes_that_lie_upright_in_the_links_frame_are_found_too(tmp_path: Path, frame: str) -> None:
-    """A wheel's moments in ascending order are about z, x and y: a pitch of a right angle."""
+def test_axes_near_a_right_angle_are_computed(tmp_path: Path, frame: str) -> None:
+    """Use a wheel whose ascending moments are about z, x and y: a pitch of 90 degrees."""
     wheel = (
         URDF.replace('<origin xyz="0 0 -0.2"/>', f'<origin xyz="0 0 -0.2" rpy="{frame}"/>')
         .replace('ixx="0.07" iyy="0.06" izz="0.08"', 'ixx="0.00470985" iyy="0.00616" izz="0.0047"')

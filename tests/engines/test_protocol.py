@@ -1,4 +1,4 @@
-"""The protocol's conformance suite: every adapter on every format, and the known-answer engine."""
+"""The engine protocol: every adapter on every format, and the known-answer engine."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -37,7 +37,7 @@ def installed(pairing: Pairing) -> Pairing:
 
 @pytest.fixture(params=PAIRINGS, ids=str)
 def pairing(request: pytest.FixtureRequest) -> Pairing:
-    """Every pairing whose engine is installed."""
+    """Return every pairing whose engine is installed."""
     return installed(request.param)
 
 
@@ -56,12 +56,12 @@ V = np.array([[0.4, 0.1], [-0.3, 0.2], [0.0, -0.5]])
 
 
 def pushes(n: int, size: int = 2) -> Array:
-    """Forces of three runs that differ from step to step."""
+    """Return forces of three runs that change in each step."""
     return np.random.default_rng(5).uniform(-3, 3, (3, n, size))
 
 
 def assert_same(first: Iterable[Array], second: Iterable[Array]) -> None:
-    """Bitwise, positions and velocities."""
+    """Compare positions and velocities bitwise."""
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -72,13 +72,13 @@ def test_coordinates_are_named_and_ordered_as_in_the_file(pairing: Pairing, pair
         assert names == ("b0.x", "b0.y", "b0.angle", "b1.x", "b1.y", "b1.angle")
     else:
         assert names == ("q1", "q2")
-    # Not only by name: what starts as the second moves as the second.
+    # The order holds for values too: the second start gives the second end.
     zs, ws = pair.run([[0.0, 0.2]], [[0.0, 0.3]], 1e-4, 1)
     assert zs[0, 0] == pytest.approx([0.0, 0.2], abs=1e-3)
     assert ws[0, 0] == pytest.approx([0.0, 0.3], abs=1e-2)
 
 
-def test_the_step_is_the_shipped_one_and_stays_so(oscillator: Loaded) -> None:
+def test_the_step_of_the_file_does_not_change(oscillator: Loaded) -> None:
     assert oscillator.model.step == STEP
     for h in (0.01, 0.0003):
         oscillator.run([[0.1]], [[0.0]], h, 3)
@@ -91,7 +91,7 @@ def test_the_integrator_has_a_name(oscillator: Loaded) -> None:
 
 
 @pytest.mark.parametrize(("n", "every"), [(12, 4), (12, 12), (12, 1), (1, 1)])
-def test_samples_have_one_row_for_every_so_many_steps(pair: Loaded, n: int, every: int) -> None:
+def test_samples_have_one_row_per_interval(pair: Loaded, n: int, every: int) -> None:
     zs, ws = pair.model.rollout(pair.lift(Q), pair.lift(V, origin=False), 0.002, n, None, every)
     assert zs.shape == ws.shape == (3, n // every, pair.size)
     assert zs.dtype == ws.dtype == np.float64
@@ -106,29 +106,29 @@ def test_sampling_gives_the_ends_of_shorter_rollouts(pair: Loaded, forced: bool)
         assert_same(shorter, (zs[:, row : row + 1], ws[:, row : row + 1]))
 
 
-def test_what_is_returned_and_given_is_left_alone_by_later_calls(pair: Loaded) -> None:
+def test_later_calls_do_not_change_results_and_arguments(pair: Loaded) -> None:
     q, v, force = Q.copy(), V.copy(), pushes(9)
-    kept = force.copy()
+    copy = force.copy()
     zs, ws = pair.run(q, v, 0.003, 9, force)
     before = zs.copy(), ws.copy()
     pair.run(V, Q, 0.007, 9, -force)
     assert_same((zs, ws), before)
-    assert_same((q, v, force), (Q, V, kept))
+    assert_same((q, v, force), (Q, V, copy))
 
 
-def test_repeated_calls_give_bitwise_the_same(pair: Loaded) -> None:
+def test_repeated_calls_are_bitwise_equal(pair: Loaded) -> None:
     first = pair.run(Q, V, 0.003, 9, pushes(9))
     assert_same(pair.run(Q, V, 0.003, 9, pushes(9)), first)
 
 
-def test_a_batch_in_another_order_and_in_parts_gives_bitwise_the_same(pair: Loaded) -> None:
+def test_a_reordered_or_split_batch_is_bitwise_equal(pair: Loaded) -> None:
     force = pushes(9)
     zs, ws = pair.run(Q, V, 0.003, 9, force)
     order = [2, 0, 1]
     assert_same(pair.run(Q[order], V[order], 0.003, 9, force[order]), (zs[order], ws[order]))
     for b in range(3):
-        one = slice(b, b + 1)
-        assert_same(pair.run(Q[one], V[one], 0.003, 9, force[one]), (zs[one], ws[one]))
+        row = slice(b, b + 1)
+        assert_same(pair.run(Q[row], V[row], 0.003, 9, force[row]), (zs[row], ws[row]))
 
 
 def test_a_free_rollout_after_a_forced_one_has_no_force(pair: Loaded) -> None:
@@ -137,14 +137,14 @@ def test_a_free_rollout_after_a_forced_one_has_no_force(pair: Loaded) -> None:
     assert_same(pair.run(Q, V, 0.003, 9), free)
 
 
-def test_a_rollout_after_one_with_another_step_is_as_before(pair: Loaded) -> None:
+def test_a_rollout_after_one_with_another_step_is_unchanged(pair: Loaded) -> None:
     first = pair.run(Q, V, 0.003, 9)
     pair.run(Q, V, 0.05, 2)
     assert_same(pair.run(Q, V, 0.003, 9), first)
 
 
 def blow_up(loaded: Loaded, h: float = 1.0, n: int = 400) -> Motion:
-    """A motion that overflows: the step is far too coarse for the spring."""
+    """Return a motion that overflows because its step is too large for the spring."""
     return loaded.run([[0.1], [0.2]], [[0.0], [1.0]], h, n)
 
 
@@ -157,7 +157,7 @@ def test_a_motion_that_blows_up_returns_values_that_are_not_finite(
     assert zs.shape == ws.shape == (2, 1, 1)
 
 
-def test_a_rollout_after_one_that_blew_up_is_as_before(pairing: Pairing, tmp_path: Path) -> None:
+def test_a_rollout_after_one_that_blew_up_is_unchanged(pairing: Pairing, tmp_path: Path) -> None:
     loaded = pairing.load("stiff", tmp_path)
     start = [[0.1]], [[0.2]], 0.0001, 7
     before = loaded.run(*start)
@@ -166,15 +166,13 @@ def test_a_rollout_after_one_that_blew_up_is_as_before(pairing: Pairing, tmp_pat
     assert np.isfinite(before[0]).all()
 
 
-def test_a_run_that_blows_up_does_not_spoil_those_beside_it(
-    pairing: Pairing, tmp_path: Path
-) -> None:
+def test_a_run_that_blows_up_does_not_change_its_batch(pairing: Pairing, tmp_path: Path) -> None:
     loaded = pairing.load("stiff", tmp_path)
-    alone = loaded.run([[1e-3]], [[0.0]], 0.0005, 60)
+    single = loaded.run([[1e-3]], [[0.0]], 0.0005, 60)
     q, v = [[1e-3], [np.nan], [1e-3]], [[0.0], [0.0], [0.0]]
     zs, ws = loaded.run(q, v, 0.0005, 60)
     for b in (0, 2):
-        assert_same((zs[b : b + 1], ws[b : b + 1]), alone)
+        assert_same((zs[b : b + 1], ws[b : b + 1]), single)
     assert not np.isfinite(zs[1]).any()
 
 
@@ -186,7 +184,7 @@ def test_a_force_held_for_one_step_adds_its_impulse(pairing: Pairing, tmp_path: 
 
 
 @pytest.mark.parametrize("step", [0, 3, 5])
-def test_the_force_of_a_step_acts_in_that_step_alone(
+def test_the_force_of_a_step_acts_only_in_that_step(
     pairing: Pairing, tmp_path: Path, step: int
 ) -> None:
     loaded = pairing.load("free mass", tmp_path)
@@ -197,7 +195,7 @@ def test_the_force_of_a_step_acts_in_that_step_alone(
     assert ws[0, :, 0] == pytest.approx(expected, rel=1e-12, abs=1e-300)
 
 
-def test_a_force_on_one_coordinate_leaves_the_other_alone_at_first(pair: Loaded) -> None:
+def test_a_force_on_one_coordinate_does_not_act_on_the_other(pair: Loaded) -> None:
     force = np.zeros((1, 1, 2))
     force[0, 0, 1] = 2.0
     _, ws = pair.run([[0.0, 0.0]], [[0.0, 0.0]], 1e-5, 1, force)
@@ -205,16 +203,16 @@ def test_a_force_on_one_coordinate_leaves_the_other_alone_at_first(pair: Loaded)
     assert ws[0, 0, 1] == pytest.approx(1e-5 * 2.0 / 0.7, rel=1e-3)
 
 
-def test_a_force_by_state_with_a_constant_map_is_the_plain_array(pair: Loaded) -> None:
+def test_a_force_by_state_with_a_constant_map_equals_an_array(pair: Loaded) -> None:
     n = 9
     force = pushes(n)
     plain = pair.run(Q, V, 0.003, n, force, every=3)
 
-    def at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+    def evaluate(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
         return tuple(pair.lift(np.asarray(u), origin=False))
 
     zs, ws = pair.model.rollout(
-        pair.lift(Q), pair.lift(V, origin=False), 0.003, n, StateForce(force, at), 3
+        pair.lift(Q), pair.lift(V, origin=False), 0.003, n, StateForce(force, evaluate), 3
     )
     whole = pair.model.rollout(
         pair.lift(Q), pair.lift(V, origin=False), 0.003, n, pair.lift(force, origin=False), 3
@@ -229,20 +227,20 @@ def test_a_force_by_state_sees_the_state_at_the_start_of_its_step(
     loaded = pairing.load("free mass", tmp_path)
     seen = []
 
-    def at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+    def evaluate(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
         seen.append(list(z))
         return tuple(loaded.lift(np.asarray(u), origin=False))
 
     inputs = np.ones((1, 4, 1))
     start = loaded.lift([[0.25]]), loaded.lift([[0.5]], origin=False)
-    zs, _ = loaded.model.rollout(*start, 0.01, 4, StateForce(inputs, at), 1)
+    zs, _ = loaded.model.rollout(*start, 0.01, 4, StateForce(inputs, evaluate), 1)
     place = loaded.places[0]
     expected = [0.25, *zs[0, :3, place]]
     assert np.array(seen)[:, place] == pytest.approx(expected, abs=1e-15)
 
 
 def closed_form(mechanism: str, q: Values, v: Values, time: float, force: Array) -> Array:
-    """Where a linear mechanism ends under a constant force."""
+    """Return the end state of a linear mechanism under a constant force."""
     M, C, K = matrices(mechanism)
     n = len(M)
     full = np.zeros((2 * n + 1, 2 * n + 1))
@@ -269,14 +267,14 @@ def test_the_limit_of_small_steps_is_the_closed_form(
         for rung in RUNGS
     ]
     ones = np.ones(2 * n)
-    found = limits(values, RUNGS, loaded.model.exponents(False), ones, ones)
-    error = np.abs(found.value[0] - closed_form(mechanism, q, v, time, force))
-    assert np.all(error <= found.uncertainty[0])
+    limit = limits(values, RUNGS, loaded.model.exponents(False), ones, ones)
+    error = np.abs(limit.value[0] - closed_form(mechanism, q, v, time, force))
+    assert np.all(error <= limit.uncertainty[0])
     assert np.max(error) < 1e-11
 
 
 @pytest.mark.parametrize("swinging", CAN_SWING, ids=str)
-def test_a_pendulum_falls_as_gravity_says(swinging: Pairing, tmp_path: Path) -> None:
+def test_a_pendulum_falls_with_gravity(swinging: Pairing, tmp_path: Path) -> None:
     loaded = installed(swinging).load("pendulum", tmp_path)
     h = 1e-5
     _, ws = loaded.run([[1.0]], [[0.0]], h, 1)
@@ -288,8 +286,8 @@ def test_the_claimed_order_is_the_observed_one(oscillator: Loaded, kind: str) ->
     time = 0.05
 
     def force(rung: int) -> Array | None:
-        at = np.arange(rung) / rung
-        value = {"none": 0 * at, "constant": 0 * at + 9.0, "varying": 40 * np.cos(3 * at)}[kind]
+        s = np.arange(rung) / rung
+        value = {"none": 0 * s, "constant": 0 * s + 9.0, "varying": 40 * np.cos(3 * s)}[kind]
         return None if kind == "none" else value.reshape(1, rung, 1)
 
     ends = [

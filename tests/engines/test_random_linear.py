@@ -1,4 +1,4 @@
-"""The uncertainty is honest on random linear systems, whose limits are known."""
+"""The uncertainty bounds the true error on random linear systems with known limits."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from tests.engines.random_linear import PAIRINGS, summary, sweep
 
 COUNT = 3
-"""A pairing; `python -m tests.engines.random_linear` draws as many as are wanted."""
+"""Systems per pairing; `python -m tests.engines.random_linear --count N` draws more."""
 
 SEED = 2025
 
@@ -17,15 +17,15 @@ def test_the_true_error_of_random_linear_systems_is_within_the_uncertainty(
     pairing: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip(pairing.split()[0])
-    found = list(sweep(SEED, COUNT, pairing))
+    results = list(sweep(SEED, COUNT, pairing))
     with capsys.disabled():
-        print(f"\n{pairing}: {summary(found)}")
-    wrong = [str(f) for f in found if f.misses or f.outcome == "DIFFERS"]
+        print(f"\n{pairing}: {summary(results)}")
+    wrong = [str(f) for f in results if f.misses or f.outcome == "DIFFERS"]
     assert not wrong, "\n".join(wrong)
-    alarms = [str(f) for f in found if not f.order_confirmed]
+    alarms = [str(f) for f in results if not f.order_confirmed]
     assert not alarms, "\n".join(alarms)
-    unresolved = [str(f) for f in found if f.outcome != "AGREES"]
+    unresolved = [str(f) for f in results if f.outcome != "AGREES"]
     assert not unresolved, "\n".join(unresolved)
-    # An uncertainty that is honest by being huge would say nothing.
-    assert max(f.uncertainty for f in found) < 1e-9
-    assert np.median([f.ratio for f in found]) < 1000
+    # A huge uncertainty would pass the checks above without being useful.
+    assert max(f.uncertainty for f in results) < 1e-9
+    assert np.median([f.ratio for f in results]) < 1000

@@ -1,4 +1,4 @@
-"""What two engines make of one URDF, as `docs/engines/` tabulates it."""
+"""How MuJoCo and PyBullet read one URDF, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ H = 1e-4
 
 @pytest.fixture(autouse=True)
 def _engines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)  # MuJoCo logs what it warns of on loading beside the caller
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its log to the working directory
     for name in BOTH:
         need(name)
 
 
 def urdf(
     in_joint: str = "", *, body: str = BODY, kind: str = "continuous", axis: str = "0 1 0",
-    beside: str = "",
+    extra: str = "",
 ) -> str:  # fmt: skip
-    """A hinge about y with a body of 1 kg and 0.01 kg m^2."""
+    """Return a hinge about y with a body of 1 kg and 0.01 kg m^2."""
     return (
         f'<robot name="r"><link name="g">{BODY}</link><link name="a">{body}</link>'
         f'<joint name="j" type="{kind}"><parent link="g"/><child link="a"/><axis xyz="{axis}"/>'
-        f"{in_joint}</joint>{beside}</robot>"
+        f"{in_joint}</joint>{extra}</robot>"
     )
 
 
 def limit(lower: float, upper: float, velocity: float = 100) -> str:
-    """A hinge between limits."""
+    """Return a hinge between limits."""
     inside = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="{velocity}"/>'
     return urdf(inside, kind="revolute")
 
@@ -53,7 +53,7 @@ def load(name: str, text: str, folder: Path, gravity: float = 0.0) -> LoadedMode
 def moved(
     model: LoadedModel, q: float, v: float, seconds: float, push: float | None = None
 ) -> tuple[float, float]:
-    """Position and velocity of the first joint after a while, all pushed alike."""
+    """Return position and velocity of the first joint, with equal pushes on all joints."""
     start: Array = np.ones((1, len(model.coordinates)))
     n = round(seconds / H)
     force = None if push is None else push * np.ones((1, n, len(model.coordinates)))
@@ -67,51 +67,51 @@ def test_damping_is_applied(name: str, tmp_path: Path) -> None:
     assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(np.exp(-0.3), rel=2e-3)
 
 
-@pytest.mark.parametrize(("name", "left"), [("mujoco", 0.8), ("pybullet", 1.0)])
-def test_friction_is_applied_by_one(name: str, left: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "speed"), [("mujoco", 0.8), ("pybullet", 1.0)])
+def test_mujoco_applies_friction(name: str, speed: float, tmp_path: Path) -> None:
     model = load(name, urdf('<dynamics friction="0.2"/>'), tmp_path)
-    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(left, abs=1e-6)
+    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(speed, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_limits_stop_a_joint(name: str, tmp_path: Path) -> None:
+def test_limits_act(name: str, tmp_path: Path) -> None:
     q, v = moved(load(name, limit(-0.5, 0.5), tmp_path), 0.495, 1.0, 0.1)
     assert q < 0.5
     assert v < 0
 
 
 @pytest.mark.parametrize(("name", "q"), [("mujoco", 0.1), ("pybullet", 0.0)])
-def test_equal_limits_hold_a_joint_in_one(name: str, q: float, tmp_path: Path) -> None:
+def test_equal_limits_hold_a_joint_in_pybullet(name: str, q: float, tmp_path: Path) -> None:
     assert moved(load(name, limit(0, 0), tmp_path), 0.0, 1.0, 0.1)[0] == pytest.approx(q)
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_crossed_limits_are_none(name: str, tmp_path: Path) -> None:
+def test_crossed_limits_have_no_effect(name: str, tmp_path: Path) -> None:
     assert moved(load(name, limit(1, -1), tmp_path), 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_limits_of_velocity_are_not_enforced(name: str, tmp_path: Path) -> None:
+def test_velocity_limits_are_not_enforced(name: str, tmp_path: Path) -> None:
     model = load(name, limit(-99, 99, velocity=0.5), tmp_path)
     assert moved(model, 0.0, 500.0, 0.01)[1] == pytest.approx(500.0)
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_springs_of_gazebo_pull(name: str, tmp_path: Path) -> None:
+def test_gazebo_springs_act(name: str, tmp_path: Path) -> None:
     spring = '<gazebo reference="j"><springStiffness>50</springStiffness></gazebo>'
-    q, _ = moved(load(name, urdf(beside=spring), tmp_path), 0.1, 0.0, 0.01)
+    q, _ = moved(load(name, urdf(extra=spring), tmp_path), 0.1, 0.0, 0.01)
     assert q == pytest.approx(0.1 * np.cos(np.sqrt(5000) * 0.01), rel=5e-3)
 
 
 @pytest.mark.parametrize(("name", "off"), [("mujoco", (1e-6, 1e-3)), ("pybullet", (0.0, 1e-12))])
-def test_a_mimic_is_soft_in_one_and_a_gear_in_the_other(
+def test_a_mimic_is_soft_in_mujoco_and_a_gear_in_pybullet(
     name: str, off: tuple[float, float], tmp_path: Path
 ) -> None:
     follower = (
         f'<link name="b">{BODY}</link><joint name="k" type="continuous"><parent link="g"/>'
         '<child link="b"/><axis xyz="0 1 0"/><mimic joint="j" multiplier="2"/></joint>'
     )
-    model = load(name, urdf(beside=follower), tmp_path)
+    model = load(name, urdf(extra=follower), tmp_path)
     assert model.coordinates == ("j", "k")
     push = np.zeros((1, 1000, 2))
     push[:, :, 0] = 0.02
@@ -122,13 +122,13 @@ def test_a_mimic_is_soft_in_one_and_a_gear_in_the_other(
 
 
 @pytest.mark.parametrize(("name", "share"), [("mujoco", 1.0), ("pybullet", 0.5)])
-def test_a_long_axis_is_made_a_unit_vector_by_one(name: str, share: float, tmp_path: Path) -> None:
+def test_mujoco_normalizes_a_long_axis(name: str, share: float, tmp_path: Path) -> None:
     _, once = moved(load(name, urdf(body=BELOW), tmp_path, 9.81), 0.5, 0.0, 0.01)
     _, twice = moved(load(name, urdf(body=BELOW, axis="0 2 0"), tmp_path, 9.81), 0.5, 0.0, 0.01)
     assert twice / once == pytest.approx(share, rel=0.01)
 
 
-def test_a_long_axis_is_made_a_unit_vector_where_it_is_asked_for(tmp_path: Path) -> None:
+def test_a_setting_normalizes_axes_in_pybullet(tmp_path: Path) -> None:
     path, turned = tmp_path / "long.urdf", []
     for axis, unit in (("0 2 0", True), ("0 1 0", False)):
         path.write_text(urdf(body=BELOW, axis=axis))
@@ -139,7 +139,7 @@ def test_a_long_axis_is_made_a_unit_vector_where_it_is_asked_for(tmp_path: Path)
     assert turned[0] == turned[1]
 
 
-def test_a_link_without_inertia_is_refused_by_one_and_a_kilogram_in_the_other(
+def test_a_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(
     tmp_path: Path,
 ) -> None:
     with pytest.raises(EngineError, match="mass and inertia"):
@@ -154,12 +154,12 @@ def test_a_link_without_inertia_is_refused_by_one_and_a_kilogram_in_the_other(
 @pytest.mark.parametrize("body", [
     BODY.replace('ixx="0.01"', 'ixx="0.1"'), BODY.replace('value="1"', 'value="-1"'),
 ], ids=["no triangle", "mass below zero"])  # fmt: skip
-def test_what_is_no_body_is_refused(name: str, body: str, tmp_path: Path) -> None:
+def test_an_impossible_body_is_rejected(name: str, body: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError):
         load(name, urdf(body=body), tmp_path)
 
 
-def test_step_and_gravity_are_assumed_by_one_and_must_be_stated_for_the_other(
+def test_mujoco_assumes_step_and_gravity_and_pybullet_requires_them(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "bare.urdf"
@@ -170,11 +170,11 @@ def test_step_and_gravity_are_assumed_by_one_and_must_be_stated_for_the_other(
         engines()["pybullet"].load(ModelSpec(path))
 
 
-@pytest.mark.parametrize(("name", "least", "most"), [
+@pytest.mark.parametrize(("name", "smallest", "largest"), [
     ("mujoco", 0.0, 1e-13), ("pybullet", 1e-13, 1e-8),
 ])  # fmt: skip
-def test_products_of_inertia_lose_digits_in_one(
-    name: str, least: float, most: float, tmp_path: Path
+def test_products_of_inertia_lose_digits_in_pybullet(
+    name: str, smallest: float, largest: float, tmp_path: Path
 ) -> None:
     tensor = np.array([[0.07, 0.011, -0.007], [0.011, 0.06, 0.005], [-0.007, 0.005, 0.08]])
     axis = np.array([0.6, -0.48, 0.64])
@@ -192,11 +192,11 @@ def test_products_of_inertia_lose_digits_in_one(
     still = np.zeros((1, 1))
     _, w = model.rollout(still, still, 1e-3, 1, np.ones((1, 1, 1)), 1)
     off = abs(float(w[0, 0, 0]) / 1e-3 * float(axis @ tensor @ axis) - 1)
-    assert least <= off < most
+    assert smallest <= off < largest
 
 
 @pytest.mark.parametrize(("name", "touches"), [("mujoco", True), ("pybullet", False)])
-def test_a_fixed_base_touches_its_first_link_in_one(
+def test_a_fixed_base_touches_its_first_link_in_mujoco(
     name: str, touches: bool, tmp_path: Path
 ) -> None:
     ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
@@ -204,19 +204,19 @@ def test_a_fixed_base_touches_its_first_link_in_one(
     assert text.count(ball) == 2
     model = load(name, text, tmp_path)
     z = np.zeros((1, 1))
-    told = any("touch during the motions" in remark.message for remark in model.remarks(z, z))
-    assert told is touches
+    reported = any("touch during the motions" in remark.message for remark in model.remarks(z, z))
+    assert reported is touches
     if not touches:
         assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0)
 
 
-def test_a_welded_link_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path: Path) -> None:
+def test_a_massless_fixed_link_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
     welded = (
         '<link name="tip"/><joint name="w" type="fixed"><parent link="a"/><child link="tip"/>'
         '<origin xyz="1 0 0"/></joint>'
     )
     path = tmp_path / "tip.urdf"
-    path.write_text(urdf(beside=welded))
+    path.write_text(urdf(extra=welded))
     turned = {}
     for bare in (True, False):
         settings = {"step": H, "gravity": [0, 0, 0], "bare_links": bare}
@@ -229,8 +229,8 @@ def test_a_welded_link_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path
     assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
 
 
-def test_a_scale_of_inertias_acts_in_one_unless_told(tmp_path: Path) -> None:
-    """Catch a link with three times the inertia of its file, and no cause named."""
+def test_inertia_scaling_acts_in_pybullet_by_default(tmp_path: Path) -> None:
+    """Catch a link with three times the inertia of its file and no reported cause."""
     path = tmp_path / "scaled.urdf"
     text = urdf().replace(
         '<link name="a">', '<link name="a">\n<contact>\n<inertia_scaling value="3"/></contact>'
@@ -251,8 +251,8 @@ FLOATING = (
 )
 
 
-def test_a_floating_root_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path: Path) -> None:
-    """Catch a correction that PyBullet turns into a fixed root, so that no cause is named."""
+def test_a_massless_floating_root_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
+    """Catch a correction that PyBullet turns into a fixed root, without a reported cause."""
     path = tmp_path / "root.urdf"
     path.write_text(FLOATING.format('\n<link name="root"/>'))
     speed = {}
@@ -265,7 +265,7 @@ def test_a_floating_root_without_inertia_is_a_kilogram_in_one_unless_told(tmp_pa
     assert speed == pytest.approx({True: 1 / 2, False: 1.0})
 
 
-def test_a_floating_root_of_zero_mass_is_refused_by_one_that_fixes_it(tmp_path: Path) -> None:
+def test_pybullet_rejects_a_floating_root_of_zero_mass(tmp_path: Path) -> None:
     """Catch a robot that floats in its equations and is fixed in PyBullet."""
     path = tmp_path / "root.urdf"
     zero = BODY.replace('mass value="1"', 'mass value="0"').replace("0.01", "0")
@@ -276,7 +276,7 @@ def test_a_floating_root_of_zero_mass_is_refused_by_one_that_fixes_it(tmp_path: 
         engines()["pybullet"].load(ModelSpec(path, settings=settings))
 
 
-def test_a_point_mass_moves_in_one_and_is_refused_by_the_other(tmp_path: Path) -> None:
+def test_a_point_mass_moves_in_pybullet_and_is_rejected_by_mujoco(tmp_path: Path) -> None:
     point = BELOW.replace("0.01", "0").replace("0 0 -1", "0 0 -2")
     model = load("pybullet", urdf(body=point), tmp_path)
     assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 4)

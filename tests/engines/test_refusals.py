@@ -1,4 +1,4 @@
-"""What an adapter can't do it refuses by name: the file, the place and the remedy."""
+"""Unsupported input is refused with the file, the place and the remedy."""
 
 import re
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ def refused(
     settings: Mapping[str, object] | None = None,
     springs: tuple[Spring, ...] = (),
 ) -> str:
-    """The message of a refusal; it names the file."""
+    """Return the message of a refusal, which names the file."""
     if engine != "known":
         pytest.importorskip(engine)
     with pytest.raises(EngineError) as caught:
@@ -74,7 +74,7 @@ def test_broken_xml_is_refused_with_its_line(tmp_path: Path, engine: str, ending
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS)
-def test_bytes_that_are_no_text_are_refused(tmp_path: Path, engine: str, ending: str) -> None:
+def test_invalid_utf_8_is_refused(tmp_path: Path, engine: str, ending: str) -> None:
     path = tmp_path / f"model{ending}"
     path.write_bytes(b"\xff\xfe\x00broken")
     refused(engine, path, {"step": STEP} if ending == ".py" else SETTINGS)
@@ -83,23 +83,21 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path, engine: str, ending:
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS)
 def test_an_unknown_setting_is_refused_by_name(tmp_path: Path, engine: str, ending: str) -> None:
     path = file(tmp_path, f"model{ending}", GOOD[ending])
-    known = {"step": STEP} if ending == ".py" else SETTINGS
-    message = refused(engine, path, known | {"colour": 3})
+    settings = {"step": STEP} if ending == ".py" else SETTINGS
+    message = refused(engine, path, settings | {"colour": 3})
     assert "colour" in message
     assert f"{path.name}.toml" in message
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS[2:])
-def test_a_step_that_the_format_leaves_open_must_be_stated(
-    tmp_path: Path, engine: str, ending: str
-) -> None:
+def test_a_step_that_the_format_lacks_is_required(tmp_path: Path, engine: str, ending: str) -> None:
     path = file(tmp_path, f"model{ending}", GOOD[ending])
     assert "must set step" in refused(
         engine, path, {"gravity": [0, 0, 0]} if ending == ".urdf" else {}
     )
 
 
-def test_gravity_that_a_urdf_leaves_open_must_be_stated_to_pybullet(tmp_path: Path) -> None:
+def test_gravity_is_required_for_a_urdf_in_pybullet(tmp_path: Path) -> None:
     path = file(tmp_path, "model.urdf", GOOD[".urdf"])
     assert "must set gravity" in refused("pybullet", path, {"step": STEP})
 
@@ -113,14 +111,12 @@ def test_an_unknown_integrator_is_refused_by_name(tmp_path: Path) -> None:
     ("engine", "kind"),
     [("mujoco", "spherical"), ("pybullet", "floating"), ("pybullet", "planar")],
 )
-def test_joints_of_a_urdf_that_are_no_slides_or_hinges_are_refused(
-    tmp_path: Path, engine: str, kind: str
-) -> None:
+def test_other_joint_types_of_a_urdf_are_refused(tmp_path: Path, engine: str, kind: str) -> None:
     path = urdf(tmp_path, link("b", 1), joint("loose", kind, "b"))
     refused(engine, path, SETTINGS)
 
 
-def test_mujoco_makes_two_slides_and_a_hinge_of_a_planar_joint(tmp_path: Path) -> None:
+def test_mujoco_splits_a_planar_joint_into_two_slides_and_a_hinge(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     path = urdf(tmp_path, link("b", 1), joint("flat", "planar", "b"))
     model = engines()["mujoco"].load(ModelSpec(path, (), SETTINGS))
@@ -154,7 +150,7 @@ def test_a_urdf_with_a_dtd_or_entities_is_refused(
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_file_that_is_xml_but_no_urdf_is_refused(tmp_path: Path, pairing: Pairing) -> None:
+def test_xml_other_than_urdf_is_refused(tmp_path: Path, pairing: Pairing) -> None:
     path = file(tmp_path, "model.urdf", "<sdf><model/></sdf>")
     message = refused(pairing.engine, path, urdf_settings(pairing))
     assert "not <robot>" in message or "'sdf'" in message
@@ -162,7 +158,7 @@ def test_a_file_that_is_xml_but_no_urdf_is_refused(tmp_path: Path, pairing: Pair
 
 @pytest.mark.parametrize("words", ["stiff", "nan", "1 2"])
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_spring_stiffness_that_is_no_number_is_refused_by_joint(
+def test_an_invalid_spring_stiffness_is_refused_by_joint(
     tmp_path: Path, pairing: Pairing, words: str
 ) -> None:
     extra = f'<gazebo reference="q1"><springStiffness>{words}</springStiffness></gazebo>'
@@ -173,7 +169,7 @@ def test_a_spring_stiffness_that_is_no_number_is_refused_by_joint(
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_springs_on_joints_that_are_not_there_are_refused(tmp_path: Path, pairing: Pairing) -> None:
+def test_springs_on_missing_joints_are_refused(tmp_path: Path, pairing: Pairing) -> None:
     extra = '<gazebo reference="gone"><springStiffness>3</springStiffness></gazebo>'
     path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), extra)
     assert "'gone'" in refused(pairing.engine, path, urdf_settings(pairing))
@@ -195,7 +191,7 @@ def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
+    ("text", "expected"),
     [
         ("def build(:\n", ":1: SyntaxError"),
         ("import pymunk\nwrong\n", ":2: NameError"),
@@ -208,8 +204,8 @@ def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_space_that_cannot_be_built_is_refused_with_its_line(
-    tmp_path: Path, text: str, wanted: str
+    tmp_path: Path, text: str, expected: str
 ) -> None:
-    assert wanted in refused("pymunk", file(tmp_path, "space.py", text), {"step": STEP}).replace(
+    assert expected in refused("pymunk", file(tmp_path, "space.py", text), {"step": STEP}).replace(
         "Mass", "mass"
     )

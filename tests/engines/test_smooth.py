@@ -1,4 +1,4 @@
-"""The setting `smooth`: without contacts, limits and dry friction, and no mesh is looked for."""
+"""The setting `smooth`: no contacts, limits and dry friction, and meshes are optional."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ MJCF = """<mujoco>
 </mujoco>
 """
 ACCELERATION = -2 * 9.81 * 0.25 * np.sin(0.8) / (0.145 + 2 * 0.25**2)
-"""Of the pendulum at 0.8 rad: two bodies of a kilogram, at 0.5 m and at the pivot."""
+"""The pendulum at 0.8 rad: two bodies of 1 kg, at 0.5 m and at the pivot."""
 
 SERVO = -100 * 0.8 / (0.145 + 2 * 0.25**2)
-"""What the servo adds, which nothing saturates."""
+"""The acceleration by the servo without its force limit."""
 
 
 def loaded(engine: str, tmp_path: Path, **settings: object) -> LoadedModel:
@@ -59,7 +59,7 @@ def loaded(engine: str, tmp_path: Path, **settings: object) -> LoadedModel:
 
 
 @pytest.mark.parametrize("engine", ["mujoco mjcf", "mujoco", "pybullet"])
-def test_beyond_its_limit_and_within_a_box_a_pendulum_swings(engine: str, tmp_path: Path) -> None:
+def test_a_smooth_pendulum_ignores_limits_and_contacts(engine: str, tmp_path: Path) -> None:
     model = loaded(engine, tmp_path, smooth=True)
     h = 1e-7
     _, v = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), h, 1, None, 1)
@@ -67,32 +67,32 @@ def test_beyond_its_limit_and_within_a_box_a_pendulum_swings(engine: str, tmp_pa
     assert v[0, 0, 0] / h == pytest.approx(ACCELERATION + servo, rel=1e-6)
 
 
-def test_without_it_a_mesh_is_looked_for(tmp_path: Path) -> None:
+def test_without_smooth_meshes_are_required(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=r"r\.urdf"):
         loaded("pybullet", tmp_path)
 
 
-def test_without_it_a_limit_holds(tmp_path: Path) -> None:
+def test_without_smooth_a_limit_acts(tmp_path: Path) -> None:
     model = loaded("mujoco", tmp_path)
     _, v = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), 1e-3, 1, None, 1)
     assert abs(v[0, 0, 0] / 1e-3 - ACCELERATION) > 1
 
 
-def test_inertias_of_shapes_are_those_of_the_shapes_that_touch_nothing(tmp_path: Path) -> None:
+def test_inertias_from_shapes_use_shapes_without_contacts(tmp_path: Path) -> None:
     model = loaded("pybullet", tmp_path, smooth=True, inertia_from_file=False)
     _, w = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), 1e-3, 1, None, 1)
     inertia = 2 * 0.4 * 0.2**2 + 0.5**2  # two balls of 0.2 m, one at the pivot
     assert w[0, 0, 0] / 1e-3 == pytest.approx(-9.81 * 0.5 * np.sin(0.8) / inertia, rel=1e-9)
 
 
-def test_the_file_itself_stays_as_it_is(tmp_path: Path) -> None:
+def test_the_file_is_not_changed(tmp_path: Path) -> None:
     loaded("pybullet", tmp_path, smooth=True)
     assert (tmp_path / "r.urdf").read_text() == URDF
     assert [path.name for path in tmp_path.iterdir()] == ["r.urdf"]
 
 
 @pytest.mark.parametrize("engine", ["mujoco mjcf", "mujoco", "pybullet"])
-def test_it_is_true_or_false(engine: str, tmp_path: Path) -> None:
+def test_smooth_is_true_or_false(engine: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=r"\[settings\] smooth is 1.0; expected true or false"):
         loaded(engine, tmp_path, smooth=1.0)
 
@@ -108,7 +108,7 @@ BALL = """<robot name="ball"><link name="world"/><link name="guide"><inertial><m
 <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
 
 
-def test_a_floor_brakes_what_slides_and_no_contact_of_an_earlier_state(tmp_path: Path) -> None:
+def test_a_floor_applies_friction_without_memory_of_contacts(tmp_path: Path) -> None:
     file = tmp_path / "ball.urdf"
     file.write_text(BALL)
     settings = {"step": 0.001, "gravity": [0.0, 0.0, -10.0], "floor": True}

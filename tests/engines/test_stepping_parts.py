@@ -1,4 +1,4 @@
-"""What adapters without a stepper of their own, or with one state at a time, share."""
+"""Parts that adapters share: a Runge-Kutta stepper, mimics, springs, settings."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
 )
 
 
-def test_runge_kutta_is_the_classical_rule() -> None:
-    """Of x'' = -x from (1, 0), the Taylor series to the fourth power."""
+def test_runge_kutta_matches_the_taylor_series() -> None:
+    """Compare with the Taylor series of x'' = -x from (1, 0) to order four."""
     stepper = RungeKutta(lambda x, m, f: f - x, floats=False)
     q, v = stepper.rollout(np.ones((1, 1)), np.zeros((1, 1)), 0.1, 1, None, 1)
     assert q[0, 0, 0] == pytest.approx(1 - 0.1**2 / 2 + 0.1**4 / 24, abs=1e-16)
@@ -49,7 +49,7 @@ INERTIA = np.array([0.3, 0.5, 0.9])
 
 
 def tumbling(x: Array, m: Array, f: Array) -> Array:
-    """Euler's equations of a body on no joint, its origin at its centre of mass."""
+    """Return Euler's equations of a free body with its origin at its centre of mass."""
     spin = m[3:6]
     turn = (f[3:6] - np.cross(spin, INERTIA * spin)) / INERTIA
     return np.concatenate([f[:3] / 2.0, turn])
@@ -65,7 +65,7 @@ def tumbled(n: int, span: float = 0.8) -> tuple[Array, Array]:
     return x[0], m[0]
 
 
-def test_a_body_that_tumbles_is_turned_with_order_four() -> None:
+def test_a_tumbling_body_has_order_four() -> None:
     ends = [tumbled(n) for n in (8, 16, 32)]
     fine, _ = tumbled(512)
     errors = [float(np.abs(x - fine).max()) for x, _ in ends]
@@ -73,7 +73,7 @@ def test_a_body_that_tumbles_is_turned_with_order_four() -> None:
     assert orders == pytest.approx([4, 4], abs=0.3)
 
 
-def test_a_body_that_tumbles_keeps_its_angular_momentum_in_the_world() -> None:
+def test_a_tumbling_body_conserves_angular_momentum() -> None:
     x, m = tumbled(400)
     start, spin = unit_quaternion(np.array([0.4, -0.9, 1.1])), np.array([0.7, 2.0, -1.3])
     np.testing.assert_allclose(
@@ -84,7 +84,7 @@ def test_a_body_that_tumbles_keeps_its_angular_momentum_in_the_world() -> None:
 
 
 @pytest.mark.parametrize("angle", [1e-9, 1e-3, 0.0099, 0.0101, 1.0, 3.0])
-def test_the_rate_of_a_move_is_the_inverse_of_the_exponentials_differential(angle: float) -> None:
+def test_displacement_rates_invert_the_differential_of_the_exponential(angle: float) -> None:
     by = angle * np.array([0.36, -0.48, 0.8])
     spin = np.array([0.3, 0.9, -0.4])
     rate = displacement_rate(
@@ -92,23 +92,23 @@ def test_the_rate_of_a_move_is_the_inverse_of_the_exponentials_differential(angl
     )[3:6]
     h = 1e-5
     x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0]])
-    one, other = (displaced(x, np.concatenate([np.zeros(3), by + s * h * rate])) for s in (-1, 1))
-    turn = from_quaternion(one[3:7]).T @ from_quaternion(other[3:7]) / (2 * h)
-    found = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    np.testing.assert_allclose(found / 2, spin, atol=1e-9)
+    start, end = (displaced(x, np.concatenate([np.zeros(3), by + s * h * rate])) for s in (-1, 1))
+    turn = from_quaternion(start[3:7]).T @ from_quaternion(end[3:7]) / (2 * h)
+    doubled = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    np.testing.assert_allclose(doubled / 2, spin, atol=1e-9)
 
 
-def test_a_free_roots_coordinates_are_told_as_they_were_set() -> None:
-    z = np.array([0.1, -0.2, 0.3, 5.0, -0.9, 1.1, 0.6])  # turned by more than half a turn
+def test_coordinates_of_a_free_root_are_returned_as_set() -> None:
+    z = np.array([0.1, -0.2, 0.3, 5.0, -0.9, 1.1, 0.6])  # rotated by more than half a turn
     w = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3, 0.4])
     stepper = RungeKutta(lambda x, m, f: f, floats=True)
-    found = stepper.rollout(z[None], w[None], 1e-30, 1, None, 1)
-    for one, given in zip(found, (z, w), strict=True):
-        np.testing.assert_allclose(one[0, 0], given, rtol=1e-14)
+    result = stepper.rollout(z[None], w[None], 1e-30, 1, None, 1)
+    for actual, expected in zip(result, (z, w), strict=True):
+        np.testing.assert_allclose(actual[0, 0], expected, rtol=1e-14)
     np.testing.assert_allclose(to_state(z, w)[1][3:6], angular_velocity(z[3:6], w[3:6]))
 
 
-def test_a_motion_that_blows_up_leaves_those_beside_it() -> None:
+def test_a_motion_that_blows_up_does_not_change_its_batch() -> None:
     stepper = RungeKutta(lambda x, m, f: x**3 + f, floats=False)
     q = np.array([[1e200], [0.1], [np.nan]])
     z, w = stepper.rollout(q, 0 * q, 0.1, 4, None, 2)
@@ -116,7 +116,7 @@ def test_a_motion_that_blows_up_leaves_those_beside_it() -> None:
     assert np.isfinite(w[1]).all()
 
 
-def test_forces_by_state_are_asked_at_the_start_of_each_step() -> None:
+def test_forces_by_state_are_evaluated_at_the_start_of_each_step() -> None:
     stepper = RungeKutta(lambda x, m, f: f, floats=False)
     given = StateForce(np.ones((1, 3, 1)), lambda z, u: [u[0] - z[0]])
     z, _ = stepper.rollout(np.zeros((1, 1)), np.zeros((1, 1)), 1.0, 3, given, 1)
@@ -127,40 +127,40 @@ def test_forces_by_state_are_asked_at_the_start_of_each_step() -> None:
 CHAIN = [Mimic("b", "a", 2.0, 0.0), Mimic("c", "b", -0.5, 0.0)]
 
 
-def test_joints_that_follow_followers_follow_what_leads_those() -> None:
+def test_chained_mimics_follow_the_first_leader() -> None:
     along = leader_matrix(CHAIN, ("c", "x", "a", "b"), "f")
     np.testing.assert_array_equal(along, [[0, -1], [1, 0], [0, 1], [0, 2]])
 
 
-@pytest.mark.parametrize(("mimics", "told"), [
+@pytest.mark.parametrize(("mimics", "message"), [
     ([Mimic("a", "b", 1.0, 0.0), Mimic("b", "a", 1.0, 0.0)], "leads back to it"),
     ([Mimic("a", "nowhere", 1.0, 0.0)], "'nowhere', which is not a moving joint"),
 ])  # fmt: skip
-def test_mimics_that_lead_nowhere_are_refused(mimics: list[Mimic], told: str) -> None:
-    with pytest.raises(EngineError, match=told):
+def test_mimics_without_a_leader_are_rejected(mimics: list[Mimic], message: str) -> None:
+    with pytest.raises(EngineError, match=message):
         leader_matrix(mimics, ("a", "b"), "f")
 
 
-def test_what_holds_a_follower_does_no_work() -> None:
+def test_mimic_constraint_forces_do_no_work() -> None:
     mass = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 0.7]])
-    pull, along = np.array([1.0, -2.0, 0.4]), leader_matrix(CHAIN, ("a", "b", "c"), "f")
-    a = constrained_accelerations(mass, pull, along)
+    load, along = np.array([1.0, -2.0, 0.4]), leader_matrix(CHAIN, ("a", "b", "c"), "f")
+    a = constrained_accelerations(mass, load, along)
     np.testing.assert_allclose(a[1:], [2 * a[0], -a[0]], rtol=1e-14)
-    np.testing.assert_allclose(along.T @ (mass @ a - pull), 0, atol=1e-15)
+    np.testing.assert_allclose(along.T @ (mass @ a - load), 0, atol=1e-15)
 
 
-def test_springs_pull_on_combinations_of_joints() -> None:
+def test_springs_act_on_combinations_of_joints() -> None:
     between = Spring({"a": 1.0, "b": -1.0}, 38.0, 0.35, 0.1)
     forces = SpringForces([between, Spring({"b": 1.0}, 5.0, 0.0, 0.0)], ("b", "a"), "f", np.ones(2))
     q, v = np.array([0.2, 0.7]), np.array([-1.0, 0.5])
-    pull = 38.0 * (0.7 - 0.2 - 0.1) + 0.35 * 1.5
-    np.testing.assert_allclose(forces.forces(q, v), [pull - 5 * 0.2 + 1.0, -pull - 0.5], rtol=1e-14)
+    load = 38.0 * (0.7 - 0.2 - 0.1) + 0.35 * 1.5
+    np.testing.assert_allclose(forces.forces(q, v), [load - 5 * 0.2 + 1.0, -load - 0.5], rtol=1e-14)
     assert SpringForces([], ("a",), "f").empty
     with pytest.raises(EngineError, match="'nowhere', which is not a moving joint"):
         SpringForces([Spring({"nowhere": 1.0}, 1.0, 0.0, 0.0)], ("a",), "f")
 
 
-def test_what_a_library_prints_is_caught_on_both_streams(capfd: pytest.CaptureFixture[str]) -> None:
+def test_output_of_a_library_is_captured_on_both_streams(capfd: pytest.CaptureFixture[str]) -> None:
     with capture_output((STDOUT, STDERR), again=False) as texts:
         os.write(STDOUT, b"out")
         os.write(STDERR, b"err")
@@ -181,26 +181,26 @@ URDF = """<robot name="r"><link name="g"/><link name="a"/><link name="b"/>
     ({}, 1, 1), ({"couplings": False}, 1, 0), ({"couplings": ["k"]}, 1, 1),
     ({"couplings": ["other"]}, 1, 0), ({"held": ["j"]}, 0, 1),
 ])  # fmt: skip
-def test_what_a_sidecar_lets_of_a_file(
+def test_a_sidecar_selects_springs_and_mimics(
     settings: dict[str, object], springs: int, mimics: int, tmp_path: Path
 ) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(URDF)
-    found = declared_urdf(ModelSpec(path, settings=settings))
-    assert (len(found.springs), len(found.mimics)) == (springs, mimics)
+    declared = declared_urdf(ModelSpec(path, settings=settings))
+    assert (len(declared.springs), len(declared.mimics)) == (springs, mimics)
 
 
-@pytest.mark.parametrize(("settings", "told"), [
+@pytest.mark.parametrize(("settings", "message"), [
     ({"fast": 3}, r"fast is 3; expected true or false"),
     ({"drag": True}, r"drag is True; expected a number"),
     ({"way": "up"}, r"way is 'up'; expected one of left, right"),
     ({"odd": 1}, r"Title has no setting odd"), ({"gravity": None}, "must set gravity"),
 ])  # fmt: skip
-def test_settings_that_are_none_are_refused(settings: dict[str, object], told: str) -> None:
+def test_invalid_settings_are_rejected(settings: dict[str, object], message: str) -> None:
     given = {"step": 0.01, "gravity": [0, 0, 0], **settings}
     stated = {key: value for key, value in given.items() if value is not None}
     defaults: dict[str, float | bool | str] = {"fast": False, "drag": 0.1, "way": "left"}
-    with pytest.raises(EngineError, match=told):
+    with pytest.raises(EngineError, match=message):
         check_settings(
             ModelSpec(Path("r.urdf"), settings=stated), "Title", "none", defaults,
             {"way": ("left", "right")},

@@ -1,4 +1,4 @@
-"""Engines of other distributions come through the entry point `crosscheck.engines`."""
+"""Engines of other distributions are registered by the entry point `crosscheck.engines`."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from physics_crosscheck.harness.engines.registry import engines
 
 
 def distribution(place: Path, name: str, module: str, text: str) -> None:
-    """A distribution with one module and one engine."""
+    """Create a distribution with one module and one engine."""
     (place / f"{module}.py").write_text(text)
     info = place / f"{name}-1.0.dist-info"
     info.mkdir(parents=True)
@@ -16,14 +16,14 @@ def distribution(place: Path, name: str, module: str, text: str) -> None:
     (info / "entry_points.txt").write_text(f"[crosscheck.engines]\n{name} = {module}:Engine\n")
 
 
-def test_an_installed_engine_is_known_by_its_name() -> None:
-    found = engines()["known"]
-    assert found.version() == "1.0"
-    assert found.formats == (".known",)
+def test_an_installed_engine_is_registered_by_name() -> None:
+    engine = engines()["known"]
+    assert engine.version() == "1.0"
+    assert engine.formats == (".known",)
     assert list(engines())[:3] == ["mujoco", "pybullet", "pymunk"]
 
 
-def test_an_engine_that_is_installed_later_is_known_then(
+def test_an_engine_that_is_installed_later_is_registered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
@@ -34,7 +34,7 @@ def test_an_engine_that_is_installed_later_is_known_then(
     assert "later" in engines()
 
 
-def test_no_entry_point_takes_the_name_of_a_built_in_engine(
+def test_an_entry_point_cannot_replace_a_built_in_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = "from physics_crosscheck.harness.engines.known_answer import KnownEngine\n\n\n"
@@ -44,7 +44,7 @@ def test_no_entry_point_takes_the_name_of_a_built_in_engine(
     assert type(engines()["mujoco"]).__name__ == "MujocoEngine"
 
 
-def test_an_entry_point_that_is_no_engine_is_told_by_name(
+def test_an_entry_point_without_an_engine_is_reported_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     distribution(tmp_path, "duck", "duck_engine", "class Engine:\n    name = 'duck'\n")
@@ -52,20 +52,20 @@ def test_an_entry_point_that_is_no_engine_is_told_by_name(
     with pytest.warns(
         UserWarning, match="'duck'.*not a subclass of harness.engines.protocol.Engine"
     ):
-        found = engines()
-    assert "duck" not in found
+        registered = engines()
+    assert "duck" not in registered
 
 
-@pytest.mark.parametrize(("name", "text", "said"), [
+@pytest.mark.parametrize(("name", "text", "reason"), [
     ("broken", "import no_such_module_at_all\n", "no_such_module_at_all"),
     ("leaving", "raise SystemExit('good bye')\n", "good bye"),
     ("base", "raise BaseException('no')\n", "no"),
 ])  # fmt: skip
-def test_an_entry_point_that_cannot_be_loaded_is_told_by_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str, said: str
+def test_an_entry_point_that_cannot_be_loaded_is_reported_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str, reason: str
 ) -> None:
     distribution(tmp_path, name, f"{name}_engine", text)
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.warns(UserWarning, match=f"{name}.*{said}"):
-        found = engines()
-    assert "known" in found
+    with pytest.warns(UserWarning, match=f"{name}.*{reason}"):
+        registered = engines()
+    assert "known" in registered

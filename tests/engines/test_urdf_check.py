@@ -1,4 +1,4 @@
-"""A URDF of more than one meaning, or of none, is refused by its line before an engine sees it."""
+"""An ambiguous or invalid URDF is rejected by line before an engine loads it."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def joint(name: str, parent: str, child: str) -> str:
     return f'<joint name="{name}" type="continuous">{ends}</joint>'
 
 
-def beside(text: str) -> tuple[str, str]:
+def added(text: str) -> tuple[str, str]:
     return "</robot>", f"{text}\n</robot>"
 
 
 LOOP = '<link name="b"/><link name="c"/>' + joint("k", "b", "c") + joint("l", "c", "b")
 REFUSED = [
-    (beside('<link name="z"/>'), ":6: it has 2 root links, 'g', 'z'"),
-    (beside('<link name="a"/>'), ":6: a second link is called 'a'"),
-    (beside('<link name="b"/>' + joint("j", "g", "b")), ":6: a second joint is called 'j'"),
-    (beside(joint("k", "g", "a")), ":6: link 'a' has a second parent, by joint 'k'"),
-    (beside(LOOP), ":6: link 'b' is its own ancestor"),
-    (beside('<link name="b"/>' + joint("k", "no", "b")), ":6: the parent of joint 'k' is 'no'"),
-    (beside('<robot name="q"/>'), ":6: a <robot> inside the <robot>"),
+    (added('<link name="z"/>'), ":6: it has 2 root links, 'g', 'z'"),
+    (added('<link name="a"/>'), ":6: a second link is called 'a'"),
+    (added('<link name="b"/>' + joint("j", "g", "b")), ":6: a second joint is called 'j'"),
+    (added(joint("k", "g", "a")), ":6: link 'a' has a second parent, by joint 'k'"),
+    (added(LOOP), ":6: link 'b' is its own ancestor"),
+    (added('<link name="b"/>' + joint("k", "no", "b")), ":6: the parent of joint 'k' is 'no'"),
+    (added('<robot name="q"/>'), ":6: a <robot> inside the <robot>"),
     (('name="j" type', "type"), ":4: a <joint> has no name"),
     (('lower="-1"', 'lower="nan"'), ":5: lower of <limit> of joint 'j' is 'nan'; expected a"),
     (('damping="0.1"', 'damping="0,1"'), ":5: damping of <dynamics> of joint 'j' is '0,1'"),
@@ -60,14 +60,14 @@ REFUSED = [
     (("</joint>", '<mimic joint="j"/></joint>'), ":5: joint 'j' mimics itself"),
     (("</joint>", '<mimic joint="k"/></joint>'), ":5: joint 'j' mimics 'k', which is not a joint"),
     (
-        beside('<gazebo reference="k"><springStiffness>1</springStiffness></gazebo>'),
+        added('<gazebo reference="k"><springStiffness>1</springStiffness></gazebo>'),
         ":6: a spring names 'k', which is neither a slide nor a hinge",
     ),
     (('type="revolute"', 'type="hinge"'), ":4: joint 'j' is of type 'hinge'"),
     ((' ixx="0.01"', ""), ":2: the inertia of link 'g' has no ixx"),
     (('<axis xyz="0 1 0"/>', "<axis/>"), ":4: the <axis> of joint 'j' has no xyz"),
     (
-        beside('<link name="b"/>' + joint("k", "world", "b")),
+        added('<link name="b"/>' + joint("k", "world", "b")),
         ":6: the parent of joint 'k' is 'world'",
     ),
     (("<mass", '<origin xyz="1,2,3"/><mass'), ":2: xyz of <origin> of link 'g' is '1,2,3'"),
@@ -76,12 +76,12 @@ REFUSED = [
         ":2: xyz of <origin> of link 'g' is 'a'",
     ),
     (("</robot>", "</robot><robot/>"), ":6: not XML at column 9: junk after document element"),
-    (beside("<a>" * 300 + "</a>" * 300), ":6: refused: more than 300 nested elements"),
+    (added("<a>" * 300 + "</a>" * 300), ":6: refused: more than 300 nested elements"),
 ]
 
 
 @pytest.mark.parametrize(("change", "message"), REFUSED)
-def test_it_is_refused_by_its_line(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+def test_invalid_urdfs_are_rejected(change: tuple[str, str], message: str, tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(GOOD)
     load_urdf(path)
@@ -104,27 +104,27 @@ READ_BY_PYBULLET = [
     (GOOD.replace('<axis xyz="0 1 0"/>', COMMAS), "bad format"),
     (GOOD.replace("</joint>", '<axis xyz="0  1 0"/></joint>'), "repeated element"),
 ]
-AT = ModelSpec(Path("robot.urdf"), settings={"step": 0.002, "gravity": [0, 0, 0]})
+SPEC = ModelSpec(Path("robot.urdf"), settings={"step": 0.002, "gravity": [0, 0, 0]})
 
 
 def loaded(name: str, text: bytes, path: Path) -> tuple[str, ...]:
     pytest.importorskip(name)
     path.write_bytes(text)
     for smooth in (False, True):  # the file itself, and a copy of it
-        settings = {**AT.settings, "smooth": smooth}
-        model = engines()[name].load(dataclasses.replace(AT, path=path, settings=settings))
+        settings = {**SPEC.settings, "smooth": smooth}
+        model = engines()[name].load(dataclasses.replace(SPEC, path=path, settings=settings))
     return model.coordinates
 
 
 @pytest.mark.parametrize("text", READ_BY_BOTH)
 @pytest.mark.parametrize("name", ["mujoco", "pybullet"])
-def test_what_engines_read_over_in_xml_is_read(name: str, text: bytes, tmp_path: Path) -> None:
+def test_ignored_xml_deviations_are_accepted(name: str, text: bytes, tmp_path: Path) -> None:
     assert loaded(name, text, tmp_path / "robot.urdf") == ("j",)
 
 
 @pytest.mark.parametrize(("text", "reason"), READ_BY_PYBULLET)
-def test_what_one_engine_reads_the_other_refuses(text: str, reason: str, tmp_path: Path) -> None:
-    """The sentence is MuJoCo's own."""
+def test_mujoco_rejects_syntax_that_pybullet_reads(text: str, reason: str, tmp_path: Path) -> None:
+    """Match the message of MuJoCo."""
     path = tmp_path / "robot.urdf"
     assert loaded("pybullet", text.encode(), path) == ("j",)
     with pytest.raises(EngineError, match=f"MuJoCo can't load it: .*{reason}"):
@@ -132,7 +132,7 @@ def test_what_one_engine_reads_the_other_refuses(text: str, reason: str, tmp_pat
 
 
 @pytest.mark.parametrize("words", ["0.5,0,0", "0.5 ,0 ,0", "0.5, 0, 0,"])
-def test_commas_of_which_an_engine_makes_zeros_are_refused(words: str, tmp_path: Path) -> None:
+def test_commas_that_an_engine_reads_as_zeros_are_rejected(words: str, tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(GOOD.replace('<axis xyz="0 1 0"/>', f'<origin xyz="{words}"/>'))
     with pytest.raises(EngineError, match="expected 3 finite numbers"):
@@ -140,10 +140,10 @@ def test_commas_of_which_an_engine_makes_zeros_are_refused(words: str, tmp_path:
 
 
 @pytest.mark.parametrize("name", ["mujoco", "pybullet"])
-def test_no_engine_gets_to_see_it(name: str, tmp_path: Path) -> None:
+def test_no_engine_loads_an_invalid_urdf(name: str, tmp_path: Path) -> None:
     pytest.importorskip(name)
     path = tmp_path / "robot.urdf"
-    path.write_text(GOOD.replace(*beside('<link name="z"/>')))
+    path.write_text(GOOD.replace(*added('<link name="z"/>')))
     settings = {"step": 0.002, "gravity": [0, 0, 0]}
     with pytest.raises(EngineError, match="2 root links"):
         engines()[name].load(ModelSpec(path, settings=settings))
@@ -153,7 +153,7 @@ def test_no_engine_gets_to_see_it(name: str, tmp_path: Path) -> None:
     ("name", "ending"),
     [("mujoco", ".xml"), ("mujoco", ".urdf"), ("pybullet", ".urdf"), ("pymunk", ".py")],
 )
-def test_no_adapter_waits_for_a_pipe(name: str, ending: str, tmp_path: Path) -> None:
+def test_a_named_pipe_is_rejected(name: str, ending: str, tmp_path: Path) -> None:
     pytest.importorskip(name)
     path = tmp_path / f"pipe{ending}"
     os.mkfifo(path)
@@ -164,7 +164,7 @@ def test_no_adapter_waits_for_a_pipe(name: str, ending: str, tmp_path: Path) -> 
         engines()[name].load(ModelSpec(path, settings=settings))
 
 
-def told(name: str, text: str, folder: Path) -> list[str]:
+def notes(name: str, text: str, folder: Path) -> list[str]:
     pytest.importorskip(name)
     path = folder / "robot.urdf"
     path.write_text(text)
@@ -183,69 +183,67 @@ def told(name: str, text: str, folder: Path) -> list[str]:
         ("mujoco", ('"revolute"', '"continuous"'), "[-1, 1] of j have no effect: it is continuous"),
         ("pybullet", ('"revolute"', '"continuous"'), "of j have no effect: it is continuous"),
         ("pybullet", ('xyz="0 1 0"', 'xyz="0 2 0"'), "the axis of j has the length 2"),
-        ("mujoco", beside('<transmission name="t"/>'), "<transmission> has no effect here"),
+        ("mujoco", added('<transmission name="t"/>'), "<transmission> has no effect here"),
         ("pybullet", ("</joint>", '<safety_controller k_velocity="1"/></joint>'),
          "<safety_controller> has no effect here"),
     ],
 )  # fmt: skip
-def test_what_an_engine_reads_over_is_said(
+def test_ignored_attributes_are_reported(
     name: str, change: tuple[str, str], message: str, tmp_path: Path
 ) -> None:
-    assert message not in "\n".join(told(name, GOOD, tmp_path))
-    assert message in "\n".join(told(name, GOOD.replace(*change), tmp_path))
+    assert message not in "\n".join(notes(name, GOOD, tmp_path))
+    assert message in "\n".join(notes(name, GOOD.replace(*change), tmp_path))
 
 
-def test_why_pybullet_cannot_load_a_file_is_in_the_message(tmp_path: Path) -> None:
+def test_an_error_quotes_the_reason_of_pybullet(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="REVOLUTE but it does not specify limits"):
-        told("pybullet", GOOD.replace('<limit lower="-1" upper="1" effort="1" velocity="9"/>', ""),
+        notes("pybullet", GOOD.replace('<limit lower="-1" upper="1" effort="1" velocity="9"/>', ""),
              tmp_path)  # fmt: skip
 
 
-def test_a_fixed_links_inertia_that_pybullet_zeroes_is_refused_too(tmp_path: Path) -> None:
+def test_a_fixed_link_whose_inertia_pybullet_zeroes_is_rejected(tmp_path: Path) -> None:
     thin = BODY.replace('ixx="0.01"', 'ixx="0.1"')
     fixed = joint("f", "a", "b").replace("continuous", "fixed")
-    text = GOOD.replace(*beside(f'<link name="b">{thin}</link>{fixed}'))
+    text = GOOD.replace(*added(f'<link name="b">{thin}</link>{fixed}'))
     with pytest.raises(EngineError, match="inertia of link 'b' to zero"):
-        told("pybullet", text, tmp_path)
+        notes("pybullet", text, tmp_path)
 
 
 @pytest.mark.parametrize("mass", ["1", "0"])
-def test_a_fixed_link_of_any_mass_whose_inertia_is_zeroed_is_refused(
-    mass: str, tmp_path: Path
-) -> None:
-    """A rotor's moments count though it is given no mass: zeroed, nothing else would tell why."""
+def test_a_zeroed_inertia_is_rejected_for_any_mass(mass: str, tmp_path: Path) -> None:
+    """Report zeroed moments of a rotor without mass, because no other message explains them."""
     thin = BODY.replace('ixx="0.01"', 'ixx="0.1"').replace('mass value="1"', f'mass value="{mass}"')
     assert f'mass value="{mass}"' in thin
     fixed = joint("f", "a", "b").replace("continuous", "fixed")
-    text = GOOD.replace(*beside(f'<link name="b">{thin}</link>{fixed}'))
+    text = GOOD.replace(*added(f'<link name="b">{thin}</link>{fixed}'))
     with pytest.raises(EngineError, match="inertia of link 'b' to zero; its principal moments"):
-        told("pybullet", text, tmp_path)
+        notes("pybullet", text, tmp_path)
 
 
-def test_every_link_is_named_whose_inertia_pybullet_zeroes(tmp_path: Path) -> None:
+def test_all_links_with_zeroed_inertia_are_named(tmp_path: Path) -> None:
     data = pytest.importorskip("pybullet_data")
     text = (Path(data.getDataPath()) / "TwoJointRobot_w_fixedJoints.urdf").read_text()
     with pytest.raises(EngineError, match="inertia of links 'link_1', 'link_2' to zero; their"):
-        told("pybullet", text, tmp_path)
+        notes("pybullet", text, tmp_path)
 
 
-def test_a_link_without_moments_is_not_said_to_have_wrong_ones(tmp_path: Path) -> None:
+def test_a_link_without_inertia_is_not_reported_as_zeroed(tmp_path: Path) -> None:
     none = BODY.replace("0.01", "0")
     assert GOOD.count(BODY) > 1
     head, tail = GOOD.rsplit(BODY, 1)
     with pytest.raises(EngineError, match="joint 'j' moves nothing with inertia"):
-        told("pybullet", f"{head}{none}{tail}", tmp_path)
+        notes("pybullet", f"{head}{none}{tail}", tmp_path)
 
 
-def test_a_gear_of_nothing_is_refused(tmp_path: Path) -> None:
+def test_a_mimic_with_multiplier_zero_is_rejected(tmp_path: Path) -> None:
     follower = joint("k", "g", "b").replace("</joint>", '<mimic joint="j" multiplier="0"/></joint>')
     with pytest.raises(EngineError, match="multiplier 0"):
-        told("pybullet", GOOD.replace(*beside(f'<link name="b">{BODY}</link>{follower}')), tmp_path)
+        notes("pybullet", GOOD.replace(*added(f'<link name="b">{BODY}</link>{follower}')), tmp_path)
 
 
-def test_what_is_said_of_a_rewritten_copy_names_the_users_file(tmp_path: Path) -> None:
+def test_errors_of_a_rewritten_copy_name_the_original_file(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     root = XmlElement("robot")
-    with pytest.raises(RuntimeError) as told, temporary_file(root, path) as copy:
+    with pytest.raises(RuntimeError) as error, temporary_file(root, path) as copy:
         raise RuntimeError(f"{copy}:3: no mass")
-    assert str(told.value) == f"{path}:3: no mass"
+    assert str(error.value) == f"{path}:3: no mass"
