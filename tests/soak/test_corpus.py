@@ -1,4 +1,4 @@
-"""A part of the corpus: cheap entries, those of a run in a few runs of many folders each."""
+"""A part of the corpus: fast entries, with many folders per run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from soak.corpus.entry import RUN, Entry
 from soak.corpus.judge import Judged, alone, judge
 
 SLOW_TO_REFUSE = ("tower of powers", "more jobs", "a folder twice")
-"""What takes long because it may, or runs a model."""
+"""Entries that take long or run a model."""
 
 COMMANDS = [
     entry
@@ -33,7 +33,7 @@ def wrong(judged: list[Judged]) -> list[str]:
     ]
 
 
-def test_there_are_many_over_every_format_and_command() -> None:
+def test_the_corpus_covers_every_format_and_command() -> None:
     assert len(ENTRIES) > 1000
     assert len(COMMANDS) + len(FOLDERS) > 140
     formats = {name.split("/")[0] for name in ENTRIES}
@@ -44,7 +44,7 @@ def test_there_are_many_over_every_format_and_command() -> None:
     }  # fmt: skip
 
 
-def test_nothing_is_judged_in_a_checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_judging_in_a_checkout_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".git").mkdir()
     (tmp_path / "mine").write_text("")
@@ -54,24 +54,22 @@ def test_nothing_is_judged_in_a_checkout(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 @pytest.mark.slow
-def test_commands_refuse_what_they_are_given(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_commands_reject_invalid_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert not wrong([alone(entry) for entry in COMMANDS])
 
 
 @pytest.mark.slow
-def test_hostile_folders_fail_alone_and_are_told(
+def test_hostile_folders_fail_alone_and_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert not wrong(list(judge(FOLDERS)))
 
 
-def test_what_is_slow_has_a_process_of_its_own() -> None:
+def test_slow_entries_have_separate_processes() -> None:
     def entry(name: str, **fields: object) -> Entry:
-        return Entry(name=name, build=lambda place: None, **fields)  # type: ignore[arg-type]
+        return Entry(name=name, build=lambda folder: None, **fields)  # type: ignore[arg-type]
 
     some = [entry("a"), entry("b", slow=True), entry("c", command=("derive",)), entry("d")]
     assert [[one.name for one in chunk] for chunk in chunks(some, 2)] == [["c"], ["a", "d"], ["b"]]

@@ -1,7 +1,6 @@
-"""Some of the faults while running, at one random time each: those that need a process of its own.
+"""Faults in a run that need a separate process, at one random time each.
 
-Stops, full disks and deaths of workers are brought about within the process in `tests/cli` and
-`tests/schedule`, which is quicker.
+`tests/cli` and `tests/schedule` test stops, full disks and lost workers faster in one process.
 """
 
 from __future__ import annotations
@@ -27,28 +26,26 @@ def expected() -> Undisturbed:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
-def test_a_fault_while_running_costs_nothing_that_was_done(
-    expected: Undisturbed, name: str
-) -> None:
+def test_a_fault_in_a_run_loses_no_results(expected: Undisturbed, name: str) -> None:
     assert FAULTS[name].check(expected) == []
 
 
-def test_there_are_faults_of_every_kind() -> None:
+def test_faults_cover_every_kind() -> None:
     kinds = {name.split("/")[0] for name in FAULTS}
     assert kinds == {"signals", "disk", "streams", "two runs", "models"}
     assert len(every(seeds=5)) > 100
 
 
-def test_a_process_that_is_left_behind_is_seen() -> None:
-    with scene(folders=1) as one:
-        process = one.start(["sleep", "60"])
+def test_an_orphaned_process_is_detected() -> None:
+    with scene(folders=1) as stage:
+        process = stage.start(["sleep", "60"])
         # A moment passes before the system shows a new process's environment.
         for _ in range(200):
-            if seen := one.processes():
+            if seen := stage.processes():
                 break
             time.sleep(0.05)
         process.kill()
         assert seen == [process.pid]
-        one.end()
+        stage.end()
         process.communicate()
-        assert one.processes() == []
+        assert stage.processes() == []

@@ -1,4 +1,4 @@
-"""What fuzzing has found, and every parser on its seeds."""
+"""Earlier failures of fuzzing, and every parser on its seeds."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ FINDS = [
     ("notation", b"f''"),
     ("notation", b"'x' = 0"),
     ("notation", b"[x] = x"),
-    # Arithmetic that no time would do.
+    # Arithmetic that never finishes.
     ("expression", b"-m * l** 1e908"),
     ("expression", b"9**9**9"),
     ("expression", b"2**-9**9**9 * m"),
-    # Names that would begin a line of the system.py that is written.
+    # Names that would start a line of the generated system.py.
     ("new_urdf", b"""<robot name="a"><link name="g"/><link name="b&#10; c"><inertial>
 <mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
 <joint name="j&#10;  k" type="continuous"><parent link="g"/><child link="b&#10; c"/></joint></robot>
@@ -37,17 +37,17 @@ FINDS = [
 
 
 @pytest.mark.parametrize(("name", "data"), FINDS)
-def test_what_was_found_is_refused_or_read(name: str, data: bytes) -> None:
+def test_earlier_failures_are_rejected_or_read(name: str, data: bytes) -> None:
     assert attack(TARGETS[name], data) is None
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_every_seed_is_within_the_contract(name: str) -> None:
+def test_every_seed_satisfies_the_contract(name: str) -> None:
     for seed in list(TARGETS[name].seeds())[:4]:
         assert attack(TARGETS[name], seed) is None
 
 
-def test_a_text_that_is_no_equation_is_told_by_its_number() -> None:
+def test_an_invalid_equation_is_reported_by_its_number() -> None:
     from physics_crosscheck.harness.modelfiles.folders import builtin
 
     system = load_system(builtin() / "simple_pendulum")
@@ -70,16 +70,16 @@ def raising(data: bytes) -> object:
 WRONG = Target(name="w", parse=raising, errors=(ValueError,), seeds=lambda: iter(()), words=())
 
 
-def test_what_breaks_a_contract_is_found_and_made_small() -> None:
+def test_a_broken_contract_is_detected_and_minimized() -> None:
     assert attack(WRONG, b"yes") is None
-    found = attack(WRONG, b"yes and no and so on")
-    assert isinstance(found, Find)
-    assert found.place.startswith("KeyError")
-    assert smallest(WRONG, found.input) == b"no"
+    failure = attack(WRONG, b"yes and no and so on")
+    assert isinstance(failure, Find)
+    assert failure.place.startswith("KeyError")
+    assert smallest(WRONG, failure.input) == b"no"
 
 
 @pytest.mark.slow
-def test_what_takes_too_long_is_found() -> None:
-    found = attack(WRONG, b"slow")
-    assert found is not None
-    assert found.told.startswith(SlowError.__name__)
+def test_a_slow_input_is_detected() -> None:
+    failure = attack(WRONG, b"slow")
+    assert failure is not None
+    assert failure.told.startswith(SlowError.__name__)
