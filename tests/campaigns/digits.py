@@ -1,8 +1,7 @@
-"""Mechanisms in mpmath: d'Alembert's principle from the bodies' poses alone, with 40 digits.
+"""Mechanisms in mpmath: d'Alembert's principle from the poses of bodies, with 40 digits.
 
-No angular velocity, Jacobian or inertia tensor in the world: poses are products of 4 x 4 matrices,
-their derivatives are differences over steps so small that half of 90 digits are left, and a body is
-its second moments.
+The code uses no angular velocities, Jacobians or inertia tensors: poses are products of 4 x 4
+matrices, their derivatives are finite differences with 90 digits, and a body is its second moments.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ Number = Any
 
 DIGITS = 90
 STEP = mp.mpf(10) ** -22
-"""Differences err by its square."""
+"""Step of the differences, whose error is its square."""
 
 
 def accelerations(mechanism: Mechanism, t: Number, q: Sequence[Any], v: Sequence[Any]) -> Matrix:
-    """qdd, a column of n."""
+    """Return qdd, a column of n."""
     n = len(q)
 
     def moved(direction: Sequence[Any], sign: int) -> list[Matrix]:
@@ -36,7 +35,7 @@ def accelerations(mechanism: Mechanism, t: Number, q: Sequence[Any], v: Sequence
         ends = zip(moved(unit, 1), moved(unit, -1), strict=True)
         slopes.append([(b - a) / (2 * STEP) for b, a in ends])
     around = zip(moved(v, 1), moved(v, -1), here, strict=True)
-    bends = [(b + a - 2 * x) / STEP**2 for b, a, x in around]
+    curvatures = [(b + a - 2 * x) / STEP**2 for b, a, x in around]
     falls = mp.matrix(4, 4)
     for row, g in enumerate(mechanism.gravity):
         falls[row, 3] = mp.mpf(g)
@@ -51,7 +50,9 @@ def accelerations(mechanism: Mechanism, t: Number, q: Sequence[Any], v: Sequence
         force[i] = (
             -mp.mpf(link.stiffness) * (q[i] - mp.mpf(link.rest)) - mp.mpf(link.damping) * v[i]
         )
-        force[i] += sum(_trace(slopes[i][k], b, falls - bends[k]) for k, b in enumerate(bodies))
+        force[i] += sum(
+            _trace(slopes[i][k], b, falls - curvatures[k]) for k, b in enumerate(bodies)
+        )
     for drive in mechanism.drives:
         wave = mp.sin(mp.mpf(drive.rate) * t + mp.mpf(drive.phase))
         force[drive.joint] += mp.mpf(drive.offset) + mp.mpf(drive.amplitude) * wave
@@ -59,14 +60,14 @@ def accelerations(mechanism: Mechanism, t: Number, q: Sequence[Any], v: Sequence
 
 
 def _trace(a: Matrix, body: Matrix, b: Matrix) -> Number:
-    """Of a body b^T: the virtual work of accelerations b over displacements a."""
+    """Return the trace of a body b^T: the virtual work of accelerations b over displacements a."""
     first = a * body
     return sum(first[r, c] * b[r, c] for r in range(3) for c in range(4))
 
 
 def poses(mechanism: Mechanism, q: Sequence[Any]) -> list[Matrix]:
-    """Of every body, 4 x 4."""
-    found: list[Matrix] = []
+    """Return the poses of all bodies, 4 x 4."""
+    frames: list[Matrix] = []
     for link, x in zip(mechanism.links, q, strict=True):
         frame = _shift(link.position) * turned(link.turn, mechanism.format)
         axis = [mp.mpf(a) for a in link.axis]
@@ -78,12 +79,12 @@ def poses(mechanism: Mechanism, q: Sequence[Any]) -> list[Matrix]:
             frame = frame * _shift(anchor) * around * _shift([-a for a in anchor])
         else:
             frame = frame * _shift([a / length * by for a in axis])
-        found.append(frame if link.parent < 0 else found[link.parent] * frame)
-    return found
+        frames.append(frame if link.parent < 0 else frames[link.parent] * frame)
+    return frames
 
 
 def moments(link: Link, form: str) -> Matrix:
-    """Integral of (x, y, z, 1) times its transpose over a body, in the body's frame, 4 x 4."""
+    """Integrate (x, y, z, 1) times its transpose over a body, in the body's frame, 4 x 4."""
     xx, yy, zz, xy, xz, yz = (mp.mpf(x) for x in (*link.inertia, 0.0, 0.0, 0.0)[:6])
     half = (xx + yy + zz) / 2
     body = mp.zeros(4)
@@ -110,7 +111,7 @@ def turned(turn: Sequence[float], form: str) -> Matrix:
 
 
 def _rotation(vector: Sequence[Any]) -> Matrix:
-    """About a vector by its length: the exponential of its cross matrix, as a series."""
+    """Return the rotation about a vector by its length."""
     x, y, z = vector
     cross = mp.matrix([[0, -z, y, 0], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]])
     angle = mp.sqrt(x * x + y * y + z * z)
@@ -131,13 +132,13 @@ def _shift(by: Sequence[Any]) -> Matrix:
 
 
 def end(mechanism: Mechanism, t: float, state: Sequence[float], length: float) -> list[Any]:
-    """(q, v) after a segment, by Gragg's modified midpoint rule, extrapolated to order 16."""
+    """Return (q, v) after a segment by Gragg's modified midpoint rule, extrapolated to order 16."""
     n = len(state) // 2
     table: list[list[Any]] = []
     counts = [2 * (k + 1) for k in range(8)]
 
-    def slope(at: Number, y: list[Any]) -> list[Any]:
-        return [*y[n:], *accelerations(mechanism, at, y[:n], y[n:])]
+    def slope(time: Number, y: list[Any]) -> list[Any]:
+        return [*y[n:], *accelerations(mechanism, time, y[:n], y[n:])]
 
     for k, count in enumerate(counts):
         h = mp.mpf(length) / count

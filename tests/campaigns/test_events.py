@@ -1,4 +1,4 @@
-"""The census of motions with events: the truth of a few draws is within their uncertainty."""
+"""The census of motions with events: a few draws are within their uncertainty of the truth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.load import load_system
 
 
-def test_the_truth_of_drawn_balls_is_within_the_uncertainty() -> None:
+def test_drawn_balls_are_within_their_uncertainty() -> None:
     folder: Path = EVENTS / "bouncing_ball"
     sidecar, tally = read_sidecar(folder / "space.py.toml"), Tally()
     random = np.random.default_rng(3)
@@ -38,8 +38,8 @@ def test_the_truth_of_drawn_balls_is_within_the_uncertainty() -> None:
     assert tally.outside == 0
 
 
-def test_a_stop_distance_of_another_project_is_measured_finer_than_its_tolerance() -> None:
-    test = next(one for one in PEER_TESTS if one.peer == "Newton, stop distance, mu 0.7")
+def test_peer_stop_distance_is_measured_below_its_tolerance() -> None:
+    test = next(each for each in PEER_TESTS if each.peer == "Newton, stop distance, mu 0.7")
     *_, error, uncertainty = peer_row(test).strip("| ").split(" | ")
     assert float(error) < float(uncertainty) < 1e-8
 
@@ -52,17 +52,15 @@ def test_a_stop_distance_of_another_project_is_measured_finer_than_its_tolerance
         ("pendulum_stop/mujoco.xml", {"joint[theta]@range[1]", "joint[theta]@solreflimit[0]"}),
     ],
 )
-def test_numbers_of_contacts_and_laws_are_planted_and_masses_are_not(
-    model: str, numbers: set[str]
-) -> None:
+def test_faults_are_planted_in_contacts_but_not_in_masses(model: str, numbers: set[str]) -> None:
     sidecar = read_sidecar(EVENTS / f"{model}.toml")
     edits = planted_edits(load_system(sidecar.model.parent), sidecar)
     assert {address for address, _, _ in edits} == numbers
 
 
 @pytest.mark.slow
-def test_a_drive_that_leaves_its_limit_some_steps_early_is_resolved() -> None:
-    # The ladder's coarsest rung has one step before the event; finer ones leave two steps early.
+def test_drive_that_leaves_its_limit_early_is_resolved() -> None:
+    # The coarsest time step has one step before the event; with finer ones it is two steps early.
     folder = EVENTS / "saturated_servo"
     constants = {"m": 0.74384823821388705, "kp": 65.07412584242924, "kd": 5.618584911875705,
                  "F": 8.6691978778863561, "target": 0.4592167831077551}  # fmt: skip
@@ -74,7 +72,7 @@ def test_a_drive_that_leaves_its_limit_some_steps_early_is_resolved() -> None:
 
 
 @pytest.mark.slow
-def test_a_number_that_leaves_an_event_without_a_limit_is_named(tmp_path: Path) -> None:
+def test_wrong_event_limit_is_named(tmp_path: Path) -> None:
     sidecar = read_sidecar(EVENTS / "pendulum_stop" / "space.py.toml")
     task = model_task(prepare_system(sidecar.model.parent, described=False), "pymunk", sidecar)
     wrong = Edit({"LIMIT": 0.404}).apply(sidecar, "pymunk", tmp_path)

@@ -1,4 +1,4 @@
-"""Random mechanisms in 3-D: nothing right fails, no limit is outside, what shows is told."""
+"""Random 3-D mechanisms: correct ones pass, all limits hold, and visible faults are reported."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from campaigns.mechanisms.trial import Posed, loaded, pose
 SMALL = Options(seed=5, joints=3, segments=9)
 
 
-def test_no_right_mechanism_fails_and_no_limit_is_outside() -> None:
+def test_correct_mechanisms_pass_and_all_limits_hold() -> None:
     results = [study(SMALL, index) for index in range(9)]
     assert {result.group.split(",")[0] for result in results} == {
         f"{engine} {integrator}".strip() for engine, integrator, _ in WAYS
@@ -44,7 +44,7 @@ def test_no_right_mechanism_fails_and_no_limit_is_outside() -> None:
 
 
 @pytest.mark.slow
-def test_every_fault_that_shows_is_told_and_no_other() -> None:
+def test_only_visible_faults_are_reported() -> None:
     options = Options(seed=7, joints=3, segments=9, faults=2)
     results = [study(options, index) for index in range(9)]
     planted = [fault for result in results for fault in result.faults]
@@ -61,7 +61,7 @@ def test_every_fault_that_shows_is_told_and_no_other() -> None:
 
 
 @pytest.mark.parametrize("index", range(len(WAYS)))
-def test_a_file_has_the_mechanisms_numbers(index: int) -> None:
+def test_file_has_the_numbers_of_the_mechanism(index: int) -> None:
     mechanism = draw(3, index)
     with loaded(mechanism) as (model, coordinates):
         assert model.coordinates == tuple(f"q{i + 1}" for i in range(len(mechanism.links)))
@@ -74,7 +74,7 @@ def test_a_file_has_the_mechanisms_numbers(index: int) -> None:
             assert np.array_equal(model.home, [link.reference for link in mechanism.links])
 
 
-def test_draws_differ_and_come_again() -> None:
+def test_draws_differ_and_are_reproducible() -> None:
     drawn = [draw(3, index) for index in range(40)]
     assert all(a != b for a, b in pairwise(drawn))
     assert draw(3, 17) == drawn[17]
@@ -85,7 +85,7 @@ def test_draws_differ_and_come_again() -> None:
     assert {m.engine for m in (draw(3, i, engine="pybullet") for i in range(5))} == {"pybullet"}
 
 
-def test_a_fault_is_in_one_number_of_the_file_alone() -> None:
+def test_fault_changes_one_number_of_the_file() -> None:
     mechanism = draw(3, 1)
     numbers = literals(mechanism)
     assert ("step",) in numbers
@@ -100,42 +100,42 @@ def test_a_fault_is_in_one_number_of_the_file_alone() -> None:
     assert wrong == replace(mechanism, links=tuple(links))
 
 
-def test_a_step_is_invisible_and_shown_to_be() -> None:
+def test_time_step_fault_is_invisible() -> None:
     assert planted_at("step").fate is Fate.INVISIBLE
 
 
-def test_a_base_elsewhere_is_for_frames_to_see() -> None:
-    found = planted_at("position")
-    assert found.fate is Fate.FRAMES
-    assert 0 < found.pose < 1e-6
+def test_moved_base_is_detected_by_frames() -> None:
+    fault = planted_at("position")
+    assert fault.fate is Fate.FRAMES
+    assert 0 < fault.pose < 1e-6
 
 
 def planted_at(field: str) -> Planted:
-    """A fault in a number of the first link, or of the whole, of a mechanism without products."""
+    """Plant a fault in the first link, or in a global number, of a mechanism without products."""
     mechanism = draw(3, 3, most=2)
     where = next(p for p in literals(mechanism) if field in p and (len(p) == 1 or p[1] == 0))
     return planted(pose(mechanism, 9), where, 1e-6, {})
 
 
 @pytest.mark.parametrize(
-    ("told", "effect", "excess", "pose", "seen", "fate"),
+    ("is_reported", "effect", "excess", "pose", "seen", "fate"),
     [
         (True, 1e-6, 1e3, 1e-6, 1e-6, Fate.MOTION),
         (True, 0.0, 0.0, 0.0, 0.0, Fate.FALSE),
         (False, 1e-6, 1e3, 1e-6, 1e-6, Fate.MISSED),
         (False, 0.0, 0.0, 1e-6, 1e-6, Fate.FRAMES),
-        (False, 0.0, 0.0, 1e-6, 1e-16, Fate.MISSED),  # the engine poses it as if nothing were
-        (True, 1e-6, 1e3, 0.0, 1e-6, Fate.FALSE),  # and here elsewhere though nothing is
+        (False, 0.0, 0.0, 1e-6, 1e-16, Fate.MISSED),  # the engine's pose lacks the fault
+        (True, 1e-6, 1e3, 0.0, 1e-6, Fate.FALSE),  # the engine's pose is wrong without a fault
         (False, 0.0, 0.0, 1e-12, 1e-12, Fate.FAINT),
         (False, 1e-14, 0.4, 0.0, 1e-16, Fate.BELOW),
-        (False, 1e-6, 0.0, 0.0, 1e-16, Fate.BELOW),  # where nothing is claimed
+        (False, 1e-6, 0.0, 0.0, 1e-16, Fate.BELOW),  # no limit is claimed
         (False, 0.0, 0.0, 1e-19, 1e-16, Fate.INVISIBLE),
     ],
 )
-def test_the_fate_of_a_fault(
-    told: bool, effect: float, excess: float, pose: float, seen: float, fate: Fate
+def test_fate_of_a_fault(
+    is_reported: bool, effect: float, excess: float, pose: float, seen: float, fate: Fate
 ) -> None:
-    assert fate_of(told, effect, excess, pose, seen) is fate
+    assert fate_of(is_reported, effect, excess, pose, seen) is fate
 
 
 @pytest.mark.slow
@@ -151,16 +151,16 @@ def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
         assert not result.wrong
 
 
-def test_nothing_else_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_errors_are_not_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     options = replace(SMALL, engine="pybullet")
 
     def elsewhere(mechanism: Mechanism, segments: int) -> Posed:
-        found = pose(mechanism, segments)
-        off = found.truth.states * (1 + 1e-6)
+        posed = pose(mechanism, segments)
+        off = posed.truth.states * (1 + 1e-6)
         return replace(
-            found,
-            truth=replace(found.truth, states=off),
-            motion=replace(found.motion, end=off.astype(float)),
+            posed,
+            truth=replace(posed.truth, states=off),
+            motion=replace(posed.motion, end=off.astype(float)),
         )
 
     monkeypatch.setattr(census, "pose", elsewhere)
@@ -169,7 +169,7 @@ def test_nothing_else_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not any(result.explained for result in results)
 
 
-def test_what_goes_wrong_with_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_of_a_mechanism_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(mechanism: Mechanism, segments: int) -> None:
         raise ZeroDivisionError("nothing to stand on")
 
@@ -179,8 +179,8 @@ def test_what_goes_wrong_with_one_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     assert (result.outcome, result.reason) == ("FAILED", "ZeroDivisionError: nothing to stand on")
 
 
-def test_one_that_is_lost_costs_no_other() -> None:
-    below = -1  # no seed of a generator
+def test_failed_mechanism_affects_no_other() -> None:
+    below = -1  # not a valid seed
     results = list(census.census(SMALL, [0, below, 1], jobs=1))
     assert [result.index for result in results] == [0, below, 1]
     assert [result.outcome for result in results] == ["AGREES", "FAILED", "AGREES"]
@@ -202,23 +202,23 @@ OPEN = msgspec.structs.replace(RIGHT, index=1, outcome="UNRESOLVED")
         ([RIGHT] * 9 + [OPEN], 1),
     ],
 )
-def test_the_exit_code_tells_whether_all_is_right(
+def test_exit_code_is_0_only_if_all_results_are_right(
     results: list[Result],
     code: int,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def found(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:
+    def fake_census(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:
         yield from results
 
-    monkeypatch.setattr(command, "census", found)
+    monkeypatch.setattr(command, "census", fake_census)
     assert command.main(["--count", "2", "--seed", "9"]) == code
-    told = capsys.readouterr().out
-    assert ("--seed 9 --only 1 --joints 5 --segments 31" in told) == bool(code)
-    assert "mujoco RK4, mjcf" in told
+    output = capsys.readouterr().out
+    assert ("--seed 9 --only 1 --joints 5 --segments 31" in output) == bool(code)
+    assert "mujoco RK4, mjcf" in output
 
 
-def test_a_result_is_a_line() -> None:
+def test_result_is_one_line() -> None:
     assert line(WRONG).count(b"\n") == 1
     assert msgspec.json.decode(line(WRONG), type=Result) == WRONG
 
@@ -235,11 +235,11 @@ def test_a_result_is_a_line() -> None:
         ({"outside": 1}, True),
     ],
 )
-def test_what_is_wrong(changed: dict[str, object], wrong: bool) -> None:
+def test_wrong_results(changed: dict[str, object], wrong: bool) -> None:
     assert msgspec.structs.replace(RIGHT, **changed).wrong == wrong
 
 
-def test_few_may_be_left_unresolved() -> None:
+def test_few_results_may_be_unresolved() -> None:
     assert all_right([RIGHT] * 190 + [OPEN] * 2) is False
     assert all_right([RIGHT] * 199 + [OPEN]) is True
 

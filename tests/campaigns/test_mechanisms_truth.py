@@ -1,4 +1,4 @@
-"""The equations that random mechanisms are held against, against mpmath; and they must matter."""
+"""Reference equations of random mechanisms: compared with mpmath, and sensitive to faults."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ from tests.campaigns import digits
 EPSILON = truth.EPSILON
 
 
-def apart(found: Real, wanted: list[Any]) -> float:
-    """Largest distance of numbers in `longdouble` from mpmath's, by the largest of these."""
-    own = [mp.mpf(0) + mp.mpf(float(x)) + mp.mpf(float(x - np.longdouble(float(x)))) for x in found]
+def apart(actual: Real, wanted: list[Any]) -> float:
+    """Return the largest error of `longdouble` numbers, relative to the largest of mpmath's."""
+    pairs = [(float(x), float(x - np.longdouble(float(x)))) for x in actual]
+    values = [mp.mpf(0) + mp.mpf(high) + mp.mpf(low) for high, low in pairs]
     size = max(1, *(abs(x) for x in wanted))
-    return float(max(abs(a - b) for a, b in zip(own, wanted, strict=True)) / size)
+    return float(max(abs(a - b) for a, b in zip(values, wanted, strict=True)) / size)
 
 
 @pytest.mark.parametrize("index", range(6))
 def test_accelerations_have_more_digits_than_a_double(index: int) -> None:
     mechanism = draw(41, index)
-    if mechanism.engine == "pybullet":  # which takes axes as they stand: a last digit of a double
+    if mechanism.engine == "pybullet":  # does not normalize axes: an error of a double's last digit
         mechanism = replace(mechanism, engine="mujoco")
     n = len(mechanism.links)
     state = np.array([*mechanism.q, *mechanism.v], dtype=np.longdouble)[:, None]
     time = np.array([0.75], dtype=np.longdouble)
     dynamics = Dynamics(mechanism)
-    found = dynamics.acceleration(time, state[:n], state[n:])[:, 0]
+    actual = dynamics.acceleration(time, state[:n], state[n:])[:, 0]
     with mp.workdps(digits.DIGITS):
         q, v = ([mp.mpf(x) for x in part] for part in (mechanism.q, mechanism.v))
         wanted = list(digits.accelerations(mechanism, mp.mpf(0.75), q, v))
-        error = apart(found, wanted)
+        error = apart(actual, wanted)
     condition = np.linalg.cond(dynamics.mass_matrix(np.array([mechanism.q]))[0].astype(float))
     assert error < 100 * EPSILON * condition
 
@@ -60,12 +61,12 @@ def test_ends_have_more_digits_than_a_double() -> None:
 
 
 @cache
-def one() -> Mechanism:
-    """A mechanism of three hinges, under RK4, without drives: its limits are the best known."""
-    found = (draw(43, index, most=3) for index in range(400))
+def three_hinges() -> Mechanism:
+    """Return three hinges under RK4 without drives, which have the tightest limits."""
+    mechanisms = (draw(43, index, most=3) for index in range(400))
     return next(
         replace(m, drives=())
-        for m in found
+        for m in mechanisms
         if m.kinds == (True,) * 3 and m.integrator == "RK4" and m.format == MJCF
     )
 
@@ -74,19 +75,19 @@ def differs(posed: Posed, mechanism: Mechanism) -> bool:
     return bool(np.any(examine(posed, mechanism, 1e-9).ratios > 1))
 
 
-def test_a_right_mechanism_does_not_differ() -> None:
-    assert not differs(pose(one(), 9), one())
+def test_correct_mechanism_does_not_differ() -> None:
+    assert not differs(pose(three_hinges(), 9), three_hinges())
 
 
 @pytest.mark.parametrize(
     "where", [("links", 1, "mass"), ("links", 2, "inertia", 0), ("links", 1, "centre", 1)]
 )
-def test_a_wrong_number_in_the_equations_is_noticed(where: Path) -> None:
-    assert differs(pose(with_fault(one(), where, 1e-9), 9), one())
+def test_wrong_number_in_the_equations_is_detected(where: Path) -> None:
+    assert differs(pose(with_fault(three_hinges(), where, 1e-9), 9), three_hinges())
 
 
-def test_a_wrong_term_in_the_equations_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    mechanism = one()
+def test_wrong_term_in_the_equations_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    mechanism = three_hinges()
     right = Dynamics._biases
 
     def wrong(self: Dynamics, poses: Poses, v: Real) -> tuple[Real, Real, Real]:
@@ -97,8 +98,8 @@ def test_a_wrong_term_in_the_equations_is_noticed(monkeypatch: pytest.MonkeyPatc
     assert differs(pose(mechanism, 9), mechanism)
 
 
-def test_what_does_not_settle_is_told() -> None:
-    mechanism = one()
+def test_missing_convergence_is_reported() -> None:
+    mechanism = three_hinges()
     states = np.array([[*mechanism.q, *mechanism.v]])
     with pytest.raises(truth.TruthError, match="does not settle"):
         truth.ends(Dynamics(mechanism), np.zeros(1), states, 20.0)

@@ -1,4 +1,4 @@
-"""Faults planted into a robot's file: each is told apart by what can be seen of it."""
+"""Faults planted into a robot file, classified by their visible effect."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TEXT = "\n".join(
 )
 
 
-def test_what_shows_is_named_and_what_does_not_is_told_apart(tmp_path: Path) -> None:
+def test_visible_faults_are_named_and_invisible_ones_are_classified(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)
     ground = Ground.of(file, "mujoco")
@@ -34,31 +34,31 @@ def test_what_shows_is_named_and_what_does_not_is_told_apart(tmp_path: Path) -> 
         ("link[two]/inertial/mass@value", 1e-6): Fate.NAMED,
         ("joint[b]/dynamics@damping", 1e-2): Fate.NAMED,
     }
-    found = [plant(ground, where[address], by) for address, by in chosen]
-    assert [one.fate for one in found] == [*chosen.values()]
+    faults = [plant(ground, where[address], by) for address, by in chosen]
+    assert [fault.fate for fault in faults] == [*chosen.values()]
     assert file.read_text() == TEXT
-    assert "of 2 that can be seen, 2 are caught and named, 100.0%" in table(found)
+    assert "of 2 that can be seen, 2 are caught and named, 100.0%" in table(faults)
 
 
-def test_what_has_been_tried_is_not_tried_again(
+def test_recorded_faults_are_not_repeated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, record = tmp_path / "r.urdf", tmp_path / "record.jsonl"
     file.write_text(TEXT)
-    told = [str(file), "--engine", "mujoco", "--seconds", "0", "--record", str(record)]
-    assert command.main(told) == 0
+    arguments = [str(file), "--engine", "mujoco", "--seconds", "0", "--record", str(record)]
+    assert command.main(arguments) == 0
     first = capsys.readouterr().out
     assert "are caught and named" in first
     assert len(record.read_text().splitlines()) == 2
     monkeypatch.setattr(command, "plant", None)
-    assert command.main(told) == 0
+    assert command.main(arguments) == 0
     assert capsys.readouterr().out == first
     with pytest.raises(TypeError):
-        command.main([*told, "--set", "exact_frames"])  # another run, of which nothing is known
+        command.main([*arguments, "--set", "exact_frames"])  # a different run, without a record
 
 
 @pytest.mark.slow
-def test_a_comparison_of_old_and_new_names_the_line(tmp_path: Path) -> None:
+def test_comparison_with_the_original_names_the_line(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)
     ground = Ground.of(file, "mujoco", known=False)
@@ -67,11 +67,11 @@ def test_a_comparison_of_old_and_new_names_the_line(tmp_path: Path) -> None:
         for i in ground.numbers.relevant_numbers
         if ground.numbers.numerals[i].address == "joint[b]/dynamics@damping"
     )
-    found = compared(ground, index, 1e-2)
-    assert found.fate is Fate.NAMED
-    assert f"line {found.line} explains 100.00%" in found.said
+    fault = compared(ground, index, 1e-2)
+    assert fault.fate is Fate.NAMED
+    assert f"line {fault.line} explains 100.00%" in fault.said
 
 
-def test_numbers_are_spread_over_the_file_as_they_come() -> None:
+def test_numbers_are_spread_over_the_file() -> None:
     assert command.spread(5) == [0, 4, 2, 1, 3]
     assert sorted(command.spread(37)) == list(range(37))

@@ -1,4 +1,4 @@
-"""The campaign on real robots, on a few of them."""
+"""The campaign on real robots, with a few small files."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ FILES = {
 }
 
 
-def ran(folder: Path) -> str:
-    """The campaign on both folders."""
+def run_campaign(folder: Path) -> str:
+    """Run the campaign on both folders; return its output."""
     command = [sys.executable, "-m", "campaigns.real_models", f"{folder}/one", f"{folder}/two",
                "--jobs", "1", "--kept", f"{folder}/kept.jsonl"]  # fmt: skip
     done = subprocess.run(
@@ -42,39 +42,39 @@ def ran(folder: Path) -> str:
 
 
 @pytest.mark.slow
-def test_each_robot_has_a_line_and_each_refusal_its_reason(tmp_path: Path) -> None:
+def test_each_robot_has_a_line_and_each_rejection_a_reason(tmp_path: Path) -> None:
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    told = ran(tmp_path)
-    assert "[1/6, " in told
-    assert f"AGREES     mujoco    {tmp_path}/one/p.xml E " in told
-    assert f"AGREES     pybullet  {tmp_path}/two/r.urdf E " in told
-    assert "MJCF: 4 files, 2 robots that move" in told
-    assert "URDF: 2 files, 2 robots that move" in told
-    assert "1  part of another file" in told
-    assert "1  verdict: AGREES or DIFFERS in one engine at least   50.0%" in told
-    assert "1  URDF: joint * moves nothing with inertia, so its acceleration is undefined" in told
-    assert "1  MJCF: MuJoCo can't load it: XML Error: Error opening file *" in told
+    output = run_campaign(tmp_path)
+    assert "[1/6, " in output
+    assert f"AGREES     mujoco    {tmp_path}/one/p.xml E " in output
+    assert f"AGREES     pybullet  {tmp_path}/two/r.urdf E " in output
+    assert "MJCF: 4 files, 2 robots that move" in output
+    assert "URDF: 2 files, 2 robots that move" in output
+    assert "1  part of another file" in output
+    assert "1  verdict: AGREES or DIFFERS in one engine at least   50.0%" in output
+    assert "1  URDF: joint * moves nothing with inertia, so its acceleration is undefined" in output
+    assert "1  MJCF: MuJoCo can't load it: XML Error: Error opening file *" in output
 
 
-def test_what_is_done_is_not_done_again_but_where_it_is_asked_for(tmp_path: Path) -> None:
+def test_finished_robots_are_repeated_only_on_request(tmp_path: Path) -> None:
     file, lines = tmp_path / "r.urdf", tmp_path / "kept.jsonl"
     file.write_text(ARM)
     wrong = Came(engine="a", outcome=Outcome.FAILED, reason="a crash")
-    one = structs.replace(entry(wrong), file=str(file), digest=digest_of(file))
-    keep(lines, one)
+    failed = structs.replace(entry(wrong), file=str(file), digest=digest_of(file))
+    keep(lines, failed)
     keep(lines, entry())
-    lines.write_bytes(lines.read_bytes()[:-20])  # it was ended while it wrote this
-    assert dict(kept(lines)) == {str(file): one}
+    lines.write_bytes(lines.read_bytes()[:-20])  # the last line is incomplete
+    assert dict(kept(lines)) == {str(file): failed}
     keep(lines, entry())
     assert len(kept(lines)) == 2
-    assert is_done(file, one, None)
-    assert is_done(file, one, "UNRESOLVED")
-    assert not is_done(file, one, "FAILED .*crash")
+    assert is_done(file, failed, None)
+    assert is_done(file, failed, "UNRESOLVED")
+    assert not is_done(file, failed, "FAILED .*crash")
     assert not is_done(file, None, None)
     file.write_text(ARM + " ")
-    assert not is_done(file, one, None)
+    assert not is_done(file, failed, None)
 
 
 def entry(*cases: Came, obstacles: tuple[str, ...] = ()) -> Entry:
@@ -84,7 +84,7 @@ def entry(*cases: Came, obstacles: tuple[str, ...] = ()) -> Entry:
     )  # fmt: skip
 
 
-def test_a_crash_is_no_verdict_and_a_faulty_file_is_told_apart() -> None:
+def test_crashes_and_faulty_files_are_not_verdicts() -> None:
     slow = Came(engine="a", outcome=Outcome.FAILED, reason="out of its 120 processor seconds")
     wrong = Came(engine="b", outcome=Outcome.FAILED, reason="/a/r.urdf: PyBullet sets to zero")
     vague = Came(engine="b", outcome=Outcome.UNRESOLVED, uncertainty=2e-9, discrepancy=1e-10)
@@ -94,6 +94,6 @@ def test_a_crash_is_no_verdict_and_a_faulty_file_is_told_apart() -> None:
     assert kind_of(entry(slow, vague), ()) is Kind.UNRESOLVED
     assert kind_of(entry(wrong, differs), ()) is Kind.VERDICT
     assert kind_of(entry(obstacles=("/a/r.urdf: joint 'x' is planar",)), ()) is Kind.REFUSED
-    told = summary([entry(wrong, differs)], ())
-    assert "/a/r.urdf in c: off\n    moments of 'x'" in told
-    assert "URDF b FAILED: PyBullet sets to zero  [r.urdf]" in told
+    text = summary([entry(wrong, differs)], ())
+    assert "/a/r.urdf in c: off\n    moments of 'x'" in text
+    assert "URDF b FAILED: PyBullet sets to zero  [r.urdf]" in text

@@ -1,4 +1,4 @@
-"""Stores of records: what differs between two is found, and nothing else."""
+"""Stores of records: a comparison finds exactly the differences between two."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def lines_of(
     return diff_lines(read_store(a, names), read_store(b, names), 160)
 
 
-def test_a_last_digit_that_moved_shows(tmp_path: Path) -> None:
+def test_changed_last_digit_is_reported(tmp_path: Path) -> None:
     (line,) = lines_of(tmp_path, {"cases": [{"e": 1.0}]}, {"cases": [{"e": 1.0 + 2**-52}]})
     assert line.startswith("1 x run/results.json:.cases[].e  ")
     assert "(2.2e-16 relative)" in line
 
 
-def test_times_and_the_places_of_store_and_checkout_do_not_show(tmp_path: Path) -> None:
+def test_times_and_folders_are_ignored(tmp_path: Path) -> None:
     old = {"created": "then", "seconds": 1.0, "out": str(tmp_path / "a/run"), "at": "/old/m.xml"}
     new = {"created": "now", "seconds": 2.0, "out": str(tmp_path / "b/run"), "at": "/new/m.xml"}
     for name, place in (("a", "/old"), ("b", "/new")):
@@ -42,29 +42,29 @@ def test_times_and_the_places_of_store_and_checkout_do_not_show(tmp_path: Path) 
     assert lines_of(tmp_path, old, new) == []
 
 
-def test_a_renamed_key_is_the_same_value_and_a_lost_one_shows(tmp_path: Path) -> None:
+def test_renamed_key_is_equal_and_missing_key_is_reported(tmp_path: Path) -> None:
     old, new = {"global_error": 0.1, "step": 1}, {"error_at_dt": 0.1}
     (line,) = lines_of(tmp_path, old, new, {"global_error": "error_at_dt"})
     assert "run/results.json:.step gone" in line
 
 
-def test_a_number_that_became_a_word_or_none_shows(tmp_path: Path) -> None:
+def test_changed_type_is_reported(tmp_path: Path) -> None:
     lines = lines_of(tmp_path, {"u": 1.0, "ok": True}, {"u": None, "ok": 1})
     assert len(lines) == 2
 
 
-def test_a_case_more_shows_though_all_others_are_equal(tmp_path: Path) -> None:
+def test_additional_case_is_reported(tmp_path: Path) -> None:
     lines = lines_of(tmp_path, {"cases": []}, {"cases": [{}]})
     assert [line for line in lines if ".cases#" in line]
 
 
-def test_rows_are_paired_by_index_and_not_by_when_they_came(tmp_path: Path) -> None:
+def test_rows_are_paired_by_index(tmp_path: Path) -> None:
     rows = [{"index": 0, "e": 1.0}, {"index": 1, "e": 2.0}]
     a, b = store(tmp_path / "a", {}, rows), store(tmp_path / "b", {}, rows[::-1])
     assert diff_lines(read_store(a, {}), read_store(b, {}), 160) == []
 
 
-def test_a_folder_that_is_no_store_is_refused_with_the_command_that_makes_one(
+def test_folder_that_is_not_a_store_is_rejected_with_a_hint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.argv", ["records", "diff", str(tmp_path), str(tmp_path)])
@@ -72,7 +72,7 @@ def test_a_folder_that_is_no_store_is_refused_with_the_command_that_makes_one(
         main()
 
 
-def test_every_command_is_there_for_six_systems_and_six_robots(tmp_path: Path) -> None:
+def test_commands_cover_six_systems_and_six_robots(tmp_path: Path) -> None:
     names = [name for name, _ in commands(tmp_path, ("run", "gate", "compare", "mutate", "sweep"))]
     assert len([name for name in names if name.startswith("run/")]) == 1 + 6
     assert len([name for name in names if name.startswith("mutate/")]) == 6
