@@ -30,7 +30,7 @@ from physics_crosscheck.harness.numerics.stepping import compare_run
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.solving.solve import solve
-from tests.faults.known_folder import KNOWN, SYSTEM, known_folder
+from tests.faults.known_folder import KNOWN_MODEL, SYSTEM, known_folder
 
 FREED = """
 names = ["x", "fall"]
@@ -76,7 +76,7 @@ def ran(prepared: PreparedSystem, sidecar: Sidecar, resolution: float = 1e-9) ->
 def test_a_motion_that_is_not_finite_names_the_file(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    sidecar = written(tmp_path, KNOWN.replace("47.0", "1e308"))
+    sidecar = written(tmp_path, KNOWN_MODEL.replace("47.0", "1e308"))
     with pytest.raises(BlownUpError, match=r"^.*one\.known: values that are not finite"):
         ran(oscillator, sidecar)
 
@@ -85,7 +85,7 @@ def test_a_motion_that_is_not_finite_names_the_file(
 def test_a_step_at_which_nothing_can_be_run_fails_and_names_the_file(
     oscillator: PreparedSystem, tmp_path: Path, step: str
 ) -> None:
-    sidecar = written(tmp_path, KNOWN.replace("0.005", step))
+    sidecar = written(tmp_path, KNOWN_MODEL.replace("0.005", step))
     with pytest.raises(StepError, match=r"one\.known: .*(step|dt).* set (one|a)") as told:
         ran(oscillator, sidecar)
     if step == "1e-9":
@@ -98,7 +98,7 @@ def test_a_step_that_follows_nothing_of_the_motion_fails(
     free = replace(oscillator.system.scenario("free"), duration=5.0)
     motion = solve(derive(oscillator.system), free)
     motion = replace(motion, scale=oscillator.motions["free"].scale)
-    sidecar = written(tmp_path, KNOWN.replace("0.005", "2.0"))
+    sidecar = written(tmp_path, KNOWN_MODEL.replace("0.005", "2.0"))
     task = model_task(oscillator, "known", sidecar, scenario="free")
     found = run_case(task.with_target(motions={"free": motion}))
     assert found.outcome == "FAILED"
@@ -108,7 +108,7 @@ def test_a_step_that_follows_nothing_of_the_motion_fails(
 def test_the_line_of_the_sidecar_is_named_where_the_step_stands_there(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    sidecar = written(tmp_path, KNOWN, 'engines = ["known"]\n\n[settings]\nstep = 9\n')
+    sidecar = written(tmp_path, KNOWN_MODEL, 'engines = ["known"]\n\n[settings]\nstep = 9\n')
     assert str(case_room._place_of_step(model_task(oscillator, "known", sidecar))).endswith(
         "one.known.toml:4"
     )
@@ -152,7 +152,7 @@ def test_a_freedom_of_a_millionth_differs_and_one_that_nothing_moves_agrees(
 def test_what_differs_below_the_resolution_asked_agrees_and_says_so(
     oscillator: PreparedSystem, tmp_path: Path, resolution: float, outcome: str
 ) -> None:
-    sidecar = written(tmp_path, KNOWN + "[fault]\noff = 1e-10\n")
+    sidecar = written(tmp_path, KNOWN_MODEL + "[fault]\noff = 1e-10\n")
     found = ran(oscillator, sidecar, resolution)
     assert found.outcome == outcome
     assert found.passes is (outcome == "AGREES")
@@ -207,7 +207,7 @@ def test_what_rounding_alone_moves_has_no_size_of_its_own(
 def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    sidecar = written(tmp_path, KNOWN)
+    sidecar = written(tmp_path, KNOWN_MODEL)
     found = ran(oscillator, sidecar)
     assert (found.outcome, found.reason) == ("AGREES", "")
     assert found.verdict is not None
@@ -247,7 +247,7 @@ def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(
 def test_single_steps_leave_a_doubt_to_segments_and_full_runs(
     oscillator: PreparedSystem, tmp_path: Path, fault: str, outcome: str
 ) -> None:
-    found = ran(oscillator, written(tmp_path, f"{KNOWN}[fault]\n{fault}\n"))
+    found = ran(oscillator, written(tmp_path, f"{KNOWN_MODEL}[fault]\n{fault}\n"))
     assert found.verdict is not None
     assert found.verdict.decided_by == "segments"
     assert found.outcome == outcome, found.reason
@@ -257,7 +257,7 @@ def test_single_steps_leave_a_doubt_to_segments_and_full_runs(
 def test_one_step_of_a_full_run_that_breaks_the_rule_shows(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    task = model_task(oscillator, "known", written(tmp_path, KNOWN), scenario="free")
+    task = model_task(oscillator, "known", written(tmp_path, KNOWN_MODEL), scenario="free")
     (model, coordinates), motion = task.load(), oscillator.motions["free"]
     power = oscillator.power()
     _, states, residuals = traced_run(model, coordinates, motion, power, model.step)
@@ -273,7 +273,7 @@ def test_a_rule_with_implicit_forces_decides_only_with_accelerations(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
     """A wrong mass and wrong forces could cancel in such a step at one length."""
-    task = model_task(oscillator, "known", written(tmp_path, KNOWN), scenario="free")
+    task = model_task(oscillator, "known", written(tmp_path, KNOWN_MODEL), scenario="free")
     compared = stepped_model(task, *task.load())
     assert compared is not None
     fastest = oscillator.segments("free").fastest

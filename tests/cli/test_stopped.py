@@ -24,7 +24,7 @@ from physics_crosscheck.harness.records.journal import NAME, CacheKey, journal
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.render.terminal.progress import Progress
-from tests.faults.known_folder import KNOWN, KNOWN_ANSWER, SYSTEM, known_folder
+from tests.faults.known_folder import KNOWN_ANSWER, KNOWN_MODEL, SYSTEM, known_folder
 from tests.robots.files import joint, link
 from tests.standing import without
 
@@ -78,7 +78,7 @@ def test_a_run_that_is_stopped_keeps_what_is_done_and_goes_on(
     assert first.stopped == "SIGINT"
     assert Path("out/index.html").is_file()
 
-    (folder / "slow.known").write_text(KNOWN)
+    (folder / "slow.known").write_text(KNOWN_MODEL)
     after(lambda done: None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 0
     second = read_results(Path("out/results.json"))
@@ -141,7 +141,7 @@ def resumed(
 
 
 def test_what_changed_since_is_run_again(resumed: Callable[[], Case]) -> None:
-    Path("osc/good.known").write_text(KNOWN.replace("47.0", "47.00047"))
+    Path("osc/good.known").write_text(KNOWN_MODEL.replace("47.0", "47.00047"))
     assert resumed().outcome is Outcome.DIFFERS
 
 
@@ -259,7 +259,7 @@ def test_a_disk_that_is_full_leaves_the_results_that_were_there(
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    (folder / "slow.known").write_text(KNOWN)
+    (folder / "slow.known").write_text(KNOWN_MODEL)
     Path("out").mkdir()
     Path("out/results.json").write_text("as it was")
     monkeypatch.setattr(os, "fsync", full)

@@ -1,4 +1,4 @@
-"""Folders with faults, run by real workers."""
+"""Folders with faults, and functions that run them in real workers."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ system = System(
 )
 '''
 
-KNOWN = """
+KNOWN_MODEL = """
 names = ["x"]
 M = [[1.3]]
 C = [[0.9]]
@@ -62,11 +62,11 @@ claims = 1
 
 
 def known_folder(place: Path, files: Mapping[str, str]) -> Path:
-    """Write a folder with the oscillator and `.known` files: name -> text added to a good one."""
+    """Write a folder with the oscillator and `.known` files: name -> text added to a valid one."""
     place.mkdir(parents=True, exist_ok=True)
     (place / "system.py").write_text(SYSTEM)
     for name, added in files.items():
-        (place / f"{name}.known").write_text(KNOWN + added)
+        (place / f"{name}.known").write_text(KNOWN_MODEL + added)
         (place / f"{name}.known.toml").write_text('engines = ["known"]\n')
     return place
 
@@ -79,13 +79,13 @@ from physics_crosscheck.harness.run import Options, run
 from physics_crosscheck.harness.jobs.limits import Limits
 out, limit, *folders = sys.argv[1:]
 options = Options(jobs=2, limits=Limits(seconds=float(limit)))
-found = run([Path(f) for f in folders], options, lambda *_: None)
-write_whole(Path(out), encoded(found.results))
+result = run([Path(f) for f in folders], options, lambda *_: None)
+write_whole(Path(out), encoded(result.results))
 """
 
 
 def environment(*first: Path | str) -> dict[str, str]:
-    """What a process needs to find the checkout, and the known-answer engine by its entry point."""
+    """Return variables with which a process finds the checkout and the known-answer engine."""
     paths = [*map(str, first), str(ROOT), str(KNOWN_ANSWER)]
     return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "CI": "1"}
 
@@ -97,10 +97,9 @@ def run_folders(
     first_on_path: Iterable[Path] = (),
     verdicts: bool = False,
 ) -> Results:
-    """Run every case of the folders with two workers; its results, written and read again.
+    """Run every case of the folders with two workers; return the written results.
 
-    `first_on_path`: for a process of its own. `verdicts`: those alone, no audit, linearization or
-    diagnosis.
+    `first_on_path` starts a separate process. `verdicts` skips audit, linearization and diagnosis.
     """
     if not first_on_path:
         selection = Selection(models=None) if verdicts else None
@@ -123,25 +122,25 @@ def run_folders(
 
 
 def by_case(results: Results) -> dict[tuple[str, str, str], Case]:
-    """Cases by (model file, engine, scenario)."""
+    """Return cases by (model file, engine, scenario)."""
     return {(c.model, c.engine, c.scenario): c for c in results.cases}
 
 
 def discrepancy(case: Case) -> float:
-    """E of a case that was judged."""
+    """Return E of a case with a verdict."""
     assert case.verdict is not None
     assert case.verdict.discrepancy is not None
     return case.verdict.discrepancy
 
 
 def uncertainty(case: Case) -> float:
-    """U of a case that was judged."""
+    """Return U of a case with a verdict."""
     assert case.verdict is not None
     return math.inf if case.verdict.uncertainty is None else case.verdict.uncertainty
 
 
 def one_scenario(system: str, place: Path, scenario: str) -> Path:
-    """A built-in system's folder with one scenario and no model files yet."""
+    """Create a built-in system's folder with one scenario and without model files."""
     place.mkdir(parents=True, exist_ok=True)
     text = (ROOT / "models" / system / "system.py").read_text()
     kept = f"[s for s in system.scenarios if s.name == {scenario!r}]"
@@ -161,8 +160,8 @@ def variant(
 ) -> None:
     """Copy a built-in model file under another name, with (old, new) changes.
 
-    A change goes to the model file, or where that hasn't the old text, to the sidecar. `engine`
-    keeps this one of its engines.
+    A change applies to the model file, or to the sidecar if the model file lacks the old text.
+    `engine` keeps only this engine.
     """
     model = ROOT / "models" / system / source
     texts = [model.read_text(), Path(f"{model}.toml").read_text()]
@@ -184,8 +183,8 @@ def variant(
 
 
 def off(place_of_number: str, share: float = 1e-6) -> tuple[str, str]:
-    """A change: the last number in a piece of text, off by a share."""
-    found = list(re.finditer(r"-?\d+(\.\d+)?(e-?\d+)?", place_of_number))[-1]
-    value = repr(float(found.group()) * (1 + share))
-    head, tail = place_of_number[: found.start()], place_of_number[found.end() :]
+    """Return a change of the last number in a text by a share."""
+    number = list(re.finditer(r"-?\d+(\.\d+)?(e-?\d+)?", place_of_number))[-1]
+    value = repr(float(number.group()) * (1 + share))
+    head, tail = place_of_number[: number.start()], place_of_number[number.end() :]
     return place_of_number, head + value + tail

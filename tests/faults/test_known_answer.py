@@ -1,4 +1,4 @@
-"""Each known fault of an engine gets the outcome that it must: in real workers, all at once."""
+"""Expected outcome of each known fault of an engine, in real workers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded
 from tests.faults.known_folder import (
-    KNOWN,
+    KNOWN_MODEL,
     ROOT,
     SYSTEM,
     by_case,
@@ -31,9 +31,9 @@ from tests.faults.known_folder import (
 pytestmark = pytest.mark.xdist_group("known answer")
 
 LIMIT = 2.0
-"""Of what hangs, in processor seconds: its cases, its audit and its linearization run into it."""
+"""Limit in processor seconds for cases, audit and linearization that hang."""
 FORCE = 47.0 * 0.25
-"""The spring's force at the motion's start, in newtons."""
+"""Initial spring force, in newtons."""
 
 FAULTS = {
     "good": "",
@@ -49,7 +49,7 @@ FAULTS = {
     "odd": "[fault]\nodd = true\n",
     "broken": "names =\n",
 } | {f"friction_{e}": f"[fault]\nfriction = {FORCE * 10.0**-e!r}\n" for e in (1, 2, 3, 4)}
-# These replace the good file's lines instead of adding to them.
+# These replace lines of the valid file instead of adding lines.
 REPLACED = {
     "order_2_says_1": ('"euler"', '"heun"'),
     "order_1_says_2": ("claims = 1", "claims = 2"),
@@ -61,48 +61,48 @@ REPLACED = {
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Results:
-    """Run every fault in one folder, with a broken folder beside it."""
+    """Run every fault in one folder, and a broken folder."""
     place = tmp_path_factory.mktemp("known")
     folder = known_folder(place / "oscillator", FAULTS)
     for name, (old, new) in REPLACED.items():
-        (folder / f"{name}.known").write_text(KNOWN.replace(old, new))
+        (folder / f"{name}.known").write_text(KNOWN_MODEL.replace(old, new))
         (folder / f"{name}.known.toml").write_text('engines = ["known"]\n')
     (folder / "absent.known.toml").write_text('engines = ["missing"]\n')
     (folder / "bad_sidecar.known.toml").write_text('engines = ["known"\n')
     broken = known_folder(place / "broken", {"good": ""})
     (broken / "system.py").write_text(SYSTEM + "\nsystem = undefined\n")
-    (broken / "good.known").write_text(KNOWN)
+    (broken / "good.known").write_text(KNOWN_MODEL)
     (folder / "system.py").write_text(without(SYSTEM, "driven"))
     varying = known_folder(place / "varying", {"good": "", "order_2_says_1": ""})
-    (varying / "order_2_says_1.known").write_text(KNOWN.replace(*REPLACED["order_2_says_1"]))
+    (varying / "order_2_says_1.known").write_text(KNOWN_MODEL.replace(*REPLACED["order_2_says_1"]))
     (varying / "system.py").write_text(without(SYSTEM, "free"))
     return run_folders(folder, varying, broken, out=place / "results.json")
 
 
 def without(system: str, scenario: str) -> str:
-    """Leave a scenario out: each fault runs in one, and what inputs decide in both."""
+    """Remove a scenario: each fault runs in one, and faults that depend on inputs in both."""
     return re.sub(rf' *Scenario\("{scenario}".*?duration=1.0\),\n', "", system, flags=re.DOTALL)
 
 
 def cases(ran: Results, name: str) -> list[Case]:
-    """The cases of a model file, free before driven."""
-    found = by_case(ran)
+    """Return the cases of a model file, free before driven."""
+    results = by_case(ran)
     keys = [(f"{name}.known", "known", scenario) for scenario in ("free", "driven")]
-    return [found[key] for key in keys if key in found]
+    return [results[key] for key in keys if key in results]
 
 
 def outcomes(ran: Results, name: str) -> list[Outcome]:
     return [case.outcome for case in cases(ran, name)]
 
 
-def test_a_right_model_agrees_to_a_thousandth_of_the_resolution(ran: Results) -> None:
+def test_correct_model_agrees_well_within_the_resolution(ran: Results) -> None:
     for case in cases(ran, "good"):
         assert case.outcome == "AGREES"
         assert discrepancy(case) < uncertainty(case) < 1e-11
         assert case.reason == ""
 
 
-def test_a_stiffness_off_by_a_millionth_differs_by_a_millionth(ran: Results) -> None:
+def test_stiffness_error_of_1e_6_differs_by_1e_6(ran: Results) -> None:
     for case in cases(ran, "off"):
         assert case.outcome == "DIFFERS"
         assert 0.3e-6 < discrepancy(case) < 3e-6
@@ -110,16 +110,16 @@ def test_a_stiffness_off_by_a_millionth_differs_by_a_millionth(ran: Results) -> 
         assert "off" in case.reason
 
 
-def test_a_method_of_order_two_that_claims_one_is_refused_for_its_exponents(ran: Results) -> None:
+def test_order_2_method_that_claims_1_is_unresolved(ran: Results) -> None:
     free, driven = cases(ran, "order_2_says_1")
     assert free.outcome == "UNRESOLVED"
     assert "so the extrapolation is not trusted" in free.reason
     assert "order is 2.00" in free.reason
-    # A varying input held over each step makes it a method of order 1: there the claim is true.
+    # Holding a varying input over each step reduces the order to 1, so the claim is true.
     assert driven.outcome == "AGREES"
 
 
-def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran: Results) -> None:
+def test_order_1_method_that_claims_2_is_unresolved(ran: Results) -> None:
     for case in cases(ran, "order_1_says_2"):
         assert case.outcome == "UNRESOLVED"
         assert "so the extrapolation is not trusted" in case.reason
@@ -127,7 +127,7 @@ def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran:
         assert case.verdict.order == pytest.approx(1, abs=0.1)
 
 
-def test_memory_from_step_to_step_shows_in_full_runs_where_segments_agree(ran: Results) -> None:
+def test_memory_between_steps_is_detected_in_full_runs(ran: Results) -> None:
     for case in cases(ran, "drags"):
         assert case.outcome == "UNRESOLVED"
         assert "carries a state from step to step" in case.reason
@@ -137,24 +137,24 @@ def test_memory_from_step_to_step_shows_in_full_runs_where_segments_agree(ran: R
         assert case.full_run.global_error > 1e-3
 
 
-def test_memory_from_call_to_call_never_agrees(ran: Results) -> None:
+def test_memory_between_calls_never_agrees(ran: Results) -> None:
     for case in cases(ran, "remembers"):
         assert case.outcome in {"DIFFERS", "UNRESOLVED"}
         assert uncertainty(case) > 1e-9
 
 
-def test_a_joint_limit_differs(ran: Results) -> None:
+def test_joint_limit_differs(ran: Results) -> None:
     assert outcomes(ran, "limit") == ["DIFFERS"]
 
 
 @pytest.mark.parametrize("exponent", [1, 2, 3, 4])
-def test_coulomb_friction_differs_by_its_share_of_the_force(ran: Results, exponent: int) -> None:
+def test_coulomb_friction_differs_in_proportion_to_its_force(ran: Results, exponent: int) -> None:
     for case in cases(ran, f"friction_{exponent}"):
         assert case.outcome == "DIFFERS"
         assert 0.2 < discrepancy(case) * 10**exponent < 5
 
 
-def test_values_that_are_not_numbers_fail_whenever_they_come(ran: Results) -> None:
+def test_non_finite_values_fail_at_any_time(ran: Results) -> None:
     for case in cases(ran, "nan"):
         assert case.outcome == "FAILED"
         assert "not finite" in case.reason
@@ -164,18 +164,18 @@ def test_values_that_are_not_numbers_fail_whenever_they_come(ran: Results) -> No
 
 
 @pytest.mark.slow
-def test_a_hang_fails_after_its_processor_seconds_and_the_run_ends(tmp_path: Path) -> None:
+def test_hang_fails_at_the_time_limit(tmp_path: Path) -> None:
     folder = known_folder(tmp_path / "oscillator", {"hangs": "[fault]\nhang = 1000\n"})
-    found = run_folders(folder, out=tmp_path / "results.json", limit=LIMIT)
-    for case in cases(found, "hangs"):
+    results = run_folders(folder, out=tmp_path / "results.json", limit=LIMIT)
+    for case in cases(results, "hangs"):
         assert case.outcome == "FAILED"
         assert f"used up its limit of {LIMIT:g} processor seconds" in case.reason
-    (model,) = found.models
-    assert [what for what, _ in model.failures] == ["audit", "linearization"]
+    (model,) = results.models
+    assert [check for check, _ in model.failures] == ["audit", "linearization"]
     assert not model.passes
 
 
-def test_a_segfault_fails_its_own_cases_alone(ran: Results) -> None:
+def test_segfault_fails_only_its_own_cases(ran: Results) -> None:
     for case in cases(ran, "dies"):
         assert case.outcome == "FAILED"
         assert "SIGSEGV" in case.reason
@@ -183,39 +183,39 @@ def test_a_segfault_fails_its_own_cases_alone(ran: Results) -> None:
     assert outcomes(ran, "also_good") == ["AGREES"]
 
 
-def test_what_an_engine_raises_is_told_as_it_stands(ran: Results) -> None:
+def test_engine_error_is_reported_verbatim(ran: Results) -> None:
     for case in cases(ran, "raises"):
         assert case.outcome == "FAILED"
         assert "<b>no & such</b>" in case.reason
 
 
-def test_a_model_that_ends_the_program_fails_its_own_cases_alone(ran: Results) -> None:
+def test_model_that_exits_fails_only_its_own_cases(ran: Results) -> None:
     for case in cases(ran, "exits"):
         assert case.outcome == "FAILED"
         assert case.reason.endswith("oscillator/exits.known: SystemExit: 3")
 
 
-def test_an_exception_that_cannot_be_sent_between_processes_is_told(ran: Results) -> None:
+def test_unpicklable_exception_is_reported(ran: Results) -> None:
     for case in cases(ran, "odd"):
         assert case.outcome == "FAILED"
         assert case.reason.endswith("oscillator/odd.known: OddError: two arguments")
 
 
-def test_a_broken_model_file_fails_by_name_and_line(ran: Results) -> None:
+def test_invalid_model_file_is_reported_by_name_and_line(ran: Results) -> None:
     for case in cases(ran, "broken"):
         assert case.outcome == "FAILED"
         assert "broken.known" in case.reason
         assert "line" in case.reason
 
 
-def test_a_broken_sidecar_fails_by_name_and_line(ran: Results) -> None:
+def test_invalid_sidecar_is_reported_by_name_and_line(ran: Results) -> None:
     (case,) = (c for c in ran.cases if c.model == "bad_sidecar.known")
     assert case.outcome == "FAILED"
     assert "bad_sidecar.known.toml" in case.reason
     assert "line 1" in case.reason or "end of document" in case.reason
 
 
-def test_a_broken_system_fails_by_file_and_line_and_leaves_other_folders_alone(
+def test_invalid_system_fails_only_its_own_folder(
     ran: Results,
 ) -> None:
     (case,) = (c for c in ran.cases if c.folder.endswith("broken"))
@@ -224,16 +224,16 @@ def test_a_broken_system_fails_by_file_and_line_and_leaves_other_folders_alone(
     assert f"system.py:{line}: NameError" in case.reason
 
 
-def test_an_engine_that_nobody_registered_fails_and_names_those_known(ran: Results) -> None:
-    found = [c for c in ran.cases if c.model == "absent.known"]
-    assert found
-    for case in found:
+def test_unknown_engine_fails_and_lists_known_engines(ran: Results) -> None:
+    absent = [c for c in ran.cases if c.model == "absent.known"]
+    assert absent
+    for case in absent:
         assert case.outcome == "FAILED"
         assert "'missing'" in case.reason
         assert "known, mjx, mujoco" in case.reason
 
 
-def test_every_number_of_the_results_is_finite_or_null(ran: Results) -> None:
+def test_numbers_of_the_results_are_finite_or_null(ran: Results) -> None:
     def walk(value: Any) -> None:
         if isinstance(value, dict):
             for item in value.values():
@@ -248,7 +248,7 @@ def test_every_number_of_the_results_is_finite_or_null(ran: Results) -> None:
 
 
 @pytest.mark.slow
-def test_an_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
+def test_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
     folder = known_folder(tmp_path / "oscillator", {"good": ""})
     (folder / "space.py").write_text("")
     (folder / "space.py.toml").write_text('engines = ["pymunk"]\n[settings]\nstep = 0.01\n')
@@ -258,16 +258,16 @@ def test_an_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
         "u.find_spec = lambda n, p=None: None if n == 'pymunk' else _f(n, p)\n"
     )
     results = run_folders(folder, out=tmp_path / "results.json", first_on_path=[tmp_path])
-    found = by_case(results)
+    by_key = by_case(results)
     for scenario in ("free", "driven"):
-        case = found["space.py", "pymunk", scenario]
+        case = by_key["space.py", "pymunk", scenario]
         assert case.outcome == "ABSENT"
         assert case.reason.startswith("pymunk is not installed; pip install ")
-        assert found["good.known", "known", scenario].outcome == "AGREES"
+        assert by_key["good.known", "known", scenario].outcome == "AGREES"
     assert results.versions["pymunk"] is None
 
 
-def test_the_command_line_finds_a_third_party_engine_by_its_entry_point() -> None:
+def test_third_party_engine_is_discovered_by_entry_point() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "physics_crosscheck", "engines"],
         capture_output=True,

@@ -26,8 +26,8 @@ pytestmark = [pytest.mark.xdist_group("real engines"), pytest.mark.slow]
 for engine in ("mujoco", "pybullet", "pymunk"):
     pytest.importorskip(engine)
 
-# Literals off by a millionth, by system and file: name -> text whose last number is moved. Those
-# of the mass on a spring are moved in tests/diagnosis/test_builtin_faults.py.
+# Literals off by a factor of 1 + 1e-6, by system and file: name -> text whose last number changes.
+# tests/diagnosis/test_builtin_faults.py has those of the mass on a spring.
 LITERALS: dict[tuple[str, str], dict[str, str]] = {
     ("simple_pendulum", "mujoco.xml"): {"length": 'pos="0 0 -0.75'},
     ("simple_pendulum", "robot.urdf"): {"mass": 'mass value="0.45'},
@@ -42,7 +42,7 @@ LITERALS: dict[tuple[str, str], dict[str, str]] = {
     ("drum_pendulum", "space.py"): {"rest": "REST_LENGTH = 1.1", "inertia": "INERTIA = 0.024"},
 }  # fmt: skip
 
-# The force that friction is a share of: stiffness times amplitude, or weight times length.
+# Friction is a share of this force: stiffness times amplitude, or weight times length.
 FRICTION = {
     f"friction_{e}": [('springref="0"', f'springref="0" frictionloss="{12 * 10.0**-e:.3g}"')]
     for e in (1, 4)
@@ -95,14 +95,14 @@ SCENARIO = {
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
-    """Run every variant; cases by system, file, name of the variant and engine."""
+    """Run every variant; return cases by system, file and name of the variant."""
     place = tmp_path_factory.mktemp("real")
     folders: dict[str | tuple[str, str], Path] = {}
     for system, scenario in SCENARIO.items():
         folders[system] = one_scenario(system, place / system, scenario)
-        # A pendulum meets its limit in the scenario that swings far enough.
+        # A pendulum reaches its limit only in a scenario with a large swing.
         folders["far", system] = one_scenario(system, place / f"{system}_far", "free")
-        # What blows up needs time.
+        # An unstable motion needs time to diverge.
         folders["long", system] = one_scenario(system, place / f"{system}_long", scenario)
     for (system, source), names in LITERALS.items():
         for name, text in names.items():
@@ -120,53 +120,51 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
         if not folder.name.endswith("_long"):
             brief(folder, 3)
     results = run_folders(*used, out=place / "results.json", verdicts=True)
-    found: Ran = {}
+    cases: Ran = {}
     for case in results.cases:
         stem, suffix = case.model.split(".")
         source, name = stem.split("-")
-        found.setdefault((case.system, f"{source}.{suffix}", name), []).append(case)
-    return found
+        cases.setdefault((case.system, f"{source}.{suffix}", name), []).append(case)
+    return cases
 
 
 def pairs(
     table: Mapping[tuple[str, str], Mapping[str, object]], *wanted: str
 ) -> list[tuple[str, str, str]]:
-    """(system, file, name) of every variant, or of those wanted."""
+    """Return (system, file, name) of all variants, or of the wanted ones."""
     everything = [(*key, name) for key, entry in table.items() for name in entry]
     return [p for p in everything if not wanted or p[-1] in wanted]
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "good", "far_range"))
-def test_the_file_as_it_is_agrees(ran: Ran, system: str, source: str, name: str) -> None:
+def test_unmodified_file_agrees(ran: Ran, system: str, source: str, name: str) -> None:
     for case in ran[system, source, name]:
         assert case.outcome == "AGREES", case.reason
         assert uncertainty(case) < 1e-10
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(LITERALS))
-def test_a_literal_off_by_a_millionth_differs(
-    ran: Ran, system: str, source: str, name: str
-) -> None:
+def test_literal_error_of_1e_6_differs(ran: Ran, system: str, source: str, name: str) -> None:
     for case in ran[system, source, f"literal_{name}"]:
         assert case.outcome == "DIFFERS", case.reason
-        # A number counts by its share of the forces, and a pendulum's length more than once.
+        # The effect depends on the number's share of the forces; a pendulum's length counts twice.
         assert 5e-8 < discrepancy(case) < 1e-5
         assert uncertainty(case) < discrepancy(case) / 1000
 
 
 @pytest.mark.parametrize("exponent", [1, 4])
-def test_friction_in_a_joint_differs_by_its_share_of_the_force(ran: Ran, exponent: int) -> None:
+def test_joint_friction_differs_in_proportion_to_its_force(ran: Ran, exponent: int) -> None:
     (case,) = ran["mass_spring_damper", "mujoco.xml", f"friction_{exponent}"]
     assert case.outcome == "DIFFERS", case.reason
     assert 0.2 < discrepancy(case) * 10**exponent < 5
 
 
-def test_friction_in_a_pendulums_hinge_differs(ran: Ran) -> None:
+def test_friction_in_a_hinge_differs(ran: Ran) -> None:
     (case,) = ran["simple_pendulum", "mujoco.xml", "friction"]
     assert case.outcome == "DIFFERS", case.reason
 
 
-def test_friction_in_a_urdf_differs_where_the_engine_applies_it(ran: Ran) -> None:
+def test_urdf_friction_differs_in_engines_that_apply_it(ran: Ran) -> None:
     by_engine = {c.engine: c for c in ran["mass_spring_damper", "robot.urdf", "friction"]}
     assert by_engine["mujoco"].outcome == "DIFFERS"
     assert 2e-3 < discrepancy(by_engine["mujoco"]) < 5e-2
@@ -175,9 +173,7 @@ def test_friction_in_a_urdf_differs_where_the_engine_applies_it(ran: Ran) -> Non
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "range", "limit"))
-def test_a_joint_limit_in_the_way_never_agrees(
-    ran: Ran, system: str, source: str, name: str
-) -> None:
+def test_reached_joint_limit_never_agrees(ran: Ran, system: str, source: str, name: str) -> None:
     for case in ran[system, source, name]:
         assert case.outcome in {"DIFFERS", "UNRESOLVED"}
         assert discrepancy(case) > 0.01
@@ -185,33 +181,31 @@ def test_a_joint_limit_in_the_way_never_agrees(
             assert "not smooth" in case.reason
 
 
-def test_drag_in_the_space_differs(ran: Ran) -> None:
+def test_drag_differs(ran: Ran) -> None:
     (case,) = ran["mass_spring_damper", "space.py", "drag"]
     assert case.outcome == "DIFFERS"
 
 
-def test_a_rest_position_off_by_a_micrometre_differs(ran: Ran) -> None:
+def test_rest_position_error_of_a_micrometre_differs(ran: Ran) -> None:
     (case,) = ran["drum_pendulum", "mujoco.xml", "springref"]
     assert case.outcome == "DIFFERS"
 
 
-def test_rolling_held_by_a_soft_equality_differs(ran: Ran) -> None:
+def test_rolling_with_a_soft_equality_differs(ran: Ran) -> None:
     (case,) = ran["drum_pendulum", "mujoco_rolling.xml", "soft"]
     assert case.outcome == "DIFFERS", case.reason
     assert discrepancy(case) > 1e-4
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "coarse"))
-def test_a_step_at_which_the_motion_blows_up_fails_with_a_sentence(
-    ran: Ran, system: str, source: str, name: str
-) -> None:
+def test_unstable_step_is_reported(ran: Ran, system: str, source: str, name: str) -> None:
     for case in ran[system, source, name]:
         assert case.outcome == "FAILED"
         assert "at dt = 0.5 s the motion" in case.reason
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "broken"))
-def test_a_broken_file_fails_by_name_and_line(
+def test_invalid_file_is_reported_by_name_and_line(
     ran: Ran, system: str, source: str, name: str
 ) -> None:
     suffix = source.split(".")[1]
