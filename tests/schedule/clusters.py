@@ -1,4 +1,4 @@
-"""A real scheduler and real workers on loopback, as processes of their own, and tasks for them."""
+"""A real scheduler and real workers on loopback, in separate processes, and tasks for them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PATIENCE = 120.0
 LIGHT = """from physics_crosscheck.harness.jobs import workers
 workers.PRELOADED = workers.PRELOADED_TO_DERIVE = ()
 """
-"""Lets the processes of a dask worker start from a server that imports nothing."""
+"""Code that lets the processes of a dask worker start from a server without imports."""
 
 
 @dataclass
@@ -41,29 +41,29 @@ class Loopback:
 
     def start(self) -> None:
         self._start("scheduler", "scheduler", "--port", "0", "--host", "127.0.0.1")
-        self.address = self._said("scheduler", r"Scheduler at:\s+(tcp://\S+)")
+        self.address = self._wait_for_log("scheduler", r"Scheduler at:\s+(tcp://\S+)")
 
     def worker(self, name: str, *more: str, **environment: str) -> None:
-        """One more, with the nanny that `dask worker` has by default, and one thread."""
-        own = ("--nthreads", "1", "--name", name, "--local-directory", ".")
-        arguments = ("worker", self.address, *own, *more)
+        """Start a worker with one thread and the default nanny of `dask worker`."""
+        options = ("--nthreads", "1", "--name", name, "--local-directory", ".")
+        arguments = ("worker", self.address, *options, *more)
         self.workers[name] = self._start(name, *arguments, **environment)
-        self._said(name, r"Registered to:\s+(tcp://\S+)")
+        self._wait_for_log(name, r"Registered to:\s+(tcp://\S+)")
 
     def kill(self, name: str) -> None:
-        """Kill a worker without a warning, its nanny first, which would start it again."""
+        """Kill a worker without warning, first its nanny, which would restart it."""
         _kill(self.workers.pop(name))
 
     @property
     def scheduler(self) -> int:
-        """Its process."""
+        """Process id of the scheduler."""
         return self._all[0].pid
 
     def log(self, name: str) -> str:
         return (self.place / f"{name}.log").read_text(errors="replace")
 
     def close(self) -> None:
-        """Kill all: their own end takes seconds."""
+        """Kill all processes, because a regular shutdown takes seconds."""
         for process in reversed(self._all):
             _kill(process)
 
@@ -81,17 +81,17 @@ class Loopback:
         self._all.append(process)
         return process
 
-    def _said(self, name: str, pattern: str) -> str:
+    def _wait_for_log(self, name: str, pattern: str) -> str:
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
-            if found := re.search(pattern, self.log(name)):
-                return found[1]
+            if match := re.search(pattern, self.log(name)):
+                return match[1]
             time.sleep(0.05)
         raise AssertionError(f"{name} did not start:\n{self.log(name)}")
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process, then those that it started, which could not restart one another."""
+    """Kill a process, then its children, which then cannot be restarted."""
     started = children(process.pid)
     process.kill()
     for pid in started:
@@ -101,22 +101,22 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def children(pid: int) -> list[int]:
-    """Processes that any thread of a process has started."""
-    found = []
+    """Return the processes that any thread of a process has started."""
+    pids = []
     for listed in Path(f"/proc/{pid}/task").glob("*/children"):
         with contextlib.suppress(OSError):
-            found += [int(one) for one in listed.read_text().split()]
-    return found
+            pids += [int(word) for word in listed.read_text().split()]
+    return pids
 
 
 def below(pid: int) -> list[int]:
-    """A process, and all that were started by it."""
-    return [pid, *(inner for one in children(pid) for inner in below(one))]
+    """Return a process and all its descendants."""
+    return [pid, *(inner for child in children(pid) for inner in below(child))]
 
 
 @contextlib.contextmanager
 def loopback(place: Path) -> Iterator[Loopback]:
-    """A scheduler with one worker, without a nanny; `place` has `light.py` to preload."""
+    """Start a scheduler with one worker without a nanny; `light.py` in `place` is preloaded."""
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
     cluster = Loopback(place)
     try:
@@ -143,7 +143,7 @@ def fill(_: object) -> int:
 
 
 def slow(given: tuple[str, int]) -> int:
-    """Leaves the process that its own was started by, whose parent is the dask worker."""
+    """Record the parent process, whose parent is the dask worker."""
     folder, number = given
     Path(folder, f"{number}").write_text(f"{os.getppid()}")
     time.sleep(0.1)
@@ -156,12 +156,12 @@ def nap(file: str) -> None:
 
 
 def opened(file: Path) -> tuple[str, str, Path, str]:
-    """The words of a file, beside all its names."""
+    """Return the text of a file and all its names."""
     return file.read_text(), str(file), file.resolve(), f"{file}: of {Path.cwd()}"
 
 
 def where(file: Path) -> list[str]:
-    """The parts of the path that a copy really has, none of which is taken for one."""
+    """Return the path of a copy in parts, so that it is not translated as a path."""
     return list(file.resolve().parts)
 
 

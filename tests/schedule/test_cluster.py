@@ -1,4 +1,4 @@
-"""On a real cluster outcomes are those of this machine, whatever its workers suffer."""
+"""Runs on a real cluster: results equal local ones, even if workers fail."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ LIMITS = Limits(seconds=1.0, memory=1.0)
 
 
 ENGINE = ("mujoco",)
-"""Whose version counts: the tests' own process may know of engines that no worker has."""
+"""Engines of which versions are compared: this process may know engines that no worker has."""
 
 RUN = ("run", "simple_pendulum", "--engine", *ENGINE)
 
@@ -75,7 +75,7 @@ def pool(cluster: Loopback) -> Iterator[Executor]:
 
 @pytest.fixture
 def pendulum(tmp_path: Path) -> Path:
-    """One model in one engine in one scenario."""
+    """Create a folder with one model, one engine and one scenario."""
     folder = one_scenario("simple_pendulum", tmp_path / "mine" / "pendulum", "free")
     for name in ("robot.urdf", "robot.urdf.toml"):
         shutil.copy(ROOT / "models" / "simple_pendulum" / name, folder)
@@ -83,16 +83,16 @@ def pendulum(tmp_path: Path) -> Path:
     return folder
 
 
-def alike(value: Any) -> Any:
-    """Results without times."""
+def without_times(value: Any) -> Any:
+    """Return results without times."""
     if isinstance(value, dict):
-        left = {key: one for key, one in value.items() if key not in ("created", "seconds")}
-        return {key: alike(one) for key, one in left.items()}
-    return [alike(one) for one in value] if isinstance(value, list) else value
+        rest = {key: item for key, item in value.items() if key not in ("created", "seconds")}
+        return {key: without_times(item) for key, item in rest.items()}
+    return [without_times(item) for item in value] if isinstance(value, list) else value
 
 
 @pytest.mark.slow
-def test_a_run_has_the_records_of_a_local_one(
+def test_run_equals_a_local_run(
     cluster: Loopback, pendulum: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(pendulum.parent)
@@ -101,11 +101,11 @@ def test_a_run_has_the_records_of_a_local_one(
     assert main([*given, "--out", "there", "--scheduler", cluster.address]) == 0
     here, there = (json.loads(Path(out, "results.json").read_text()) for out in ("here", "there"))
     assert len(here["cases"]) == 1
-    assert alike(there) == alike(here)
+    assert without_times(there) == without_times(here)
 
 
 @pytest.mark.slow
-def test_a_sweep_has_the_rows_of_a_local_one(
+def test_sweep_equals_a_local_sweep(
     cluster: Loopback, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pyarrow")
@@ -122,24 +122,24 @@ def test_a_sweep_has_the_rows_of_a_local_one(
     assert there == here
 
 
-def test_a_failure_is_told_as_on_this_machine_and_the_worker_lives_on(
+def test_failures_are_reported_as_locally_and_workers_survive(
     pool: Executor, cluster: Loopback
 ) -> None:
     tasks = (crash, spin, fill, unsendable)
     with executor(jobs=2, limits=LIMITS) as local:
         here = outcomes(local, *((task, 0) for task in tasks))
     there = outcomes(pool, *((task, 0) for task in tasks), (square, 7))
-    assert all(isinstance(one, Failure) for one in here)
+    assert all(isinstance(failure, Failure) for failure in here)
     assert there == [*here, 49]
-    assert all(one.poll() is None for one in cluster.workers.values())
+    assert all(worker.poll() is None for worker in cluster.workers.values())
 
 
 def outcomes(pool: Executor, *tasks: tuple[Any, Any]) -> list[Any]:
-    asked = [pool.submit(function, argument) for function, argument in tasks]
-    return [pool.outcome(one) for one in asked]
+    pending = [pool.submit(function, argument) for function, argument in tasks]
+    return [pool.outcome(task) for task in pending]
 
 
-def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_here(
+def test_tasks_read_the_sent_copies_under_local_names(
     cluster: Loopback, pendulum: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(pendulum.parent.parent)
@@ -150,19 +150,19 @@ def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_he
     with executor(jobs=1, limits=LIMITS) as local:
         here = outcomes(local, *tasks)
     mine = prepare_system(pendulum)
-    beside = Path("beside.txt")
-    beside.write_text("not sent")
+    unsent = Path("beside.txt")
+    unsent.write_text("not sent")
     with executor(
         scheduler=cluster.address, files=lambda: [Path("mine/pendulum")], engines=ENGINE
     ) as pool:
         pendulum.parent.rename(pendulum.parent.with_name("gone"))
         assert outcomes(pool, *tasks) == here
         theirs = outcomes(pool, (prepare, pendulum))[0]
-        missing = outcomes(pool, (opened, beside), (opened, beside.with_name("nowhere")))
+        missing = outcomes(pool, (opened, unsent), (opened, unsent.with_name("nowhere")))
     assert isinstance(theirs, PreparedSystem)
     assert theirs.place == pendulum
     assert record(theirs) == record(mine)
-    # One that is here was not sent, one that is nowhere is missed as on this machine.
+    # A local file was not sent; a missing file gives the same error as locally.
     assert missing[0].reason.endswith("put everything else that it reads into the folder")
     assert missing[1].reason.endswith("nowhere'")
 
@@ -171,29 +171,27 @@ def record(prepared: PreparedSystem) -> Any:
     return msgspec.to_builtins(msgspec.structs.replace(prepared.record, seconds=0.0))
 
 
-def test_a_worker_that_joins_late_and_is_killed_costs_no_task(
-    cluster: Loopback, tmp_path: Path
-) -> None:
-    kept = tmp_path / "kept.txt"
-    kept.write_text("kept")
-    with executor(scheduler=cluster.address, files=lambda: [kept], engines=ENGINE) as pool:
+def test_killed_worker_loses_no_task(cluster: Loopback, tmp_path: Path) -> None:
+    sent = tmp_path / "kept.txt"
+    sent.write_text("kept")
+    with executor(scheduler=cluster.address, files=lambda: [sent], engines=ENGINE) as pool:
         assert outcomes(pool, *((slow, (str(tmp_path), number)) for number in range(4))) == [
             *range(4)
         ]
         cluster.worker("late", "--preload", str(cluster.place / "light.py"))
         doomed = cluster.workers["late"].pid
-        asked: list[Any] = [pool.submit(slow, (str(tmp_path), n)) for n in range(4, 24)]
-        until(lambda: pool.turn() is not None and begun_by(tmp_path) & set(below(doomed)))
+        pending: list[Any] = [pool.submit(slow, (str(tmp_path), n)) for n in range(4, 24)]
+        until(lambda: pool.turn() is not None and starters(tmp_path) & set(below(doomed)))
         processes = below(doomed)
         cluster.kill("late")
-        assert [pool.outcome(one) for one in asked] == list(range(4, 24))
-        assert outcomes(pool, (opened, kept))[0][0] == "kept"
+        assert [pool.outcome(task) for task in pending] == list(range(4, 24))
+        assert outcomes(pool, (opened, sent))[0][0] == "kept"
     until(lambda: not any(alive(pid) for pid in processes))
 
 
-def begun_by(folder: Path) -> set[int]:
-    """Who has started the processes that began a task."""
-    return {int(one.read_text() or 0) for one in folder.iterdir() if one.name.isdigit()}
+def starters(folder: Path) -> set[int]:
+    """Return the parents of the processes that began a task."""
+    return {int(file.read_text() or 0) for file in folder.iterdir() if file.name.isdigit()}
 
 
 def alive(pid: int) -> bool:
@@ -209,23 +207,21 @@ def until(holds: Callable[[], object]) -> None:
         time.sleep(0.05)
 
 
-def test_what_is_being_done_ends_with_the_run_and_its_copies_go(
-    cluster: Loopback, tmp_path: Path
-) -> None:
-    told, kept = tmp_path / "told", tmp_path / "kept.txt"
-    kept.write_text("kept")
-    with executor(scheduler=cluster.address, files=lambda: [kept], engines=ENGINE) as pool:
-        copy = Path(*outcomes(pool, (where, kept))[0])
+def test_running_tasks_and_copies_end_with_the_run(cluster: Loopback, tmp_path: Path) -> None:
+    pid_file, sent = tmp_path / "told", tmp_path / "kept.txt"
+    sent.write_text("kept")
+    with executor(scheduler=cluster.address, files=lambda: [sent], engines=ENGINE) as pool:
+        copy = Path(*outcomes(pool, (where, sent))[0])
         assert copy.read_text() == "kept"
         for _ in range(9):
-            pool.submit(nap, str(told))
-        until(lambda: pool.turn() is not None and told.is_file() and told.read_text())
-        napping = int(told.read_text())
+            pool.submit(nap, str(pid_file))
+        until(lambda: pool.turn() is not None and pid_file.is_file() and pid_file.read_text())
+        napping = int(pid_file.read_text())
     until(lambda: not alive(napping))
     assert not copy.exists()
 
 
-def test_a_scheduler_needs_nothing_of_this_package(cluster: Loopback, pool: Executor) -> None:
+def test_scheduler_does_not_import_this_package(cluster: Loopback, pool: Executor) -> None:
     assert outcomes(pool, (square, 3)) == [9]
     import distributed
 
@@ -234,21 +230,21 @@ def test_a_scheduler_needs_nothing_of_this_package(cluster: Loopback, pool: Exec
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_is_lost_is_told_and_what_is_done_is_kept(
+def test_lost_scheduler_is_reported_and_finished_cases_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
     monkeypatch.setattr("physics_crosscheck.harness.jobs.cluster.ANSWER", 3.0)
-    begun = tmp_path / "begun"
-    with loopback(tmp_path) as own, executor(scheduler=own.address, engines=ENGINE) as pool:
-        pool.submit(nap, str(begun))
-        until(lambda: pool.turn() is not None and begun.is_file())
-        os.kill(own.scheduler, signal.SIGKILL)
+    pid_file = tmp_path / "begun"
+    with loopback(tmp_path) as running, executor(scheduler=running.address, engines=ENGINE) as pool:
+        pool.submit(nap, str(pid_file))
+        until(lambda: pool.turn() is not None and pid_file.is_file())
+        os.kill(running.scheduler, signal.SIGKILL)
         with pytest.raises(ClusterError, match="finished cases are kept"):
             until(pool.turn)
 
 
-def test_a_new_worker_that_differs_is_told_with_what_differs(
+def test_worker_with_another_version_is_rejected(
     cluster: Loopback, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = tmp_path / "checkout"
@@ -261,15 +257,15 @@ def test_a_new_worker_that_differs_is_told_with_what_differs(
         assert main([*RUN, "--scheduler", cluster.address]) == 2
     finally:
         cluster.kill("other")
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert re.search(
-        r"tcp://\S+ has physics-crosscheck's files \w+ \(here \w+\), so its results", said
+        r"tcp://\S+ has physics-crosscheck's files \w+ \(here \w+\), so its results", message
     )
-    assert "install the same version there" in said
-    assert "Traceback" not in said
+    assert "install the same version there" in message
+    assert "Traceback" not in message
 
 
-def test_a_worker_without_the_package_is_told(
+def test_worker_without_the_package_is_rejected(
     cluster: Loopback, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "physics_crosscheck.py").write_text("raise ImportError('nothing of that name')\n")
@@ -278,23 +274,23 @@ def test_a_worker_without_the_package_is_told(
         assert main([*RUN, "--scheduler", cluster.address]) == 2
     finally:
         cluster.kill("bare")
-    said = capsys.readouterr().err
-    assert "can't import physics-crosscheck (nothing of that name): install it there" in said
+    message = capsys.readouterr().err
+    assert "can't import physics-crosscheck (nothing of that name): install it there" in message
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "nothing://there", "?"])
-def test_an_address_where_no_scheduler_answers_is_told(
+def test_unreachable_scheduler_is_reported(
     address: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
     monkeypatch.setattr("physics_crosscheck.harness.jobs.cluster.ANSWER", 0.5)
     assert main(["run", "simple_pendulum", "--scheduler", address]) == 2
-    said = capsys.readouterr().err
-    assert f"crosscheck: --scheduler {address}: no scheduler answers there" in said
-    assert "Start one with `dask scheduler`" in said
+    message = capsys.readouterr().err
+    assert f"crosscheck: --scheduler {address}: no scheduler answers there" in message
+    assert "Start one with `dask scheduler`" in message
 
 
-def test_without_the_extra_its_name_is_told(
+def test_missing_extra_is_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
@@ -303,12 +299,12 @@ def test_without_the_extra_its_name_is_told(
     assert "pip install 'physics-crosscheck[cluster]'" in capsys.readouterr().err
 
 
-def test_nothing_of_it_is_imported_where_no_scheduler_is_asked_for() -> None:
-    asked = "import sys, harness.run; sys.exit('distributed' in sys.modules)"
-    subprocess.run([sys.executable, "-c", asked], check=True, env=environment())
+def test_distributed_is_not_imported_without_a_scheduler() -> None:
+    code = "import sys, harness.run; sys.exit('distributed' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment())
 
 
-def test_more_than_a_run_may_send_is_refused(
+def test_oversized_input_files_are_rejected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "big.bin").write_bytes(bytes(3000))

@@ -1,4 +1,4 @@
-"""Workers start with one thread of BLAS and a threshold of malloc, unless a user sets others."""
+"""Default environment of workers: one BLAS thread and a malloc threshold; user settings win."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from physics_crosscheck.harness.jobs.environment import DEFAULTS, MAPPED_FROM
 
-BESIDE = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[2]
 
 PROGRAM = """
 import sys
@@ -20,19 +20,19 @@ from physics_crosscheck.harness.interfaces.cli.main import program
 early = "numpy" in sys.modules
 sys.argv = ["crosscheck", "engines"]
 program()
-from tests.schedule.test_environment import found
-print(early, found(None))
+from tests.schedule.test_environment import environment_summary
+print(early, environment_summary(None))
 """
 
 LIBRARY = """
 from physics_crosscheck.harness.jobs import workers as jobs
-from tests.schedule.test_environment import found, is_mapped, set_here
+from tests.schedule.test_environment import environment_summary, is_mapped, set_here
 
 jobs.PRELOADED = jobs.PRELOADED_TO_DERIVE = ()
 with jobs.Workers(1) as workers:
     before = set_here()
     mapped = workers.outcome(workers.submit(is_mapped, 12_000_000))
-    print(workers.outcome(workers.submit(found, None)), set_here() == before, mapped)
+    print(workers.outcome(workers.submit(environment_summary, None)), set_here() == before, mapped)
 """
 
 IS_MMAPPED = 2
@@ -40,9 +40,9 @@ IS_MMAPPED = 2
 
 
 def is_mapped(size: int) -> bool | None:
-    """Return whether memory that was freed once is mapped anew, not taken from the heap.
+    """Return whether freed memory is mapped again instead of taken from the heap.
 
-    None where the C library is another than glibc.
+    Return None if the C library is not glibc.
     """
     if sys.platform != "linux":
         return None
@@ -60,8 +60,8 @@ def set_here() -> list[str]:
     return [os.environ.get(name, "unset") for name in DEFAULTS]
 
 
-def found(_: object) -> str:
-    """What is set, and how many threads a product starts that is worth some to BLAS."""
+def environment_summary(_: object) -> str:
+    """Return the variables and the number of threads that a large matrix product starts."""
     import numpy as np
 
     before = len(os.listdir("/proc/self/task"))
@@ -74,8 +74,8 @@ def last_line(program: str, **given: str) -> str:
     clean = {name: value for name, value in os.environ.items() if name not in DEFAULTS}
     done = subprocess.run(
         [sys.executable, "-c", program],
-        env={**clean, "PYTHONPATH": str(BESIDE), **given},
-        cwd=BESIDE,
+        env={**clean, "PYTHONPATH": str(ROOT), **given},
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
@@ -83,18 +83,18 @@ def last_line(program: str, **given: str) -> str:
     return done.stdout.splitlines()[-1]
 
 
-def test_the_program_has_one_and_says_so_before_numpy_is_imported() -> None:
+def test_program_sets_the_defaults_before_importing_numpy() -> None:
     assert last_line(PROGRAM) == "False 1,1,1,1,1048576,disable,cpu,false 0"
 
 
-def test_workers_of_a_library_have_one_and_the_library_is_left_as_it_was() -> None:
+def test_library_sets_the_defaults_in_its_workers_only() -> None:
     printed, _, mapped = last_line(LIBRARY).rpartition(" ")
     assert printed == "1,1,1,1,1048576,disable,cpu,false 0 True"
     assert mapped == ("True" if sys.platform == "linux" else "None")
 
 
 @pytest.mark.parametrize(("program", "rest"), [(PROGRAM, "False "), (LIBRARY, "")])
-def test_what_a_user_has_set_stands(program: str, rest: str) -> None:
+def test_user_settings_are_kept(program: str, rest: str) -> None:
     given = {"OPENBLAS_NUM_THREADS": "2", MAPPED_FROM: str(2**25), "JAX_PLATFORMS": "cuda"}
     printed = last_line(program, **given)
     assert printed.startswith(f"{rest}2,1,1,1,{2**25},disable,cuda,false ")

@@ -1,4 +1,4 @@
-"""The job graph: what follows from a job is done too, failures included."""
+"""The job graph: jobs that follow from a job or its failure run too."""
 
 from __future__ import annotations
 
@@ -32,38 +32,38 @@ def _unexpected(failure: Failure) -> Iterable[Job[float]]:
     raise AssertionError(failure.reason)
 
 
-def test_jobs_bring_further_jobs(workers: Workers) -> None:
-    found: list[float] = []
+def test_jobs_add_further_jobs(workers: Workers) -> None:
+    roots: list[float] = []
 
     def job(value: float) -> Job[float]:
         return Job(task=Task(_root, value), done=done, failed=_unexpected)
 
     def done(value: float) -> Iterable[Job[float]]:
-        found.append(value)
+        roots.append(value)
         return [job(value)] if value > 2 else []
 
     run_jobs([job(256.0), job(1.0), job(0.25)], workers)
-    # What a job brings comes before the jobs that wait; one may have been handed out before.
-    assert sorted(found) == [0.5, 1.0, 2.0, 4.0, 16.0]
-    assert found.index(2.0) < found.index(0.5)
+    # New jobs precede waiting ones, of which one may already have been handed out.
+    assert sorted(roots) == [0.5, 1.0, 2.0, 4.0, 16.0]
+    assert roots.index(2.0) < roots.index(0.5)
 
 
 @pytest.mark.parametrize(
-    ("task", "says"),
+    ("task", "message"),
     [(Task(_root, -4.0), "ValueError: -4 has no root"), (Task(_dies, 3), "exit code 3")],
 )
-def test_a_task_that_fails_is_told_and_the_others_are_done(
-    workers: Workers, task: Task[float, float], says: str
+def test_failed_task_is_reported_and_other_tasks_run(
+    workers: Workers, task: Task[float, float], message: str
 ) -> None:
     failures: list[str] = []
-    found: list[float] = []
+    roots: list[float] = []
 
     def failed(failure: Failure) -> Iterable[Job[float]]:
         failures.append(failure.reason)
         return [Job(task=Task(_root, 9.0), done=done, failed=_unexpected)]
 
     def done(value: float) -> Iterable[Job[float]]:
-        found.append(value)
+        roots.append(value)
         return ()
 
     run_jobs(
@@ -73,12 +73,12 @@ def test_a_task_that_fails_is_told_and_the_others_are_done(
         ],
         workers,
     )
-    assert says in failures[0]
+    assert message in failures[0]
     assert len(failures) == 1
-    assert sorted(found) == [2.0, 3.0]
+    assert sorted(roots) == [2.0, 3.0]
 
 
-def test_what_a_plan_does_wrong_is_raised_not_lost(workers: Workers) -> None:
+def test_error_of_a_plan_is_raised(workers: Workers) -> None:
     def done(value: float) -> Iterable[Job[float]]:
         raise KeyError("a mistake of the plan")
 

@@ -1,4 +1,4 @@
-"""Signals that end programs: the first asks, the second is as it was before."""
+"""Signals that end programs: the first requests a stop, the second ends the program."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from physics_crosscheck.harness.jobs.stop import SIGNALS, Stopped, asking, raisi
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_the_first_signal_asks_and_the_second_ends(number: signal.Signals) -> None:
+def test_first_signal_requests_a_stop_and_second_ends(number: signal.Signals) -> None:
     was = signal.signal(number, signal.SIG_DFL)  # under nohup SIGHUP is ignored
     try:
         with raising(), asking() as stop:
-            asked = [stop.requested]
+            before = [stop.requested]
             os.kill(os.getpid(), number)
-            assert [*asked, stop.requested] == [False, True]
+            assert [*before, stop.requested] == [False, True]
             assert stop.name == number.name
             with pytest.raises(Stopped) as stopped:
                 os.kill(os.getpid(), number)
@@ -27,7 +27,7 @@ def test_the_first_signal_asks_and_the_second_ends(number: signal.Signals) -> No
         signal.signal(number, was)
 
 
-def test_a_signal_that_is_ignored_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ignored_signal_stays_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         with asking() as stop:

@@ -1,4 +1,4 @@
-"""Worker processes: a task that crashes, hangs or prints costs nothing but itself."""
+"""Worker processes: a task that crashes, hangs or prints affects no other task."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def leave_a_mess(folder: str) -> None:
     os.close(2)
 
 
-def surroundings(_: object) -> tuple[tuple[str, ...], bool, str]:
+def process_state(_: object) -> tuple[tuple[str, ...], bool, str]:
     print("heard")
     os.write(2, b"too")
     return tuple(sys.path), "LEFT" in os.environ, os.getcwd()
@@ -101,18 +101,18 @@ def ramble(text: str) -> None:
 
 
 def orphan(_: object) -> str:
-    """End the process that started this one, and go on."""
+    """Kill the process that started this one, and continue."""
     os.kill(os.getppid(), signal.SIGKILL)
     time.sleep(0.5)
     return "done"
 
 
-def held_signals(which: str) -> set[int]:
-    """The signals that this process, or the one that started it, does not hear now."""
+def blocked_signals(which: str) -> set[int]:
+    """Return the signals that this process or its parent blocks."""
     process = {"pid": os.getpid(), "ppid": os.getppid()}[which]
     status = Path(f"/proc/{process}/status").read_text()
-    held = int(status.partition("SigBlk:")[2].split()[0], 16)
-    return {number for number in range(1, 65) if held >> (number - 1) & 1}
+    blocked = int(status.partition("SigBlk:")[2].split()[0], 16)
+    return {number for number in range(1, 65) if blocked >> (number - 1) & 1}
 
 
 class MuteError(Exception):
@@ -155,12 +155,12 @@ def unsendable(_: object) -> Callable[[], None]:
 
 
 def line(function: Callable[..., object], offset: int = 1) -> str:
-    """Where the body of a function stands, as a failure tells it."""
+    """Return the location of a function's body, as a failure states it."""
     return f"{__file__}:{function.__code__.co_firstlineno + offset}: "
 
 
 def alive(pid: int) -> bool:
-    """Whether there is such a process; what nobody has waited for yet is none."""
+    """Return whether a process is running, which a zombie is not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
@@ -168,7 +168,7 @@ def alive(pid: int) -> bool:
 
 
 def soon(happened: Callable[[], bool]) -> bool:
-    """Whether something happens, in a minute at most: other processes need their time."""
+    """Return whether something happens within a minute."""
     for _ in range(600):
         if happened():
             return True
@@ -182,7 +182,7 @@ def failed(value: object) -> Failure:
 
 
 def reasons(workers: Workers, *functions: Callable[[object], object]) -> list[str]:
-    """Why tasks fail that are done at the same time."""
+    """Return the reasons for which simultaneous tasks fail."""
     tasks = [workers.submit(function, 0) for function in functions]
     return [failed(workers.outcome(task)).reason for task in tasks]
 
@@ -193,21 +193,21 @@ def workers() -> Iterator[Workers]:
         yield pool
 
 
-def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers: Workers) -> None:
+def test_crash_hang_and_exit_affect_no_other_task(workers: Workers) -> None:
     good = [workers.submit(square, i) for i in range(12)]
     bad = [workers.submit(f, 0) for f in (crash, leave, spin)]
     good += [workers.submit(square, i) for i in range(12, 24)]
     assert list(map(workers.outcome, good)) == [i * i for i in range(24)]
-    crashed, left, hung = map(failed, map(workers.outcome, bad))
+    crashed, exited, hung = map(failed, map(workers.outcome, bad))
     assert crashed.stdout.startswith("about to fall")
-    assert "exit code 7" in left.reason
+    assert "exit code 7" in exited.reason
     assert crashed.reason.startswith(f"{line(crash, 2)}the process died (SIGSEGV)")
     assert hung.reason.startswith(__file__)
     assert "used up its limit of 0.5 processor seconds; --limit raises it" in hung.reason
     assert hung.stdout == "still here"
 
 
-def test_an_error_of_ours_is_its_sentence_and_any_other_is_told_with_its_kind(
+def test_only_unexpected_errors_are_reported_with_their_type(
     workers: Workers,
 ) -> None:
     ours = failed(workers.outcome(workers.submit(refuse, 0)))
@@ -216,38 +216,38 @@ def test_an_error_of_ours_is_its_sentence_and_any_other_is_told_with_its_kind(
     assert other.reason == "ZeroDivisionError: by zero"
 
 
-def test_wrong_usage_that_a_task_finds_stays_wrong_usage(workers: Workers) -> None:
+def test_usage_error_of_a_task_stays_a_usage_error(workers: Workers) -> None:
     assert failed(workers.outcome(workers.submit(refused, 0))).usage
     assert not failed(workers.outcome(workers.submit(refuse, 0))).usage
 
 
-def test_what_a_good_task_prints_is_kept_off_the_terminal(
+def test_output_of_a_successful_task_is_not_printed(
     workers: Workers, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert workers.outcome(workers.submit(chatter, 0)) == "done"
     assert "from C" not in "".join(capfd.readouterr())
 
 
-def test_a_value_is_not_mistaken_for_a_failure(workers: Workers) -> None:
+def test_value_is_not_a_failure(workers: Workers) -> None:
     value = workers.outcome(workers.submit(square, 3))
     assert not isinstance(value, Failure)
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, GeneratorExit, SystemExit, BaseException])
-def test_what_is_no_exception_is_told_with_its_line(
+def test_base_exceptions_are_reported_with_their_line(
     workers: Workers, kind: type[BaseException]
 ) -> None:
     reason = failed(workers.outcome(workers.submit(raise_it, kind))).reason
     assert reason.startswith(f"{line(raise_it)}{kind.__name__}")
 
 
-def test_an_exit_without_an_error_is_a_failure_like_any_other(workers: Workers) -> None:
-    patched, unseen = reasons(workers, leave_well, leave_in_c)
+def test_exit_with_code_0_is_a_failure(workers: Workers) -> None:
+    patched, in_c = reasons(workers, leave_well, leave_in_c)
     assert patched.startswith(f"{line(leave_well)}it ends the process, exit code 0")
-    assert "the process died (exit code 0)" in unseen
+    assert "the process died (exit code 0)" in in_c
 
 
-def test_time_is_that_of_the_processor_and_a_task_that_waits_has_ten_times_as_much(
+def test_waiting_task_has_a_longer_time_limit(
     workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert workers.outcome(workers.submit(wait_a_little, 0)) == "waited"
@@ -257,7 +257,7 @@ def test_time_is_that_of_the_processor_and_a_task_that_waits_has_ten_times_as_mu
     assert "--limit raises it" in reason
 
 
-def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_waits(
+def test_slow_task_does_not_count_as_waiting(
     workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.jobs.limits.PATIENCE", 0.1)
@@ -270,27 +270,27 @@ def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_wait
         pass
 
 
-def test_a_task_that_ignores_the_signal_of_its_limit_is_ended_all_the_same() -> None:
+def test_task_that_ignores_the_limit_signal_is_ended() -> None:
     with Workers(1, Limits(seconds=0.3)) as pool:
         (reason,) = reasons(pool, spin_deaf)
     assert "used up its limit of 0.3 processor seconds" in reason
 
 
 @pytest.mark.parametrize(("function", "argument"), [(hoard, 0), (raise_it, MemoryError)])
-def test_too_much_memory_costs_the_task_alone(
+def test_memory_limit_affects_no_other_task(
     workers: Workers, function: Callable[..., object], argument: object
 ) -> None:
     hoarding = workers.submit(function, argument)
-    beside = [workers.submit(square, i) for i in range(4)]
+    others = [workers.submit(square, i) for i in range(4)]
     reason = failed(workers.outcome(hoarding)).reason
     assert (
         reason
         == f"{line(function)}it needs more than its limit of 1 GiB of memory; --memory raises it"
     )
-    assert list(map(workers.outcome, beside)) == [0, 1, 4, 9]
+    assert list(map(workers.outcome, others)) == [0, 1, 4, 9]
 
 
-def test_what_cannot_be_told_or_sent_is_a_sentence(workers: Workers) -> None:
+def test_unprintable_and_unpicklable_values_are_reported(workers: Workers) -> None:
     mute = failed(workers.outcome(workers.submit(raise_it, MuteError))).reason
     assert mute == "MuteError: its message can't be shown (KeyboardInterrupt)"
     assert (
@@ -300,51 +300,51 @@ def test_what_cannot_be_told_or_sent_is_a_sentence(workers: Workers) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("one\n  two\t2\r\n\nthree\x0b", "ValueError: one two 2 three"),
         ("\x1b[2J\u202eAGREES\ud800", r"ValueError: \x1b[2J\u202eAGREES\ud800"),
     ],
 )
-def test_a_reason_is_one_line_that_writes_nothing_else_to_a_terminal(text: str, told: str) -> None:
-    assert Failure(f"ValueError: {text}", "").reason == told
+def test_reason_is_one_line_without_control_characters(text: str, expected: str) -> None:
+    assert Failure(f"ValueError: {text}", "").reason == expected
 
 
-def test_a_task_that_forks_answers_once(workers: Workers) -> None:
-    """Else the next task is given the answer of this one."""
+def test_forking_task_returns_one_value(workers: Workers) -> None:
+    """Catch a second value, which the next task would receive."""
     forked = [workers.submit(fork, x) for x in range(8)]
     after = workers.submit(square, 5)
     assert list(map(workers.outcome, forked)) == list(range(8))
     assert workers.outcome(after) == 25
 
 
-def test_what_a_task_changes_of_its_surroundings_is_not_there_for_the_next(tmp_path: Path) -> None:
-    with Workers(1) as one:
-        before = one.outcome(one.submit(surroundings, None))
+def test_process_state_is_restored_after_each_task(tmp_path: Path) -> None:
+    with Workers(1) as pool:
+        before = pool.outcome(pool.submit(process_state, None))
         for _ in range(2):
-            assert one.outcome(one.submit(leave_a_mess, str(tmp_path))) is None
-            assert one.outcome(one.submit(surroundings, None)) == before
+            assert pool.outcome(pool.submit(leave_a_mess, str(tmp_path))) is None
+            assert pool.outcome(pool.submit(process_state, None)) == before
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_process_that_was_forked_has_workers_of_its_own(workers: Workers, tmp_path: Path) -> None:
-    """The server that starts the parent's is no child of it, and can't be waited for."""
+def test_forked_process_starts_its_own_workers(workers: Workers, tmp_path: Path) -> None:
+    """Start a new server, because the parent's is not a child and cannot be waited for."""
     assert workers.outcome(workers.submit(square, 4)) == 16
-    told = tmp_path / "told"
+    result = tmp_path / "told"
     child = os.fork()
     if child == 0:
         try:
-            with Workers(1) as own:
-                told.write_text(str(own.outcome(own.submit(square, 5))))
+            with Workers(1) as pool:
+                result.write_text(str(pool.outcome(pool.submit(square, 5))))
         except BaseException as error:
-            told.write_text(repr(error))
+            result.write_text(repr(error))
         finally:
             os._exit(0)
     os.waitpid(child, 0)
-    assert told.read_text() == "25"
+    assert result.read_text() == "25"
 
 
-def test_a_reason_of_a_megabyte_keeps_its_beginning_and_its_end(workers: Workers) -> None:
+def test_long_reason_keeps_its_beginning_and_end(workers: Workers) -> None:
     text = f"begins {'x' * 10**6} ends"
     reason = failed(workers.outcome(workers.submit(ramble, text))).reason
     assert reason.startswith("ValueError: begins x")
@@ -354,18 +354,20 @@ def test_a_reason_of_a_megabyte_keeps_its_beginning_and_its_end(workers: Workers
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to look into")
-def test_what_starts_the_workers_hears_no_signal_and_they_do(
+def test_server_blocks_signals_and_workers_do_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     before: list[set[int]] = []
-    # As it starts, it lets these through again: it must have by the time that they are held.
+    # The tracker unblocks signals when it starts, so it must start before they are blocked.
     monkeypatch.setattr(
         resource_tracker,
         "ensure_running",
         lambda: before.append(set(signal.pthread_sigmask(signal.SIG_BLOCK, ()))),
     )
     with Workers(1) as pool:
-        server, worker = (pool.outcome(pool.submit(held_signals, one)) for one in ("ppid", "pid"))
+        server, worker = (
+            pool.outcome(pool.submit(blocked_signals, which)) for which in ("ppid", "pid")
+        )
     assert isinstance(server, set)
     assert isinstance(worker, set)
     assert not set(SIGNALS) & before[0]
@@ -380,9 +382,9 @@ from physics_crosscheck.harness.jobs.workers import Workers
 from tests.schedule.test_workers import orphan, parent, sleep, square, wait_a_little
 jobs.PRELOADED = jobs.PRELOADED_TO_DERIVE = ()
 """
-"""The beginning of a program whose workers start from a server that imports nothing."""
+"""Beginning of a program whose workers start from a server without imports."""
 
-BEGUN = f"""{LIGHT}
+SERVER_PROGRAM = f"""{LIGHT}
 def children():
     return open(f"/proc/self/task/{{os.getpid()}}/children").read().split()
 with Workers(2) as pool:
@@ -396,13 +398,13 @@ with Workers(2) as pool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to look into")
-def test_what_starts_the_workers_is_begun_before_a_task_which_may_end_it_and_no_worker() -> None:
+def test_server_starts_early_and_its_end_affects_no_worker() -> None:
     root = Path(__file__).parents[2]
-    done = subprocess.run([sys.executable, "-c", BEGUN], cwd=root, stdout=subprocess.PIPE)
+    done = subprocess.run([sys.executable, "-c", SERVER_PROGRAM], cwd=root, stdout=subprocess.PIPE)
     assert done.stdout.split() == [b"True", b"done", b"waited", b"9"]
 
 
-def test_what_a_task_started_ends_with_its_worker(workers: Workers) -> None:
+def test_child_of_a_task_ends_with_its_worker(workers: Workers) -> None:
     child = int(failed(workers.outcome(workers.submit(abandon, 0))).stdout)
     assert soon(lambda: not alive(child))
 
@@ -416,9 +418,9 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_a_program_that_is_killed_leaves_no_worker_and_no_folder(tmp_path: Path) -> None:
+def test_killed_program_leaves_no_worker_and_no_folder(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
-    with (tmp_path / "out").open("w") as out:  # no pipe, which a worker that stays would keep open
+    with (tmp_path / "out").open("w") as out:  # a remaining worker would keep a pipe open
         subprocess.run([sys.executable, "-c", ORPHANS], cwd=root, stdout=out, timeout=600)
     scratch, pid = (tmp_path / "out").read_text().split()
     assert soon(lambda: not alive(int(pid)))
@@ -442,14 +444,14 @@ serve(multiprocessing.Pipe()[0], config)
 """
 
 
-def test_a_worker_that_starts_after_its_program_was_killed_says_nothing() -> None:
-    """Another worker has removed the folder of its log by then."""
+def test_worker_started_after_its_program_ended_prints_nothing() -> None:
+    """Start a worker whose log folder has been removed by another worker."""
     root = Path(__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", ENDED], cwd=root, stderr=subprocess.PIPE)
     assert (done.returncode, done.stderr) == (1, b"")
 
 
-def test_a_pool_that_is_closed_leaves_no_worker_and_no_folder() -> None:
+def test_closed_pool_leaves_no_worker_and_no_folder() -> None:
     with Workers(1) as pool:
         pool.submit(sleep, 0)
         pool.turn()
