@@ -1,4 +1,4 @@
-"""A user's project with system folders, and answers to give instead of running an engine."""
+"""A user's project with system folders, and fake results instead of engine runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.standing import brief, standing_only
 
 
 class Project:
-    """Builds system folders below `models/`, and runs pytest in the project."""
+    """A project that creates system folders below `models/` and runs pytest."""
 
     def __init__(self, pytester: pytest.Pytester) -> None:
         self._pytester = pytester
@@ -53,8 +53,8 @@ class Project:
             "-p", "physics_crosscheck.pytest_plugin", *arguments
         )
 
-    def collected(self, *arguments: str) -> list[str]:
-        """Ids of the tests that would be run."""
+    def collect(self, *arguments: str) -> list[str]:
+        """Return the ids of the collected tests."""
         done = self.run("--collect-only", "-q", *arguments)
         return [line for line in done.outlines if "::" in line and " " not in line]
 
@@ -65,26 +65,26 @@ def project(pytester: pytest.Pytester) -> Project:
 
 
 @dataclass
-class Answers:
-    """What is given instead of running anything: cases by scenario; what is not told agrees."""
+class FakeResults:
+    """Results that replace engine runs: cases by scenario, which agree by default, and an audit."""
 
     cases: dict[str, dict[str, Any]] = field(default_factory=dict)
     audit: tuple[AuditFinding, ...] = ()
 
-    def case(self, _: CaseRunner, one: CaseId, *rest: object) -> Case:
-        told: dict[str, Any] = {name: getattr(one, name) for name in one.__struct_fields__}
-        return case(**told | self.cases.get(one.scenario, {}))
+    def case(self, _: CaseRunner, case_id: CaseId, *rest: object) -> Case:
+        names: dict[str, Any] = {name: getattr(case_id, name) for name in case_id.__struct_fields__}
+        return case(**names | self.cases.get(case_id.scenario, {}))
 
 
 @pytest.fixture
-def answers(monkeypatch: pytest.MonkeyPatch) -> Answers:
-    told = Answers()
+def fake_results(monkeypatch: pytest.MonkeyPatch) -> FakeResults:
+    fakes = FakeResults()
     monkeypatch.setattr(CaseRunner, "prepared", lambda *_: None)
-    monkeypatch.setattr(CaseRunner, "audit", lambda *_: Audit(findings=told.audit, poses=Poses()))
-    # Bound to the answers, so that the runner comes as the next argument.
-    monkeypatch.setattr(CaseRunner, "case", lambda *given: told.case(*given))
+    monkeypatch.setattr(CaseRunner, "audit", lambda *_: Audit(findings=fakes.audit, poses=Poses()))
+    # As a method of the runner, the lambda passes the runner as the next argument.
+    monkeypatch.setattr(CaseRunner, "case", lambda *given: fakes.case(*given))
     monkeypatch.setattr(CaseRunner, "diagnosis", lambda *_: Diagnosis(failure="untold"))
-    return told
+    return fakes
 
 
-assert session  # pytester forgets, after each run in this process, what that run imported first
+assert session  # pytester unloads modules that a run in this process imported first

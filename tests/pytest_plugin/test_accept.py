@@ -1,4 +1,4 @@
-"""Accepting from pytest, and the fixture for tests of a project's own."""
+"""Acceptance from pytest, and the fixture for a project's own tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ pytest_plugins = ("pytester",)
 
 
 @pytest.mark.slow
-def test_what_the_selected_cases_do_is_accepted_with_the_reason(project: Project) -> None:
+def test_selected_cases_are_accepted_with_the_reason(project: Project) -> None:
     path = project.add() / "mujoco.xml"
     project.edit(path, 'stiffness="47.0"', 'stiffness="47.5"')
     done = project.run(
@@ -23,15 +23,15 @@ def test_what_the_selected_cases_do_is_accepted_with_the_reason(project: Project
     done.stdout.fnmatch_lines(
         ["Accepted 1 case of *", "  mass_spring_damper/mujoco.xml/free [[]mujoco]"]
     )
-    kept = read_baseline(project.path / "reports" / "baseline")["mass_spring_damper"]
-    ((one, entry),) = kept.cases.items()
-    assert (one.scenario, entry.outcome) == ("free", Outcome.DIFFERS)
+    accepted = read_baseline(project.path / "reports" / "baseline")["mass_spring_damper"]
+    ((case_id, entry),) = accepted.cases.items()
+    assert (case_id.scenario, entry.outcome) == ("free", Outcome.DIFFERS)
     assert entry.reason == "a stiffer spring"
     again = project.run("--crosscheck", "models", "-k", "free or step")
     again.assert_outcomes(passed=1, failed=1, deselected=2)
 
 
-def test_what_could_not_be_run_is_not_accepted(project: Project) -> None:
+def test_failed_cases_are_not_accepted(project: Project) -> None:
     path = project.add() / "mujoco.xml"
     path.write_text("<mujoco")
     done = project.run("--crosscheck", "models", "-k", "free", "--crosscheck-accept", "broken")
@@ -40,32 +40,32 @@ def test_what_could_not_be_run_is_not_accepted(project: Project) -> None:
 
 
 @pytest.mark.parametrize(
-    ("ci", "reason", "said"), [("true", "right", "is refused in CI"), ("", "  ", "is empty")]
+    ("ci", "reason", "message"), [("true", "right", "is refused in CI"), ("", "  ", "is empty")]
 )
-def test_accepting_is_a_persons_decision_with_a_reason(
-    project: Project, monkeypatch: pytest.MonkeyPatch, ci: str, reason: str, said: str
+def test_accepting_needs_a_reason_and_is_rejected_in_ci(
+    project: Project, monkeypatch: pytest.MonkeyPatch, ci: str, reason: str, message: str
 ) -> None:
     monkeypatch.setenv("CI", ci)
     project.add()
     done = project.run("--crosscheck", "models", "--crosscheck-accept", reason)
     assert done.ret == pytest.ExitCode.USAGE_ERROR
-    done.stderr.fnmatch_lines([f"*--crosscheck-accept*{said}*"])
+    done.stderr.fnmatch_lines([f"*--crosscheck-accept*{message}*"])
 
 
-def test_the_fixture_runs_models_on_the_terms_of_the_command_line_once(project: Project) -> None:
+def test_fixture_uses_command_line_options_and_caches_results(project: Project) -> None:
     path = project.add() / "mujoco.xml"
     without(path.parent, "step", "resonance")
     project.edit(path, 'stiffness="47.0"', 'stiffness="47.000047"')
     (project.path / "test_mine.py").write_text(
         """
 def test_agrees(crosscheck):
-    found = crosscheck("models/msd")
-    assert found, str(found)
+    result = crosscheck("models/msd")
+    assert result, str(result)
 
-def test_terms(crosscheck):
-    found = crosscheck("models/msd")
-    assert found is crosscheck("models/msd")
-    assert found.resolution == 1e-5
+def test_options(crosscheck):
+    result = crosscheck("models/msd")
+    assert result is crosscheck("models/msd")
+    assert result.resolution == 1e-5
     assert not crosscheck("models/msd", resolution=1e-8)
 
 def test_unknown(crosscheck):

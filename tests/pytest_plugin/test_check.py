@@ -1,4 +1,4 @@
-"""`check`, the function for people who write their own tests."""
+"""`check`, the function for users' own tests."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A model with a wrong stiffness beside a sound one."""
+    """Create a folder with one model of wrong stiffness and a correct one."""
     folder = tmp_path / "mine"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
     standing_only(folder)
@@ -42,7 +42,7 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def test_results_agree_have_numbers_and_follow_the_schema(folder: Path) -> None:
+def test_agreeing_results_have_numbers_and_match_the_schema(folder: Path) -> None:
     result = check(folder, engines=["pymunk"])
     assert result
     assert result.agree
@@ -51,15 +51,15 @@ def test_results_agree_have_numbers_and_follow_the_schema(folder: Path) -> None:
     assert case.outcome is Outcome.AGREES
     assert case.verdict is not None
     assert case.full_run is not None
-    known = case.verdict.discrepancy, case.verdict.uncertainty, case.full_run.global_error
-    e, u, error = (-1.0 if value is None else value for value in known)
+    numbers = case.verdict.discrepancy, case.verdict.uncertainty, case.full_run.global_error
+    e, u, error = (-1.0 if value is None else value for value in numbers)
     assert 0 < e < u < 1e-9
     assert 0 < error < 1
     assert "Both cases agree to" in str(result)
     jsonschema.validate(json.loads(encoded(result)), schema(Results))
 
 
-def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder: Path) -> None:
+def test_wrong_model_does_not_agree_and_the_text_gives_the_cause(folder: Path) -> None:
     result = check(folder, engines=["mujoco"])
     assert not result
     assert not result.agree
@@ -82,9 +82,7 @@ def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder: Path) -> Non
             result.case(**wanted)
 
 
-def test_robot_files_are_checked_as_folders_are_also_in_a_list(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_robot_files_are_checked_like_folders(folder: Path, tmp_path: Path) -> None:
     arm, lamp = tmp_path / "arm.urdf", tmp_path / "lamp.xml"
     arm.write_text(ARM)
     lamp.write_text(LAMP)
@@ -102,14 +100,14 @@ def test_robot_files_are_checked_as_folders_are_also_in_a_list(
 
 
 @pytest.mark.skipif(PinocchioEngine().version() is None, reason="pinocchio is not installed")
-def test_a_refusal_counts_where_no_other_engine_has_a_verdict(tmp_path: Path) -> None:
+def test_refusal_counts_only_without_another_verdict(tmp_path: Path) -> None:
     arm = tmp_path / "arm.urdf"
     arm.write_text(UNLIMITED)
     assert check(arm, engines=["mujoco", "pinocchio"]).agree
     assert not check(arm, engines=["pinocchio"]).agree
 
 
-def test_an_engine_that_is_not_installed_never_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_engine_never_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
     result = check("torsional_disc", engines=["pymunk"])
     assert {case.outcome for case in result.cases} == {Outcome.ABSENT}
@@ -117,7 +115,7 @@ def test_an_engine_that_is_not_installed_never_agrees(monkeypatch: pytest.Monkey
     assert "pymunk is not installed" in str(result)
 
 
-def test_wrong_arguments_are_refused_by_name() -> None:
+def test_unknown_names_are_rejected() -> None:
     with pytest.raises(FolderError, match="nowhere: no such folder"):
         check("nowhere")
     with pytest.raises(FolderError, match="unknown engine 'havok'"):
@@ -128,7 +126,7 @@ def test_wrong_arguments_are_refused_by_name() -> None:
         check("torsional_disc", "no.urdf")
 
 
-@pytest.mark.parametrize(("given", "kind", "told"), [
+@pytest.mark.parametrize(("given", "kind", "message"), [
     ({"engines": "pymunk"}, TypeError, r"must be a list, not 'pymunk'; write engines=\['pymunk'\]"),
     ({"engines": [5]}, TypeError, r"engines must be a list of names, not \[5\]"),
     ({"resolution": 0}, ValueError, "resolution must be a number from 1e-13 to 0.01, not 0"),
@@ -141,21 +139,21 @@ def test_wrong_arguments_are_refused_by_name() -> None:
     ({"baseline": 5}, TypeError, "baseline must be a path, not 5"),
     ({"scheduler": 5}, TypeError, "scheduler must be a string, not 5"),
 ])  # fmt: skip
-def test_an_argument_of_another_kind_is_refused_with_what_belongs_there(
-    given: dict[str, Any], kind: type[Exception], told: str
+def test_invalid_arguments_are_rejected_with_a_hint(
+    given: dict[str, Any], kind: type[Exception], message: str
 ) -> None:
-    with pytest.raises(kind, match=told):
+    with pytest.raises(kind, match=message):
         check("torsional_disc", **given)
 
 
-def test_a_path_that_is_none_is_refused() -> None:
+def test_invalid_path_is_rejected() -> None:
     for path in (None, 5, ["torsional_disc", 5]):
         with pytest.raises(TypeError, match="a path of check"):
             check(path)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
-def test_a_script_without_a_guard_may_call_it(tmp_path: Path) -> None:
+def test_script_without_a_main_guard_can_call_check(tmp_path: Path) -> None:
     without(known_folder(tmp_path / "osc", {"good": ""}), "driven")
     script = "from physics_crosscheck import check\nprint(check('osc', jobs=1).agree)\n"
     done = subprocess.run(
@@ -165,13 +163,13 @@ def test_a_script_without_a_guard_may_call_it(tmp_path: Path) -> None:
     assert done.stdout == "True\n", done.stderr
 
 
-def test_the_package_imports_nothing_before_it_is_asked_to() -> None:
-    told = (
+def test_package_is_imported_lazily() -> None:
+    code = (
         "import sys, physics_crosscheck as p;"
         " print([m for m in sys.modules if m.startswith('physics')])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True, check=True
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout == "['physics_crosscheck.harness', 'physics_crosscheck']\n"
     assert callable(check)

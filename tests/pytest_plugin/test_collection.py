@@ -1,4 +1,4 @@
-"""Which tests there are, what they are called, and how they are selected."""
+"""Collection of tests: their ids, names and selection."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
-from tests.pytest_plugin.conftest import Answers, Project
+from tests.pytest_plugin.conftest import FakeResults, Project
 
 pytest_plugins = ["pytester"]
 
@@ -22,26 +22,26 @@ SCENARIOS = ("free", "step", "resonance", "audit")
 @pytest.fixture(autouse=True)
 def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*_: object) -> None:
-        raise AssertionError("something was run")
+        raise AssertionError("a case was run")
 
     monkeypatch.setattr(CaseRunner, "prepared", run)
 
 
-def test_every_model_engine_and_scenario_is_a_test_with_a_readable_id(project: Project) -> None:
+def test_every_model_engine_and_scenario_has_a_readable_id(project: Project) -> None:
     project.add(files=("mujoco.xml", "robot.urdf"))
-    assert project.collected("--crosscheck", "models") == [
+    assert project.collect("--crosscheck", "models") == [
         *(f"{MSD}/mujoco.xml/{name}" for name in SCENARIOS),
         *(f"{MSD}/robot.urdf/{name}[pybullet]" for name in SCENARIOS),
         *(f"{MSD}/robot.urdf/{name}[mujoco]" for name in SCENARIOS),
     ]
 
 
-def test_folders_are_found_at_any_depth_and_under_several_paths(project: Project) -> None:
+def test_folders_are_collected_at_any_depth_of_several_paths(project: Project) -> None:
     project.add("a", under="models/arms/left")
     project.add("b", under="others")
     project.add("hidden", under="models/.cache")
-    found = project.collected("--crosscheck", "models", "--crosscheck", "others/b/system.py")
-    assert {name.split("::")[0] for name in found} == {
+    ids = project.collect("--crosscheck", "models", "--crosscheck", "others/b/system.py")
+    assert {name.split("::")[0] for name in ids} == {
         "models/arms/left/a/system.py",
         "others/b/system.py",
     }
@@ -55,45 +55,45 @@ def test_folders_are_found_at_any_depth_and_under_several_paths(project: Project
     ([f"{MSD}/robot.urdf/free[pybullet]"], 1), ([f"{MSD}/robot.urdf/free"], 2),
     (["models/msd"], 12),
 ])  # fmt: skip
-def test_tests_are_selected_by_name_marker_and_id(
+def test_selection_by_name_marker_and_id(
     project: Project, selection: list[str], count: int
 ) -> None:
     project.add(files=("mujoco.xml", "robot.urdf"))
-    assert len(project.collected("--crosscheck", "models", *selection)) == count
+    assert len(project.collect("--crosscheck", "models", *selection)) == count
 
 
-def test_a_projects_own_tests_are_run_where_they_are_named(project: Project) -> None:
+def test_own_tests_run_if_named(project: Project) -> None:
     project.add()
     (project.path / "tests").mkdir()
     (project.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
-    own = ["tests/test_own.py::test_own"]
+    own_tests = ["tests/test_own.py::test_own"]
     cases = [f"{MSD}/mujoco.xml/{name}" for name in SCENARIOS]
-    assert project.collected() == own
-    assert project.collected("--crosscheck", "models") == cases
-    assert project.collected("--crosscheck", "models", "tests") == own + cases
-    assert sorted(project.collected("--crosscheck", "models", ".")) == sorted(own + cases)
+    assert project.collect() == own_tests
+    assert project.collect("--crosscheck", "models") == cases
+    assert project.collect("--crosscheck", "models", "tests") == own_tests + cases
+    assert sorted(project.collect("--crosscheck", "models", ".")) == sorted(own_tests + cases)
 
 
-def test_the_ini_files_paths_are_added_to_a_plain_run_and_to_no_other(project: Project) -> None:
+def test_ini_paths_are_added_only_to_a_plain_run(project: Project) -> None:
     project.add()
     (project.path / "tests").mkdir()
     (project.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
     (project.path / "pytest.ini").write_text(
         "[pytest]\ntestpaths = tests\ncrosscheck_paths = models\n"
     )
-    assert len(project.collected()) == 5
-    assert project.collected("tests") == ["tests/test_own.py::test_own"]
-    assert len(project.collected("models/msd")) == 4
+    assert len(project.collect()) == 5
+    assert project.collect("tests") == ["tests/test_own.py::test_own"]
+    assert len(project.collect("models/msd")) == 4
 
 
-def test_ignored_paths_have_no_tests(project: Project) -> None:
+def test_ignored_paths_are_not_collected(project: Project) -> None:
     project.add("a")
     project.add("b", under="models/rest")
-    found = project.collected("--crosscheck", "models", "--ignore", "models/rest")
-    assert {name.split("::")[0] for name in found} == {"models/a/system.py"}
+    ids = project.collect("--crosscheck", "models", "--ignore", "models/rest")
+    assert {name.split("::")[0] for name in ids} == {"models/a/system.py"}
 
 
-def test_paths_that_are_none_are_refused_naming_file_and_setting(project: Project) -> None:
+def test_invalid_ini_paths_are_reported_with_file_and_setting(project: Project) -> None:
     (project.path / "pyproject.toml").write_text(
         "[tool.pytest.ini_options]\ncrosscheck_paths = [{}]\n"
     )
@@ -102,16 +102,16 @@ def test_paths_that_are_none_are_refused_naming_file_and_setting(project: Projec
     done.stderr.fnmatch_lines("*pyproject.toml: crosscheck_paths must be a list of paths: *")
 
 
-def test_python_files_of_a_model_are_no_test_modules(project: Project) -> None:
+def test_model_code_is_not_a_test_module(project: Project) -> None:
     project.add(files=("space.py",))
     (project.path / "pytest.ini").write_text("[pytest]\npython_files = s*.py\n")
-    assert project.collected("--crosscheck", "models") == [
+    assert project.collect("--crosscheck", "models") == [
         f"{MSD}/space.py/{name}" for name in SCENARIOS
     ]
-    assert len(project.collected("--crosscheck", "models", ".", "--doctest-modules")) == 4
+    assert len(project.collect("--crosscheck", "models", ".", "--doctest-modules")) == 4
 
 
-def test_without_the_option_nothing_happens(project: Project) -> None:
+def test_plugin_is_inactive_without_the_option(project: Project) -> None:
     project.add()
     (project.path / "test_own.py").write_text("def test_own(request):\n    pass\n")
     done = project.run("-q", "--strict-markers", "--strict-config")
@@ -119,11 +119,11 @@ def test_without_the_option_nothing_happens(project: Project) -> None:
     done.stdout.no_fnmatch_line("*crosscheck*")
 
 
-def test_the_plugin_imports_nothing_but_pytest() -> None:
-    told = "import sys, pytest; before = set(sys.modules); import physics_crosscheck.pytest_plugin;"
-    told += "print(sorted(set(sys.modules) - before))"
+def test_plugin_imports_only_pytest() -> None:
+    code = "import sys, pytest; before = set(sys.modules); import physics_crosscheck.pytest_plugin;"
+    code += "print(sorted(set(sys.modules) - before))"
     done = subprocess.run(
-        [sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True, check=True
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     ours = ["physics_crosscheck", "physics_crosscheck.harness", "physics_crosscheck.pytest_plugin"]
     assert done.stdout.strip() == str(ours)
@@ -136,7 +136,7 @@ def test_the_plugin_imports_nothing_but_pytest() -> None:
     (["--crosscheck", "models", "--crosscheck-resolution", "0"], "between 1e-13 and 1e-2, not 0"),
     (["--crosscheck", "models", "--crosscheck-limit", "-1"], "must be a number of seconds above 0"),
 ])  # fmt: skip
-def test_wrong_usage_is_a_sentence_and_no_run(
+def test_usage_errors_are_reported_without_a_run(
     project: Project, arguments: list[str], sentence: str
 ) -> None:
     project.add()
@@ -147,7 +147,7 @@ def test_wrong_usage_is_a_sentence_and_no_run(
     assert "Traceback" not in done.stderr.str()
 
 
-def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project: Project) -> None:
+def test_unreadable_files_are_failed_tests(project: Project) -> None:
     broken = project.add("broken")
     project.edit(broken / "system.py", "k * x.q**2 / 2", "k * y.q**2 / 2")
     project.edit(project.add("ends") / "system.py", "from sympy", "raise SystemExit(3)\nfrom sympy")
@@ -155,7 +155,7 @@ def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project: 
     project.add("bare", files=())
     project.edit(project.add("typo") / "mujoco.xml.toml", "engines", "motors")
     done = project.run("--crosscheck", "models", "-W", "error")
-    # The folder without a sidecar has two reasons: the file, and that nothing is left to run.
+    # The folder without a sidecar fails twice: for the file, and because nothing runs.
     done.assert_outcomes(failed=6)
     done.stdout.fnmatch_lines(
         [
@@ -169,7 +169,7 @@ def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project: 
     assert "Traceback" not in done.stdout.str()
 
 
-def test_scenarios_with_names_that_mean_something_to_pytest_have_ids_all_the_same(
+def test_scenario_names_with_pytest_syntax_get_valid_ids(
     project: Project,
 ) -> None:
     folder = project.add()
@@ -180,19 +180,19 @@ def test_scenarios_with_names_that_mean_something_to_pytest_have_ids_all_the_sam
         assert f"{MSD}/mujoco.xml/{name}" in done.outlines
 
 
-def test_a_system_named_like_a_marker_is_not_marked_with_it(
-    project: Project, answers: Answers
+def test_system_named_like_a_marker_does_not_get_the_marker(
+    project: Project, fake_results: FakeResults
 ) -> None:
     folder = project.add()
     project.edit(folder / "system.py", 'name="mass_spring_damper"', 'name="skip"')
     (project.path / "pytest.ini").write_text("[pytest]\nmarkers =\n    mujoco: needs a licence\n")
     arguments = ("--crosscheck", "models", "--strict-markers")
     project.run(*arguments).assert_outcomes(passed=4)
-    assert project.collected(*arguments, "-m", "mujoco") == []
-    assert len(project.collected(*arguments, "-m", 'crosscheck(engine="mujoco")')) == 4
+    assert project.collect(*arguments, "-m", "mujoco") == []
+    assert len(project.collect(*arguments, "-m", 'crosscheck(engine="mujoco")')) == 4
 
 
-def test_a_missing_engine_skips_in_sight_and_fails_where_it_is_required(
+def test_missing_engine_is_skipped_unless_required(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(MujocoEngine, "version", lambda _: None)

@@ -1,4 +1,4 @@
-"""What a test says of what it ran: real engines, and answers in their place."""
+"""Outcomes and messages of tests, with real engines and with fake results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results import status
 from physics_crosscheck.harness.results.status import TestStatus
-from tests.pytest_plugin.conftest import Answers, Project
+from tests.pytest_plugin.conftest import FakeResults, Project
 from tests.records.made import case, finding, model
 
 pytest_plugins = ["pytester"]
@@ -27,17 +27,17 @@ MSD = "models/msd/system.py::mass_spring_damper"
 
 
 def junit(project: Project, tag: str) -> ET.Element:
-    """The first element of a tag in j.xml."""
-    found = ET.parse(project.path / "j.xml").find(f".//{tag}")
-    assert found is not None
-    return found
+    """Return the first element of a tag in j.xml."""
+    element = ET.parse(project.path / "j.xml").find(f".//{tag}")
+    assert element is not None
+    return element
 
 
 def properties(element: ET.Element) -> dict[str, str]:
     return {p.get("name", ""): p.get("value", "") for p in element.iter("property")}
 
 
-def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(
+def test_correct_model_passes_and_its_numbers_are_recorded(
     project: Project,
 ) -> None:
     project.add()
@@ -52,21 +52,21 @@ def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(
     ran = junit(project, "testcase")
     assert ran.get("classname") == "models.msd.system"
     assert ran.get("name") == "mass_spring_damper/mujoco.xml/free"
-    told = properties(ran)
-    assert told["outcome"] == "AGREES"
-    assert 0 < float(told["discrepancy"]) < float(told["uncertainty"]) < 1e-9
-    assert 0 < float(told["global_error"]) < 0.1
-    assert float(told["order"]) == pytest.approx(1, abs=0.05)
+    values = properties(ran)
+    assert values["outcome"] == "AGREES"
+    assert 0 < float(values["discrepancy"]) < float(values["uncertainty"]) < 1e-9
+    assert 0 < float(values["global_error"]) < 0.1
+    assert float(values["order"]) == pytest.approx(1, abs=0.05)
 
 
-def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
+def test_wrong_literal_is_reported_with_its_location(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[object] = []
+    calls: list[object] = []
     run = CaseRunner._ask
 
     def counted(self: CaseRunner, function: Any, argument: Any) -> Any:
-        asked.append(function)
+        calls.append(function)
         return run(self, function, argument)
 
     monkeypatch.setattr(CaseRunner, "_ask", counted)
@@ -94,15 +94,15 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     )
     shown = done.stdout.str()
     message = shown.split("/free [mujoco] ___")[1].splitlines()[1:]
-    top = [text for one in message for text in (textwrap.wrap(one, 80) or [""])][:8]
+    top = [text for line_text in message for text in (textwrap.wrap(line_text, 80) or [""])][:8]
     assert f"mujoco.xml:{line}) is 47.000047; the motion implies 47" in " ".join(top)
-    assert any(one.startswith("Fix: change ") for one in top)
+    assert any(text.startswith("Fix: change ") for text in top)
     assert "Traceback" not in shown
     assert not re.search(r"collect\.py|runner\.py|Error\b", shown)
-    paths = [one.keywords.get("path") for one in asked if isinstance(one, partial)]
+    paths = [call.keywords.get("path") for call in calls if isinstance(call, partial)]
     assert paths.count(DIAGNOSIS.function) == 1
     cases = ET.parse(project.path / "j.xml").getroot().iter("testcase")
-    assert [properties(one)["code"] for one in cases] == ["XC201", "XC201", "XC123"]
+    assert [properties(element)["code"] for element in cases] == ["XC201", "XC201", "XC123"]
     failure = junit(project, "failure")
     assert "joint[x]@stiffness" in failure.get("message", "")
     assert failure.text is not None
@@ -110,9 +110,9 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     assert f"mujoco.xml:{line}" in failure.text
 
 
-def test_what_failed_is_run_again_by_lf_and_by_its_id(project: Project, answers: Answers) -> None:
+def test_failed_test_reruns_by_lf_and_by_id(project: Project, fake_results: FakeResults) -> None:
     project.add()
-    answers.cases["step"] = {"outcome": Outcome.DIFFERS, "reason": "x is off"}
+    fake_results.cases["step"] = {"outcome": Outcome.DIFFERS, "reason": "x is off"}
     project.run("--crosscheck", "models").assert_outcomes(passed=3, failed=1)
     project.run("--crosscheck", "models", "--lf").assert_outcomes(failed=1)
     done = project.run("--crosscheck", "models", f"{MSD}/mujoco.xml/step")
@@ -121,7 +121,7 @@ def test_what_failed_is_run_again_by_lf_and_by_its_id(project: Project, answers:
 
 
 @pytest.mark.workers
-def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> None:
+def test_crash_is_one_failed_test_with_its_output(project: Project) -> None:
     folder = project.add(files=("space.py", "mujoco.xml"))
     project.edit(
         folder / "space.py",
@@ -137,18 +137,18 @@ def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> N
 
 
 @pytest.mark.slow
-def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> None:
+def test_hanging_model_is_stopped_at_the_time_limit(project: Project) -> None:
     folder = project.add(files=("space.py",))
     project.edit(folder / "space.py", "def build():", "def build():\n    while True: pass\n")
     done = project.run("--crosscheck", "models", "-k", "audit", "--crosscheck-limit", "6")
     done.assert_outcomes(failed=1, deselected=3)
-    # Enough to import all that comes before the model's own line, on a slow machine too.
+    # Long enough to import everything before the model's line, even on a slow machine.
     spent = "it used up its limit of 6 processor seconds; --crosscheck-limit raises it"
     done.stdout.fnmatch_lines([f"XC601 FAILED: */space.py:*: {spent}"])
 
 
 @pytest.mark.slow
-def test_all_tests_of_a_system_are_one_xdist_workers(
+def test_tests_of_a_system_run_on_one_xdist_worker(
     project: Project, pytester: pytest.Pytester
 ) -> None:
     pytest.importorskip("xdist")
@@ -172,7 +172,7 @@ def test_all_tests_of_a_system_are_one_xdist_workers(
         "free or audit",
         "--junitxml=j.xml",
     )
-    # No model of that step is loaded: neither its case nor its audit can be done.
+    # A model with that step does not load, so its case and its audit fail.
     done.assert_outcomes(passed=2, failed=2)
     ran = re.findall(r"\[(gw\d)\] \[.*\] (?:PASSED|FAILED) models/(\w)/", done.stdout.str())
     assert len(ran) == 4
@@ -182,19 +182,19 @@ def test_all_tests_of_a_system_are_one_xdist_workers(
     assert len(ET.parse(project.path / "j.xml").findall(".//failure")) == 2
 
 
-def test_a_known_difference_passes_and_is_shown(project: Project, answers: Answers) -> None:
+def test_known_difference_passes_and_is_shown(project: Project, fake_results: FakeResults) -> None:
     project.add()
-    known = {"outcome": Outcome.DIFFERS, "reason": "x is off", "accepted": "a soft joint"}
-    answers.cases["free"] = known
+    difference = {"outcome": Outcome.DIFFERS, "reason": "x is off", "accepted": "a soft joint"}
+    fake_results.cases["free"] = difference
     done = project.run("--crosscheck", "models", "--junitxml=j.xml")
     done.assert_outcomes(passed=4)
     done.stdout.fnmatch_lines([f"accepted: DIFFERS {MSD}/mujoco.xml/free: a soft joint"])
-    told = properties(junit(project, "testsuite"))
-    assert told["accepted"] == "a soft joint"
+    values = properties(junit(project, "testsuite"))
+    assert values["accepted"] == "a soft joint"
 
 
 @pytest.mark.slow
-def test_what_was_accepted_passes_until_it_changes(
+def test_accepted_difference_passes_until_it_changes(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(project.path)
@@ -215,8 +215,8 @@ def test_what_was_accepted_passes_until_it_changes(
     assert project.run(*arguments).ret == pytest.ExitCode.USAGE_ERROR
 
 
-def test_a_projects_conftest_may_demand_more_of_the_models_below_it(
-    project: Project, answers: Answers
+def test_conftest_can_add_requirements_for_its_models(
+    project: Project, fake_results: FakeResults
 ) -> None:
     project.add()
     project.add("b", under="others")
@@ -248,11 +248,11 @@ def test_a_projects_conftest_may_demand_more_of_the_models_below_it(
     (model(finding()), TestStatus.FAIL),
     (model(finding(), accepted="known"), TestStatus.PASS),
 ])  # fmt: skip
-def test_what_passes_fails_and_is_skipped(record: Case | Model, ending: TestStatus) -> None:
+def test_status_of_records(record: Case | Model, ending: TestStatus) -> None:
     assert status.status_of(record, require_engines=False).status is ending
 
 
-def test_an_engine_that_is_required_and_a_demand_that_is_not_met_fail() -> None:
+def test_missing_required_engine_and_unmet_requirement_fail() -> None:
     absent = status.status_of(case(Outcome.ABSENT, reason="r"), require_engines=True)
     assert absent.status is TestStatus.FAIL
     unmet = status.status_of(case(), require_engines=False, demands=["no"])

@@ -1,4 +1,4 @@
-"""Robot files as tests: without a system folder, in any repository."""
+"""Robot files as tests, without a system folder."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if len(XML) == 1:
 
 @pytest.fixture
 def robots(project: Project) -> Path:
-    """A project with two robots, and with files that are no robots of its own."""
+    """Create a project with two robots, and with files that are not robots."""
     folder = project.path / "robots"
     (folder / "deep").mkdir(parents=True)
     (folder / "arm.urdf").write_text(ARM)
@@ -42,7 +42,7 @@ def robots(project: Project) -> Path:
 @pytest.fixture
 def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*_: object) -> None:
-        raise AssertionError("something was run")
+        raise AssertionError("a case was run")
 
     monkeypatch.setattr(CaseRunner, "prepared", run)
 
@@ -56,28 +56,28 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     (["robots", SWING[0]], SWING[:1]),
     (["robots", "-m", "crosscheck(model='arm.urdf', scenario='audit')"], SWING[-1:]),
 ])  # fmt: skip
-def test_each_engine_of_a_robot_file_is_a_test(
+def test_each_engine_of_a_robot_file_is_a_test_id(
     project: Project, arguments: list[str], wanted: list[str]
 ) -> None:
-    assert sorted(project.collected("--crosscheck", *arguments)) == sorted(wanted)
+    assert sorted(project.collect("--crosscheck", *arguments)) == sorted(wanted)
 
 
 @pytest.mark.usefixtures("nothing_runs")
-def test_robot_files_beside_system_folders_are_collected_where_they_are_named(
+def test_robot_files_next_to_system_folders_are_collected_if_named(
     project: Project, robots: Path
 ) -> None:
     project.add("msd", under="robots")
-    found = project.collected("--crosscheck", "robots")
-    assert found
-    assert {name.split("::")[0] for name in found} == {"robots/msd/system.py"}
-    found = project.collected("--crosscheck", "robots", "--crosscheck", "robots/arm.urdf")
-    assert {name.split("::")[0] for name in found} == {"robots/msd/system.py", "robots/arm.urdf"}
+    ids = project.collect("--crosscheck", "robots")
+    assert ids
+    assert {name.split("::")[0] for name in ids} == {"robots/msd/system.py"}
+    ids = project.collect("--crosscheck", "robots", "--crosscheck", "robots/arm.urdf")
+    assert {name.split("::")[0] for name in ids} == {"robots/msd/system.py", "robots/arm.urdf"}
 
 
 @pytest.mark.usefixtures("nothing_runs", "robots")
-def test_the_ini_file_names_robot_files(project: Project) -> None:
+def test_ini_file_can_name_robot_files(project: Project) -> None:
     (project.path / "pytest.ini").write_text("[pytest]\ncrosscheck_paths = robots/deep\n")
-    assert project.collected() == LIT
+    assert project.collect() == LIT
 
 
 @pytest.mark.parametrize(("name", "why"), [
@@ -86,7 +86,7 @@ def test_the_ini_file_names_robot_files(project: Project) -> None:
     ("robots/deep/notes.txt", "only .urdf, .sdf and .xml run without a folder"),
     ("empty", "empty: no system.py and no robot file in it or below it"),
 ])  # fmt: skip
-def test_a_path_without_a_target_is_wrong_usage(
+def test_path_without_a_target_is_a_usage_error(
     project: Project, robots: Path, name: str, why: str
 ) -> None:
     (robots / "deep" / "notes.txt").write_text("")
@@ -96,9 +96,7 @@ def test_a_path_without_a_target_is_wrong_usage(
     done.stderr.fnmatch_lines([f"*--crosscheck *{why}*"])
 
 
-def test_a_sound_robot_passes_and_one_that_can_t_be_read_fails_by_its_line(
-    project: Project, robots: Path
-) -> None:
+def test_correct_robot_passes_and_unreadable_robot_fails(project: Project, robots: Path) -> None:
     (robots / "broken.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
     names = ("robots/arm.urdf", "robots/broken.urdf")
     done = project.run("--crosscheck", *names, "-k", "mujoco or audit or broken")
@@ -117,7 +115,7 @@ def test_smooth_cases_compare_no_whole_step(project: Project, robots: Path) -> N
     project.run(*lamp, "--crosscheck-smooth").assert_outcomes(passed=1, deselected=len(LIT) - 1)
 
 
-def test_what_an_engine_drops_fails_with_its_cause_and_line_and_the_audit_finds_it(
+def test_ignored_attribute_fails_case_and_audit_with_its_line(
     project: Project, robots: Path
 ) -> None:
     (robots / "arm.urdf").write_text(TIPPED)
@@ -132,7 +130,7 @@ def test_what_an_engine_drops_fails_with_its_cause_and_line_and_the_audit_finds_
 
 
 @pytest.mark.skipif(not {"mujoco", "pinocchio"} <= {*URDF}, reason="needs both engines")
-def test_a_refusal_is_skipped_where_another_engine_has_a_verdict(
+def test_refusal_is_skipped_if_another_engine_has_a_verdict(
     project: Project, robots: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (robots / "arm.urdf").write_text(UNLIMITED)
@@ -145,7 +143,7 @@ def test_a_refusal_is_skipped_where_another_engine_has_a_verdict(
     done.assert_outcomes(passed=1, failed=1, deselected=len(SWING) - 2)
 
 
-def test_a_robot_file_is_not_accepted(
+def test_robot_files_cannot_be_accepted(
     project: Project, robots: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("CI", "GITHUB_ACTIONS"):
