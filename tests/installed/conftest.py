@@ -1,4 +1,4 @@
-"""The wheel, built once and installed in an environment of its own, far from the checkout."""
+"""The wheel, built once and installed in a separate environment outside the checkout."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True)
 class Installed:
-    """An environment; nothing in that with the wheel knows of the checkout."""
+    """An environment; the one with the wheel does not use the checkout."""
 
     bin: Path
 
     def shell(
         self, command: str, cwd: Path, **environment: str
     ) -> subprocess.CompletedProcess[str]:
-        """Run a line of shell as a user would; returns the finished process."""
+        """Run a line of shell as a user would; return the finished process."""
         clean = {
             k: v
             for k, v in os.environ.items()
@@ -46,28 +46,28 @@ class Installed:
 
 
 CHECKOUT = Installed(Path(sys.executable).parent)
-"""This environment, with the checkout: for what is no matter of the wheel."""
+"""This environment with the checkout, for tests that do not need the wheel."""
 
 
 @pytest.fixture(scope="session")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """Install the wheel of the source distribution, beside this environment's dependencies."""
+    """Install the wheel of the source distribution, with this environment's dependencies."""
     folder = tmp_path_factory.mktemp("installed")
     quiet: dict[str, Any] = {"check": True, "capture_output": True, "text": True}
     build = [sys.executable, "-m", "hatchling", "build", "-d", str(folder), "-t"]
     subprocess.run([*build, "sdist"], cwd=ROOT, **quiet)
     (source,) = folder.glob("*.tar.gz")
-    with tarfile.open(source) as packed:
-        packed.extractall(folder, filter="data")
+    with tarfile.open(source) as archive:
+        archive.extractall(folder, filter="data")
     subprocess.run([*build, "wheel"], cwd=folder / source.name.removesuffix(".tar.gz"), **quiet)
     (wheel,) = folder.glob("*.whl")
     home = folder / "environment"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], **quiet)
     python = home / "bin" / "python"
-    own = Path(sysconfig.get_path("purelib", vars={"base": str(home)}))
-    # On the path alone: the .pth of an editable install in there is not read, so that the checkout
-    # is not found.
-    (own / "dependencies.pth").write_text("\n".join(site.getsitepackages()) + "\n")
+    site_folder = Path(sysconfig.get_path("purelib", vars={"base": str(home)}))
+    # These folders are only on the path: the .pth file of an editable install there is ignored, so
+    # the checkout is not found.
+    (site_folder / "dependencies.pth").write_text("\n".join(site.getsitepackages()) + "\n")
     subprocess.run(
         [
             sys.executable,

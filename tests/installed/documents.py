@@ -1,9 +1,9 @@
-"""The commands of a document, and what it says that they print.
+"""The commands of a document, and the output that it shows.
 
-A block of ```sh is run line by line. Before it, `<!-- not run: all: why -->` or
-`<!-- not run: `command`, `command`: why -->` excepts what is not; `# exits with 1` after a command
-is the code that it must end with. What is quoted below a block, in a block without a language, must
-have come out of the command before it in its section, numbers apart.
+A block of ```sh is run line by line. A preceding `<!-- not run: all: why -->` or
+`<!-- not run: `command`, `command`: why -->` excludes commands; `# exits with 1` after a command
+states its exit code. A block without a language must be output of the last command before it in
+the same section, except for numbers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _EXCEPT = re.compile(r"<!-- not run: (.*?) -->", re.DOTALL)
 
 @dataclass
 class Command:
-    """A line of shell, the code it ends with, and what is shown of its output."""
+    """A line of shell, its exit code, and the shown part of its output."""
 
     text: str
     code: int
@@ -29,7 +29,7 @@ class Command:
 
 
 def commands(text: str) -> tuple[list[Command], list[Command]]:
-    """The commands of a document that are to be run, and those that are not, with the reason."""
+    """Return the commands of a document to run, and the excluded ones."""
     run, excepted = [], []
     last: Command | None = None
     for heading, marks, language, body in _BLOCK.findall(text):
@@ -42,10 +42,10 @@ def commands(text: str) -> tuple[list[Command], list[Command]]:
             continue
         whole, single, why = False, set(), ""
         for mark in _EXCEPT.findall(marks):
-            what, why = mark.rsplit(": ", 1)
-            assert why.strip(), "say why it is not run"
-            whole = whole or what == "all"
-            single |= set(re.findall(r"`([^`]+)`", what))
+            names, why = mark.rsplit(": ", 1)
+            assert why.strip(), "give the reason for not running it"
+            whole = whole or names == "all"
+            single |= set(re.findall(r"`([^`]+)`", names))
         pattern = re.compile(r"(.*?)(?:\s+# ?(.*))?$")
         lines = [m for line in body.splitlines() if line and (m := pattern.match(line))]
         texts = [match[1] for match in lines]
@@ -64,12 +64,12 @@ def commands(text: str) -> tuple[list[Command], list[Command]]:
 
 
 def check_shown(command: Command, stdout: str) -> None:
-    """Check that a command printed each line that a document quotes, wrapped at any width."""
-    came = plain(stdout)
+    """Check that a command printed each line that a document shows, wrapped at any width."""
+    actual = plain(stdout)
     for line in command.shown:
-        assert plain(line) in came, f"{command.text} does not say {line!r}:\n{stdout}"
+        assert plain(line) in actual, f"{command.text} does not print {line!r}:\n{stdout}"
 
 
 def plain(text: str) -> str:
-    """A line without its numbers and spacing, which a machine and an engine's version set."""
+    """Remove numbers and spacing, which depend on the machine and on engine versions."""
     return re.sub(r"\s+", " ", re.sub(r"-?\d[\d.]*(?:e[+-]?\d+)?", "#", text)).strip()

@@ -1,7 +1,7 @@
-"""Every command of README, tutorial and other pages, in its order.
+"""All commands of README, tutorial and other pages, in order.
 
-`crosscheck` runs in this process where a line is nothing else, with its tasks: others would import
-everything again. `test_installed.py` runs commands from the wheel alone.
+A line that only calls `crosscheck` runs in this process, because a new one would import everything
+again. `test_installed.py` runs commands from the wheel.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from tests.installed.documents import ROOT, check_shown, commands
 from tests.standing import brief
 
 HERE = re.compile(r"crosscheck (?!engines)[^|;&$<>\n]*")
-"""Lines that run in this process, which may know of further engines."""
+"""Lines that run in this process, which may have further engines."""
 
 
 @pytest.fixture(scope="module")
-def known(tmp_path_factory: pytest.TempPathFactory) -> Known:
-    return Known(tmp_path_factory.mktemp("known"))
+def cache(tmp_path_factory: pytest.TempPathFactory) -> CommandCache:
+    return CommandCache(tmp_path_factory.mktemp("cache"))
 
 
-class Known:
-    """Commands that ran, with the folder after each: pages repeat commands in the same folder."""
+class CommandCache:
+    """Results of commands by folder content: pages repeat commands in equal folders."""
 
     def __init__(self, place: Path) -> None:
         self._place = place
         self._done = dict[tuple[str, bytes], subprocess.CompletedProcess[str]]()
 
     def run(self, text: str, here: Path) -> subprocess.CompletedProcess[str]:
-        """Run a line in a folder, or copy what it left in an equal folder."""
+        """Run a line in a folder, or copy its result from an equal folder."""
         words = shlex.split(text)[1:]
         files = sorted(path for path in here.rglob("*") if path.is_file())
         state = "\0".join(f"{path.relative_to(here)} {path.read_bytes()!r}" for path in files)
@@ -54,31 +54,31 @@ class Known:
         return done
 
 
-def follow(document: str, known: Known, place: Path) -> None:
+def follow(document: str, cache: CommandCache, place: Path) -> None:
     """Run a document's commands in a folder, `cd` included."""
     run, _ = commands((ROOT / document).read_text())
     assert run
     here = place
     for command in run:
         if HERE.fullmatch(command.text):
-            done = known.run(command.text, here)
-            said = done.stdout + done.stderr
+            done = cache.run(command.text, here)
+            output = done.stdout + done.stderr
         else:
             done = CHECKOUT.shell(f"{command.text}\ncode=$?; pwd >&2; exit $code", here)
-            said = done.stdout + done.stderr
+            output = done.stdout + done.stderr
             here = Path(done.stderr.strip().splitlines()[-1])
-        assert done.returncode == command.code, f"{command.text}\n{said}"
+        assert done.returncode == command.code, f"{command.text}\n{output}"
         check_shown(command, done.stdout)
 
 
 @pytest.mark.release
-def test_the_tutorial_does_what_it_says(known: Known, tmp_path: Path) -> None:
-    follow("docs/tutorial.md", known, tmp_path)
+def test_tutorial_commands_print_what_is_shown(cache: CommandCache, tmp_path: Path) -> None:
+    follow("docs/tutorial.md", cache, tmp_path)
 
 
 @pytest.mark.release
-def test_coordinates_are_mapped_as_the_page_on_folders_says(known: Known, tmp_path: Path) -> None:
-    follow("docs/folder.md", known, tmp_path)
+def test_commands_of_the_page_on_folders_work(cache: CommandCache, tmp_path: Path) -> None:
+    follow("docs/folder.md", cache, tmp_path)
 
 
 PAGES = [
@@ -90,28 +90,28 @@ PAGES = [
 
 @pytest.mark.release
 @pytest.mark.parametrize("page", [page for page in PAGES if commands((ROOT / page).read_text())[0]])
-def test_a_page_does_what_it_shows(known: Known, tmp_path: Path, page: str) -> None:
+def test_page_commands_print_what_is_shown(cache: CommandCache, tmp_path: Path, page: str) -> None:
     shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
-    follow(page, known, tmp_path)
+    follow(page, cache, tmp_path)
 
 
 @pytest.mark.release
-def test_the_commands_of_the_readme_work(known: Known, tmp_path: Path) -> None:
+def test_readme_commands_work(cache: CommandCache, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
     data = Path(pytest.importorskip("pybullet_data").getDataPath())
     shutil.copy(data / "franka_panda" / "panda.urdf", tmp_path)
-    follow("README.md", known, tmp_path)
+    follow("README.md", cache, tmp_path)
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/tutorial.md"])
-def test_what_is_not_run_is_the_exception(document: str) -> None:
+def test_most_commands_are_run(document: str) -> None:
     run, excepted = commands((ROOT / document).read_text())
-    most, least = {"README.md": (5, 2), "docs/tutorial.md": (3, 8)}[document]
-    assert len(excepted) <= most, [c.text for c in excepted]
-    assert len(run) >= least
+    max_excluded, min_run = {"README.md": (5, 2), "docs/tutorial.md": (3, 8)}[document]
+    assert len(excepted) <= max_excluded, [c.text for c in excepted]
+    assert len(run) >= min_run
 
 
-def test_every_how_to_page_shows_a_command_its_meaning_and_a_remedy() -> None:
+def test_how_to_pages_have_command_meaning_and_remedy() -> None:
     pages = [page for page in PAGES if page.startswith("docs/how-to/") and "index" not in page]
     assert len(pages) >= 12
     for page in pages:
@@ -121,19 +121,19 @@ def test_every_how_to_page_shows_a_command_its_meaning_and_a_remedy() -> None:
         assert headings == ["## Meaning", "## Remedy"], page
 
 
-def test_the_readme_is_short() -> None:
+def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text().split()) <= 400
 
 
-def test_each_page_begins_with_its_reader_and_the_result() -> None:
-    """The pages of message codes begin with the message."""
+def test_pages_begin_with_reader_and_result() -> None:
+    """Check pages except those of message codes, which begin with the message."""
     for path in (ROOT / "docs").rglob("*.md"):
         first = path.read_text().split("\n\n")[1]
         named = re.search(r"Afterwards|needs? this page|you have", first)
         assert named or path.name.startswith("XC"), f"{path}: {first}"
 
 
-def test_the_pages_for_contributors_and_the_glossary_are_one_page_each() -> None:
+def test_contributor_pages_and_glossary_are_short() -> None:
     for page in ("CONTRIBUTING.md", "docs/architecture.md", "docs/glossary.md"):
         assert len((ROOT / page).read_text().split()) <= 650, page
     rows = re.findall(r"^\| \*\*", (ROOT / "docs/glossary.md").read_text(), re.MULTILINE)

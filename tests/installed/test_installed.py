@@ -1,4 +1,4 @@
-"""The wheel alone, elsewhere, beside folders of a user that are called like ours."""
+"""The installed wheel, in folders that contain packages with the names of ours."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TRAP = "raise RuntimeError('the package of the user')\n"
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's folder with packages `harness` and `reference` and a module `mujoco`."""
+    """Create a user's folder with packages `harness` and `reference` and a module `mujoco`."""
     folder = tmp_path_factory.mktemp("user")
     for name in ("harness", "reference"):
         (folder / name).mkdir()
@@ -27,16 +27,16 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_checkout_is_not_what_is_installed(installed: Installed, place: Path) -> None:
-    asked = (
+def test_installed_package_is_not_the_checkout(installed: Installed, place: Path) -> None:
+    code = (
         "import physics_crosscheck.harness.modelfiles.folders as f; print(f.__file__, f.builtin())"
     )
-    done = installed.shell(f'python -P -c "{asked}"', place)
+    done = installed.shell(f'python -P -c "{code}"', place)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count(str(installed.bin.parent)) == 2
 
 
-def test_the_wheel_registers_the_commands_of_extras(installed: Installed, place: Path) -> None:
+def test_wheel_registers_the_commands_of_extras(installed: Installed, place: Path) -> None:
     done = installed.shell("crosscheck --help", place)
     assert "\n  sweep " in done.stdout
     assert "\n  versions " in done.stdout
@@ -44,28 +44,28 @@ def test_the_wheel_registers_the_commands_of_extras(installed: Installed, place:
 
 
 def new_rod(installed: Installed, place: Path, target: str) -> None:
-    """Write the template's folder, for short motions."""
+    """Create the template's folder with short motions."""
     done = installed.shell(f"crosscheck new {target}", place)
     assert done.returncode == 0, done.stderr
     brief(place / target)
 
 
-def test_new_and_run_work_beside_packages_called_like_ours(
+def test_new_and_run_work_with_user_packages_of_the_same_names(
     installed: Installed, place: Path
 ) -> None:
     new_rod(installed, place, "models/rod")
-    # The first thing on the path, as many set it, is the user's folder.
+    # The user's folder is first on the path, as in many projects.
     done = installed.shell("crosscheck run models --engine pymunk", place, PYTHONPATH=str(place))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "All 3 cases agree" in done.stdout
-    found = json.loads((place / "reports" / "results.json").read_text())
-    assert {m["engine"] for m in found["models"]} == {"pymunk"}
+    results = json.loads((place / "reports" / "results.json").read_text())
+    assert {m["engine"] for m in results["models"]} == {"pymunk"}
     (place / "reports" / "index.html").unlink()
     assert installed.shell("crosscheck report", place).returncode == 0
     assert (place / "reports" / "index.html").stat().st_size > 10_000
 
 
-def test_python_has_motions_and_comparisons_beside_packages_called_like_ours(
+def test_python_functions_work_with_user_packages_of_the_same_names(
     installed: Installed, tmp_path: Path
 ) -> None:
     for name in ("harness", "reference"):
@@ -82,20 +82,18 @@ print(compare("simple_pendulum/mujoco.xml", "simple_pendulum/robot.urdf", engine
     assert done.stdout == "True True\nTrue\n", done.stderr
 
 
-def test_a_module_in_the_folder_is_not_taken_for_an_engine(
-    installed: Installed, place: Path
-) -> None:
+def test_module_in_the_folder_is_not_used_as_an_engine(installed: Installed, place: Path) -> None:
     done = installed.shell("crosscheck audit simple_pendulum --engine mujoco", place)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "ok: literals and compiled terms" in done.stdout
 
 
-def test_the_plugin_works_beside_packages_called_like_ours(
+def test_plugin_works_with_user_packages_of_the_same_names(
     installed: Installed, place: Path
 ) -> None:
     if not (place / "models" / "rod").is_dir():
         new_rod(installed, place, "models/rod")
-    # `python -m pytest` puts the user's folder first, and so is their `mujoco.py`.
+    # `python -m pytest` puts the user's folder with its `mujoco.py` first.
     done = installed.shell(
         "python -m pytest -q --crosscheck models -m pymunk", place, PYTHONPATH=str(place)
     )
@@ -109,7 +107,7 @@ THEIRS = "import harness, reference; assert harness.MINE and reference.MINE"
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """A project with packages `harness` and `reference` of its own, in both import orders."""
+    """Create a project with its own packages `harness` and `reference`, in both import orders."""
     for name in ("harness", "reference"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("MINE = 1\n")
@@ -120,15 +118,13 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_project_keeps_its_own_harness_and_reference(installed: Installed, project: Path) -> None:
+def test_project_imports_its_own_harness_and_reference(installed: Installed, project: Path) -> None:
     for number in (0, 1):
         done = installed.shell(f"python order_{number}.py", project)
         assert done.returncode == 0, done.stderr
 
 
-def test_a_project_keeps_its_own_harness_while_pytest_checks_its_models(
-    installed: Installed, project: Path
-) -> None:
+def test_project_imports_its_own_harness_under_pytest(installed: Installed, project: Path) -> None:
     (project / "conftest.py").write_text(THEIRS)
     new_rod(installed, project, "rod")
     words = "--crosscheck rod -m pymunk test_order_0.py test_order_1.py"
@@ -136,13 +132,13 @@ def test_a_project_keeps_its_own_harness_while_pytest_checks_its_models(
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_site_packages_have_one_folder_of_ours_with_every_module(installed: Installed) -> None:
+def test_wheel_has_one_folder_with_every_module(installed: Installed) -> None:
     """Catch a module of a command that the wheel lacks, without running each command."""
     script = "import importlib.metadata as m; print(*m.files('physics-crosscheck'), sep='|')"
     done = installed.shell(f'python -c "{script}"', installed.bin)
     files = [Path(name) for name in done.stdout.strip().split("|")]
-    own = {path.parts[0] for path in files if not path.parts[0].endswith((".dist-info", ".."))}
-    assert own == {"physics_crosscheck"}, done.stderr
+    folders = {path.parts[0] for path in files if not path.parts[0].endswith((".dist-info", ".."))}
+    assert folders == {"physics_crosscheck"}, done.stderr
     ours = [
         *(ROOT / "physics_crosscheck").glob("*.py"),
         *(path for name in ("harness", "reference") for path in (ROOT / name).rglob("*.py")),
@@ -154,9 +150,7 @@ def test_site_packages_have_one_folder_of_ours_with_every_module(installed: Inst
         assert (place if place.parts[0] != "physics_crosscheck" else Path(path.name)) in modules
 
 
-def test_python_m_finds_us_by_the_name_that_is_ours_alone(
-    installed: Installed, place: Path
-) -> None:
+def test_python_m_runs_the_package_by_its_full_name(installed: Installed, place: Path) -> None:
     done = installed.shell("python -m physics_crosscheck --help", place)
     assert done.returncode == 0, done.stderr
     assert "\n  run " in done.stdout

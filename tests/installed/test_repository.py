@@ -1,4 +1,4 @@
-"""A repository: run, pytest, accept, gate, break, gate."""
+"""A repository from the first run to the gate: run, pytest, accept, gate, break, gate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HOOKS = ROOT / ".pre-commit-hooks.yaml"
 
 
 @pytest.mark.release
-def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> None:
+def test_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> None:
     place = tmp_path / "robots"
     system = place / "models" / "cart_pole"
     shutil.copytree(REPOSITORY / "models" / system.name, system)
@@ -33,7 +33,7 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> 
     for file in system.glob("robot.urdf*"):
         file.unlink()
 
-    def does(command: str, code: int = 0, **environment: str) -> str:
+    def run(command: str, code: int = 0, **environment: str) -> str:
         if command.startswith("crosscheck"):
             words = shlex.split(command)[1:]
             given: dict[str, str | None] = {"CI": None, "COLUMNS": None, **environment}
@@ -43,42 +43,42 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> 
         assert done.returncode == code, f"{command}\n{done.stdout}{done.stderr}"
         return done.stdout
 
-    does("git init --quiet")
-    assert "Both cases agree" in does("crosscheck run models")
+    run("git init --quiet")
+    assert "Both cases agree" in run("crosscheck run models")
     _, excepted = commands((ROOT / "docs" / "tutorial.md").read_text())
     (tested,) = (command.text for command in excepted if command.text.startswith("pytest"))
-    assert "3 passed" in does(tested)
-    told = does("crosscheck accept --folder models --reason measured")
-    assert "Accepted 2 cases of " in told
-    assert "0 run" in does("crosscheck gate")
+    assert "3 passed" in run(tested)
+    output = run("crosscheck accept --folder models --reason measured")
+    assert "Accepted 2 cases of " in output
+    assert "0 run" in run("crosscheck gate")
 
     model = system / "mujoco.xml"
     text = model.read_text()
     model.write_text(text.replace('mass="0.25"', 'mass="0.2501"'))
     line = text[: text.index('mass="0.25"')].count("\n") + 1
-    printed = _the_workflow_fails_and_tells(place, tmp_path / "tools")
+    printed = _check_failing_workflow(place, tmp_path / "tools")
     noted = re.findall(r"^::error file=(.*?),line=(\d+),", printed, re.MULTILINE)
     assert set(noted) == {("models/cart_pole/mujoco.xml", str(line))}
     assert "mass of body pole 0.25 -> 0.2501 changed 2" in printed
-    # A decision of a person: CI can't take it.
-    does("crosscheck accept --reason no", 2, CI="1")
+    # Only a person can accept, not CI.
+    run("crosscheck accept --reason no", 2, CI="1")
 
-    # Nor does a commit go through, where the shipped hook is installed.
+    # The pre-commit hook rejects the commit too.
     commit = "git -c user.name=a -c user.email=b commit --quiet --all --message "
     hook = next(h for h in yaml.safe_load(HOOKS.read_text()) if h["language"] == "system")
     installs = f"printf '#!/bin/sh\nexec {hook['entry']}\n' > .git/hooks/pre-commit"
-    does(f"git add . && {installs} && chmod +x .git/hooks/pre-commit")
-    does(f"{commit} wrong", 1)
-    does("crosscheck accept --reason 'weighed again'")
-    does(f"git add . && {commit} right")
+    run(f"git add . && {installs} && chmod +x .git/hooks/pre-commit")
+    run(f"{commit} wrong", 1)
+    run("crosscheck accept --reason 'weighed again'")
+    run(f"git add . && {commit} right")
     job = run_job(steps_of(WORKFLOW, "gate"), CHECKOUT, place, tmp_path / "tools")
     assert job.passes
     assert "ok  " in job.stdout
     assert "Report of everything, where the gate failed" not in job.ran
 
 
-def _the_workflow_fails_and_tells(place: Path, tools: Path) -> str:
-    """The shipped workflow annotates, comments, and makes a report; returns what it printed."""
+def _check_failing_workflow(place: Path, tools: Path) -> str:
+    """Check that the workflow annotates, comments and creates a report; return its output."""
     job = run_job(steps_of(WORKFLOW, "gate"), CHECKOUT, place, tools)
     assert not job.passes
     assert "## crosscheck gate: FAIL" in job.summary
@@ -94,12 +94,12 @@ def _the_workflow_fails_and_tells(place: Path, tools: Path) -> str:
 
 
 def run_action(place: Path, tools: Path, **given: str) -> Job:
-    inputs = {name: one["default"] for name, one in ACTION["inputs"].items()} | given
+    inputs = {name: value["default"] for name, value in ACTION["inputs"].items()} | given
     return run_job(ACTION["runs"]["steps"], CHECKOUT, place, tools, inputs)
 
 
 @pytest.mark.release
-def test_the_action_runs_the_command_that_it_is_given(tmp_path: Path) -> None:
+def test_action_runs_the_given_command(tmp_path: Path) -> None:
     place = tmp_path / "robots"
     place.mkdir()
     shutil.copy(ROOT / "docs" / "cases" / "door.urdf", place)
@@ -110,7 +110,7 @@ def test_the_action_runs_the_command_that_it_is_given(tmp_path: Path) -> None:
     assert (place / "reports" / "index.html").is_file()
 
 
-def test_no_input_of_the_action_is_a_part_of_its_script(tmp_path: Path) -> None:
+def test_action_inputs_are_not_part_of_its_script(tmp_path: Path) -> None:
     hostile = "engines; touch owned $(touch owned) `touch owned`"
     job = run_action(
         tmp_path, tmp_path / "tools", command=hostile, install="a; touch owned",
@@ -121,7 +121,7 @@ def test_no_input_of_the_action_is_a_part_of_its_script(tmp_path: Path) -> None:
     assert job.called == ("pip install --constraint my constraints.txt a; touch owned",)
 
 
-def test_the_workflows_of_this_repository_call_targets_that_there_are() -> None:
+def test_workflows_call_existing_make_targets() -> None:
     targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     called: set[str] = set()
     for file in (ROOT / ".github").rglob("*.yml"):

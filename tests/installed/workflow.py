@@ -22,14 +22,14 @@ printf '%s %s\\n' "$(basename "$0")" "$*" >> "$CALLED"
 
 @dataclass(frozen=True)
 class Job:
-    """What became of a job.
+    """The result of a job.
 
     Attributes:
-        passes: whether no step failed that counts.
-        ran: names of the steps that were run, by their command where they have none.
-        called: calls of programs that are not here, a line each.
-        summary: of the job.
-        stdout: of all steps.
+        passes: whether no required step failed.
+        ran: names of the steps that were run, or their commands.
+        called: calls of faked programs, a line each.
+        summary: the job's summary.
+        stdout: output of all steps.
     """
 
     passes: bool
@@ -46,7 +46,7 @@ def run_job(
     tools: Path,
     inputs: Mapping[str, str] = MappingProxyType({}),
 ) -> Job:
-    """Run a job's steps in a checkout, for a pull request; `pip` and `gh` are noted alone."""
+    """Run a job's steps in a checkout, for a pull request; `pip` and `gh` are only recorded."""
     tools.mkdir(exist_ok=True)
     for name in ("pip", "gh"):
         (tools / name).write_text(FAKE)
@@ -54,13 +54,13 @@ def run_job(
     called, summary = tools / "called", tools / "summary"
     for file in (called, summary):
         file.write_text("")
-    passes, ran, told = True, [], ""
+    passes, ran, stdout = True, [], ""
     for i, step in enumerate(steps):
         if "run" not in step or not _is_run(step.get("if", "success()"), passes):
             continue
         script = tools / f"step{i}.sh"
         script.write_text(step["run"])
-        env = {key: _filled(value, inputs) for key, value in step.get("env", {}).items()}
+        env = {key: _substitute(value, inputs) for key, value in step.get("env", {}).items()}
         done = installed.shell(
             f"PATH='{tools}':$PATH {SHELL} '{script}'",
             place,
@@ -71,30 +71,30 @@ def run_job(
             **env,
         )
         ran.append(step.get("name", step["run"]))
-        told += done.stdout
+        stdout += done.stdout
         passes = passes and (done.returncode == 0 or step.get("continue-on-error", False))
     return Job(
-        passes, tuple(ran), tuple(called.read_text().splitlines()), summary.read_text(), told
+        passes, tuple(ran), tuple(called.read_text().splitlines()), summary.read_text(), stdout
     )
 
 
 def steps_of(file: Path, job: str) -> list[dict[str, Any]]:
-    """The steps of a workflow's job."""
-    found: list[dict[str, Any]] = yaml.safe_load(file.read_text())["jobs"][job]["steps"]
-    return found
+    """Return the steps of a workflow's job."""
+    steps: list[dict[str, Any]] = yaml.safe_load(file.read_text())["jobs"][job]["steps"]
+    return steps
 
 
 def _is_run(condition: str, passes: bool) -> bool:
-    known = {
+    conditions = {
         "success()": passes,
         "failure()": not passes,
         "always()": True,
         "github.event_name == 'pull_request'": True,
     }
-    return all(known[part.strip()] for part in condition.split("&&"))
+    return all(conditions[part.strip()] for part in condition.split("&&"))
 
 
-def _filled(value: str, inputs: Mapping[str, str]) -> str:
-    known = {f"inputs.{name}": text for name, text in inputs.items()}
-    known |= {"github.token": "token", "github.event.pull_request.number": "7"}
-    return re.sub(r"\$\{\{\s*(.*?)\s*\}\}", lambda found: known[found[1]], value)
+def _substitute(value: str, inputs: Mapping[str, str]) -> str:
+    values = {f"inputs.{name}": text for name, text in inputs.items()}
+    values |= {"github.token": "token", "github.event.pull_request.number": "7"}
+    return re.sub(r"\$\{\{\s*(.*?)\s*\}\}", lambda match: values[match[1]], value)
