@@ -1,6 +1,6 @@
-"""The command line, asked in this process: one of its own would import everything again.
+"""The command line, run in this process because a new one would import everything again.
 
-Where the process itself is tested, its streams, signals or exit, a test starts one.
+Tests of the process itself, such as its streams, signals or exit, start a new one.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from tests.faults.known_folder import KNOWN_ANSWER
 def crosscheck(
     *arguments: object, cwd: Path, known: bool = False, **environment: str | None
 ) -> subprocess.CompletedProcess[str]:
-    """Run `crosscheck` with arguments in a folder; returns its exit code and what it printed.
+    """Run `crosscheck` with arguments in a folder; return its exit code and output.
 
     Args:
         cwd: the folder.
-        known: whether the known-answer engine is found, by its entry point.
-        environment: variables, beside CI and a width; None: not set.
+        known: whether the known-answer engine is registered.
+        environment: variables in addition to CI and a width; None unsets one.
     """
     words, out, err = [*map(str, arguments)], io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
@@ -38,6 +38,6 @@ def crosscheck(
             patch.syspath_prepend(str(KNOWN_ANSWER))
         try:
             code = main(words)
-        except SystemExit as ended:  # what argparse says itself
+        except SystemExit as ended:  # from argparse
             code = ended.code if isinstance(ended.code, int) else 1
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())

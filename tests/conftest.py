@@ -1,4 +1,4 @@
-"""The surroundings that every test starts from."""
+"""Hooks and fixtures of all tests."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _REAL = {"begin": Workers.begin, "turn": Workers.turn}
 
 
 def pytest_collection_finish() -> None:
-    """Leave modules and collected tests out of the search for garbage, a seventh of the time."""
+    """Exclude modules and collected tests from garbage collection, a seventh of the time."""
     gc.freeze()
     gc.set_threshold(100_000)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Let tasks run here, three times faster: a new process has to learn sympy's terms again."""
+    """Run tasks in this process, three times faster: a new one has to rebuild sympy's terms."""
     marks = {mark.name for mark in item.iter_markers()}
     here = item.path.parent.name in IN_THIS_PROCESS and not marks & {"slow", "workers"}
     for name, function in {"begin": _wait, "turn": _run_next}.items() if here else _REAL.items():
@@ -75,7 +75,7 @@ def _run_next(workers: Workers) -> list[Pending[Any]]:
 
 @pytest.fixture(autouse=True, scope="session")
 def outside_ci() -> Iterator[None]:
-    """`accept` is refused in CI, where this suite runs too: a test of that sets the variable."""
+    """Unset the variables of CI, in which `accept` is rejected; a test of that sets them."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("CI", "GITHUB_ACTIONS"):
             patch.delenv(name, raising=False)
@@ -93,18 +93,18 @@ def one_worker() -> Iterator[None]:
 @pytest.fixture(autouse=True, scope="session")
 def samples_of_equal_trees() -> Iterator[None]:
     """Sample and solve equal trees once in each process; many tests prepare the same text."""
-    kept = dict[bytes, Segments]()
+    cache = dict[bytes, Segments]()
 
-    def once(
+    def cached_samples(
         equations: TreeEquations, limits: Array, home: Array, count: int, seed: int
     ) -> Segments:
         system = replace(equations.system, source="")
         key = pickle.dumps((system, limits, home, count, seed))
-        if key not in kept:
-            kept[key] = samples(equations, limits, home, count, seed)
-        return kept[key]
+        if key not in cache:
+            cache[key] = samples(equations, limits, home, count, seed)
+        return cache[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        for room in (prepare, states):
-            patch.setattr(room, "samples", once)
+        for module in (prepare, states):
+            patch.setattr(module, "samples", cached_samples)
         yield

@@ -113,7 +113,7 @@ def banned(text: str) -> list[str]:
 
 
 def banned_name(name: str) -> bool:
-    """Return whether a name is one of those that say nothing."""
+    """Return whether a name is banned."""
     snake = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
     return snake.strip("_") in NAMES
 
@@ -144,14 +144,14 @@ def paragraphs(markdown: str) -> Iterator[tuple[int, str]]:
         shown = line.strip()
         fence = shown.startswith(("```", "~~~"))
         fenced ^= fence
-        alone = shown.startswith(("#", "|", "<"))
-        if fence or fenced or alone or not shown or re.match(r"(?:[-*+]|\d+\.|>|:) ", shown):
+        single = shown.startswith(("#", "|", "<"))
+        if fence or fenced or single or not shown or re.match(r"(?:[-*+]|\d+\.|>|:) ", shown):
             if lines:
                 yield start, " ".join(lines)
             lines = []
         if fence or fenced or not shown:
             continue
-        if alone:
+        if single:
             yield number, shown
             continue
         start = start if lines else number
@@ -300,8 +300,8 @@ def _idiomatic(node: ast.AST) -> Iterator[ast.AST]:
     for inner in node.body:
         target = inner.target if isinstance(inner, ast.AnnAssign) else inner
         name = _given(target)
-        terms = isinstance(inner, ast.AnnAssign) and "Term" in ast.unparse(inner.annotation)
-        if (name in PREPOSITIONS and node.name in exported()) or (name == "terms" and terms):
+        is_term_list = isinstance(inner, ast.AnnAssign) and "Term" in ast.unparse(inner.annotation)
+        if (name in PREPOSITIONS and node.name in exported()) or (name == "terms" and is_term_list):
             yield target
 
 
@@ -398,7 +398,7 @@ def docstring_first_words() -> Iterator[Offence]:
 
 
 def identifiers() -> Iterator[Offence]:
-    """Yield names that say nothing."""
+    """Yield banned names."""
     for text in names():
         if banned_name(text.text):
             yield _offence(text, text.text)
@@ -433,9 +433,9 @@ def faults(rule: str, offences: list[Offence], allowed: Mapping[str, int]) -> li
     """Return what a rule finds beyond the list, and the entries that are due for removal."""
     counts = Counter(offence.unit for offence in offences)
     over = {unit for unit, count in counts.items() if count > allowed.get(unit, 0)}
-    found = [f"{o.place}: {rule}: {o.text}" for o in offences if o.unit in over]
+    excess = [f"{o.place}: {rule}: {o.text}" for o in offences if o.unit in over]
     clean = [unit for unit in allowed if not counts[unit]]
-    return found + [
+    return excess + [
         f"tests/language.toml: [{rule}] {unit} is clean; run `python -m tests.language`"
         for unit in clean
     ]

@@ -1,4 +1,4 @@
-"""The built-in systems, solved once in a process for all tests that ask engines about them."""
+"""The built-in systems, solved once in each process for all tests."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from physics_crosscheck.reference.mechanism.system import System
 
 @cache
 def physics(name: str) -> PreparedSystem:
-    """A system, without the formulas of a report; nobody changes anything of it.
+    """Prepare a built-in system without formulas; callers must not modify it.
 
     The workers of one run of pytest share it.
     """
     run = os.environ.get("PYTEST_XDIST_TESTRUNUID", os.getpid())
     shared = Path(gettempdir()) / f"crosscheck-{run}"
-    kept = shared / name
-    if kept.is_file():
-        found: PreparedSystem = pickle.loads(kept.read_bytes())
-        return found
-    found = prepare_system(builtin() / name, described=False)
-    kept.parent.mkdir(parents=True, exist_ok=True)  # a name may contain a folder
+    stored = shared / name
+    if stored.is_file():
+        prepared: PreparedSystem = pickle.loads(stored.read_bytes())
+        return prepared
+    prepared = prepare_system(builtin() / name, described=False)
+    stored.parent.mkdir(parents=True, exist_ok=True)  # a name may contain a folder
     atexit.register(shutil.rmtree, shared, ignore_errors=True)
-    own = shared / f"{name}.{os.getpid()}"
-    own.write_bytes(pickle.dumps(found))
-    own.replace(kept)
-    return found
+    partial = shared / f"{name}.{os.getpid()}"
+    partial.write_bytes(pickle.dumps(prepared))
+    partial.replace(stored)
+    return prepared
 
 
 def redrawn(
     system: System, sidecar: Sidecar, constants: Mapping[str, float], into: Path
 ) -> Sidecar:
-    """A copy of a model at other constants, as a sweep writes it."""
+    """Write a copy of a model with other constants, as a sweep does."""
     declared = {c.name: float(c.value) for c in system.constants}
     model_file = parametric_model_file(system, sidecar, constants, ())
     return model_file.write(declared | dict(constants), into)

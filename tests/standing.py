@@ -1,4 +1,4 @@
-"""Copies of built-in folders: in the standing engines alone, and for few and short motions."""
+"""Changes of copied built-in folders: default engines only, and few and short motions."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from physics_crosscheck.harness.engines.registry import engines
 
 
 def standing_only(folder: Path) -> None:
-    """Take engines of extras out of the sidecars of a folder, with their settings.
+    """Remove engines of extras and their settings from the sidecars of a folder.
 
-    A model that runs in no others goes whole.
+    Remove a model that has no other engines.
     """
     extras = "|".join(name for name, engine in engines().items() if engine.extra)
     for path in folder.glob("*.toml"):
@@ -20,14 +20,14 @@ def standing_only(folder: Path) -> None:
             path.unlink()
             path.with_suffix("").unlink()
             continue
-        own = rf"(?:^#[^\n]*\n)*^\[settings\.(?:{extras})\]\n(?:[^\n]+\n)*\n?"
-        path.write_text(re.sub(own, "", text, flags=re.MULTILINE), encoding="utf-8")
+        settings = rf"(?:^#[^\n]*\n)*^\[settings\.(?:{extras})\]\n(?:[^\n]+\n)*\n?"
+        path.write_text(re.sub(settings, "", text, flags=re.MULTILINE), encoding="utf-8")
 
 
 def brief(folder: Path, share: int = 4) -> None:
-    """Let each scenario of a folder last a share of its time, for as many steps less.
+    """Divide the duration of each scenario of a folder by `share`.
 
-    Some swings are left of every motion, and the first break of each input.
+    Every motion keeps some swings, and each input its first discontinuity.
     """
     path = folder / "system.py"
     text = path.read_text(encoding="utf-8")
@@ -41,7 +41,7 @@ def brief(folder: Path, share: int = 4) -> None:
 
 
 def without(folder: Path, *scenarios: str) -> None:
-    """Take scenarios out of a folder."""
+    """Remove scenarios from a folder."""
     path = folder / "system.py"
     text = path.read_text(encoding="utf-8")
     for name in scenarios:

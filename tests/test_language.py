@@ -1,4 +1,4 @@
-"""Everything that a person reads is plain English; `tests/language.py` has the rules."""
+"""Plain English in everything that a person reads; `tests/language.py` has the rules."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tests.language import PENDING, RULES, Offence, faults, pending, shrunk, wri
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_every_text_keeps_the_rule(rule: str) -> None:
-    found = faults(rule, list(RULES[rule]()), pending()[rule])
-    assert not found, "\n".join(found)
+def test_texts_follow_the_rule(rule: str) -> None:
+    messages = faults(rule, list(RULES[rule]()), pending()[rule])
+    assert not messages, "\n".join(messages)
 
 
-def test_each_rule_has_its_list() -> None:
+def test_each_rule_has_a_list() -> None:
     assert list(pending()) == list(RULES)
 
 
@@ -84,7 +84,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_planted_offence_is_found(rule: str, place: Path) -> None:
+def test_planted_offence_is_reported(rule: str, place: Path) -> None:
     name, text, _, count = PLANTED[rule]
     (place / name).parent.mkdir(parents=True, exist_ok=True)
     (place / name).write_text(text + "\n")
@@ -92,14 +92,14 @@ def test_a_planted_offence_is_found(rule: str, place: Path) -> None:
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_plain_text_is_let_alone(rule: str, place: Path) -> None:
+def test_plain_text_is_accepted(rule: str, place: Path) -> None:
     name, _, text, _ = PLANTED[rule]
     (place / name).parent.mkdir(parents=True, exist_ok=True)
     (place / name).write_text(text + "\n")
     assert not list(RULES[rule]())
 
 
-def test_prepositions_are_plain_in_calls_of_public_declarations(place: Path) -> None:
+def test_prepositions_are_accepted_in_public_declarations(place: Path) -> None:
     for name, text in {
         "physics_crosscheck/__init__.py": "from reference.a import Rest",
         "reference/a.py": "class Rest:\n    at: float\n    def of(self): ...\n"
@@ -110,7 +110,7 @@ def test_prepositions_are_plain_in_calls_of_public_declarations(place: Path) -> 
     assert [o.place for o in RULES["identifiers"]()] == ["reference/a.py:5"]
 
 
-def test_the_page_and_its_scripts_are_messages(place: Path) -> None:
+def test_report_pages_and_scripts_are_messages(place: Path) -> None:
     for name, text in {
         "pages/a.html": '<p class="told here">No step is {{ x.told }} told</p>',
         "script/a.js": 'make("p", { class: "told by" }, `what ${told} is told`); told(x, "y");',
@@ -123,7 +123,7 @@ def test_the_page_and_its_scripts_are_messages(place: Path) -> None:
     ]
 
 
-def test_code_links_and_long_code_blocks_are_no_prose(place: Path) -> None:
+def test_code_and_link_targets_are_not_prose(place: Path) -> None:
     (place / "README.md").write_text(
         f"See [the page](told.md) and `is told {LONG}`.\n\n```\ntold {LONG}\n```\n"
     )
@@ -131,7 +131,7 @@ def test_code_links_and_long_code_blocks_are_no_prose(place: Path) -> None:
         assert not list(RULES[rule]())
 
 
-def test_the_prose_of_a_notebook_is_a_page(place: Path) -> None:
+def test_prose_of_a_notebook_is_checked(place: Path) -> None:
     cells = [
         {"cell_type": "markdown", "source": ["The report\n", "tells it."]},
         {"cell_type": "code", "source": ["told = 3"]},
@@ -144,7 +144,7 @@ def test_the_prose_of_a_notebook_is_a_page(place: Path) -> None:
 TWO = [Offence("docs/a.md", "docs/a.md:1", "told"), Offence("docs/a.md", "docs/a.md:7", "says")]
 
 
-def test_an_offence_beyond_the_list_fails() -> None:
+def test_offence_beyond_the_list_fails() -> None:
     assert not faults("prose_words", TWO, {"docs/a.md": 2})
     for allowed in ({}, {"docs/a.md": 1}):
         assert faults("prose_words", TWO, allowed) == [
@@ -153,12 +153,12 @@ def test_an_offence_beyond_the_list_fails() -> None:
         ]
 
 
-def test_an_entry_that_has_become_clean_fails() -> None:
-    (found,) = faults("prose_words", TWO, {"docs/a.md": 2, "docs/b.md": 1})
-    assert "docs/b.md is clean" in found
+def test_clean_entry_of_the_list_fails() -> None:
+    (message,) = faults("prose_words", TWO, {"docs/a.md": 2, "docs/b.md": 1})
+    assert "docs/b.md is clean" in message
 
 
-def test_the_lists_only_shrink(tmp_path: Path) -> None:
+def test_lists_only_shrink(tmp_path: Path) -> None:
     lists = {"prose_words": {"a": 3, "b": 1, "c": 2}}
     lower = shrunk(lists, {"prose_words": {"a": 5, "c": 1, "d": 9}})
     assert lower == {"prose_words": {"a": 3, "c": 1}}

@@ -1,4 +1,4 @@
-"""Planning names the work that workers do, and imports none of it."""
+"""Planning refers to worker functions by name and does not import them."""
 
 import subprocess
 import sys
@@ -23,11 +23,11 @@ def test_each_check_names_a_function(check: ModelCheck) -> None:
         assert callable(resolve_name(f"physics_crosscheck.harness.{path}"))
 
 
-def test_stored_results_have_one_kind_each() -> None:
+def test_kinds_of_checks_are_unique() -> None:
     assert len({check.kind for check in CHECKS}) == len(CHECKS)
 
 
-def test_a_record_does_not_depend_on_which_check_ends_first() -> None:
+def test_record_does_not_depend_on_the_order_of_checks() -> None:
     values = {
         AUDIT: Audit(findings=(finding(subject=("mass",)),), left_out=("friction",)),
         MECHANICS: Audit(findings=(finding(subject=("gravity",)),)),
@@ -42,7 +42,7 @@ def test_a_record_does_not_depend_on_which_check_ends_first() -> None:
             results.enter(model.key, check, values[check])
         records.append(results.models[model.key])
     assert all(record == records[0] for record in records)
-    assert [one.subject for one in records[0].audit or ()] == [("mass",), ("gravity",)]
+    assert [each.subject for each in records[0].audit or ()] == [("mass",), ("gravity",)]
     assert records[0].coverage == Coverage(motion=3, left_out=("friction",))
 
 

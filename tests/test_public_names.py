@@ -1,4 +1,4 @@
-"""The names that users import: each a promise, and no others."""
+"""The public names that users import."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ ENGINE = {
 }  # fmt: skip
 
 
-def test_the_public_names_are_these() -> None:
+def test_public_names() -> None:
     for name, names in (
         ("", TOP), (".sketch", SKETCH), (".records", RECORDS), (".engine", ENGINE),
         (".command", COMMAND),
@@ -53,16 +53,16 @@ def test_the_public_names_are_these() -> None:
         assert all(getattr(module, name) is not None for name in names)
 
 
-def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+def test_unknown_name_is_an_attribute_error() -> None:
     assert not hasattr(physics_crosscheck, "nothing")
 
 
-def test_the_packages_say_that_they_are_typed() -> None:
+def test_packages_are_marked_as_typed() -> None:
     for package in ("physics_crosscheck", "harness", "reference"):
         assert (ROOT / package / "py.typed").is_file()
 
 
-def test_importing_the_public_name_imports_nothing_heavy() -> None:
+def test_package_import_is_light() -> None:
     heavy = "{'sympy', 'numpy', 'msgspec', 'mujoco', 'pybullet', 'pymunk'}"
     code = f"import sys, physics_crosscheck; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run(
@@ -71,7 +71,7 @@ def test_importing_the_public_name_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_tables_and_plots_are_not_imported_before_they_are_asked_for() -> None:
+def test_tables_and_plots_are_imported_lazily() -> None:
     code = (
         "import sys; from physics_crosscheck import check, compare, simulate, solve;"
         " print(sorted({'pandas', 'polars', 'matplotlib', 'IPython'} & set(sys.modules)))"
@@ -82,12 +82,12 @@ def test_tables_and_plots_are_not_imported_before_they_are_asked_for() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_models_and_template_import_from_the_public_name_alone() -> None:
+def test_models_and_template_import_only_public_names() -> None:
     for file in (*ROOT.glob("models/*/*.py"), *ROOT.glob("template/*.py")):
         text = file.read_text()
         assert "from reference" not in text, file
         assert "harness" not in text, file
 
 
-def test_the_version_is_that_of_the_distribution() -> None:
+def test_version_matches_the_distribution() -> None:
     assert physics_crosscheck.__version__ == importlib.metadata.version("physics-crosscheck")

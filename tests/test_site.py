@@ -21,14 +21,14 @@ pytestmark = pytest.mark.release  # a build takes most of a minute, with the not
 
 
 def sources() -> list[Path]:
-    """Return what is in the folders that a site is made of, without compiled code."""
+    """Return the source files of the site, without compiled code."""
     paths = [path for name in ("docs", "examples") for path in (ROOT / name).rglob("*")]
     return sorted(path for path in paths if "__pycache__" not in path.parts)
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build strictly: a link to a page or a heading that is not there is an error."""
+    """Build strictly: a link to a missing page or heading is an error."""
     place, before = tmp_path_factory.mktemp("site"), sources()
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(place)],
@@ -56,7 +56,7 @@ def test_notebooks_show_pictures_tables_and_formulas(site: Path) -> None:
 
 
 @needs_browser
-def test_the_site_is_searched_from_disk(site: Path, tmp_path: Path) -> None:
+def test_site_can_be_searched_from_disk(site: Path, tmp_path: Path) -> None:
     with running(tmp_path) as browser, browser.tab() as tab:
         tab.send("Page.navigate", url=(site / "index.html").as_uri())
         tab.until("document.readyState === 'complete' && window.location$")
@@ -68,7 +68,7 @@ def test_the_site_is_searched_from_disk(site: Path, tmp_path: Path) -> None:
         assert tab.problems == []
 
 
-def test_every_page_is_in_the_site(site: Path) -> None:
+def test_site_contains_every_page(site: Path) -> None:
     pages = {
         path.relative_to(ROOT / "docs").with_suffix(".html")
         for path in (ROOT / "docs").rglob("*.md")
@@ -81,7 +81,7 @@ def test_every_page_is_in_the_site(site: Path) -> None:
     assert {str(p) for p in lost if f'href="{p.name}"' not in messages} <= {"index.html"}
 
 
-def test_the_reference_has_the_public_names_with_their_docstrings(site: Path) -> None:
+def test_reference_shows_docstrings_of_public_names(site: Path) -> None:
     page = re.sub(r"<[^>]+>", " ", (site / "reference" / "python.html").read_text())
     for words in (
         "smallest relative discrepancy to detect",  # check
@@ -94,11 +94,11 @@ def test_the_reference_has_the_public_names_with_their_docstrings(site: Path) ->
         assert words in " ".join(page.split()), words
 
 
-def test_no_page_asks_anything_of_the_network(site: Path) -> None:
+def test_pages_load_nothing_from_the_network(site: Path) -> None:
     pages = [path.read_text() for path in site.rglob("*.html")]
-    asked = {
-        found
+    urls = {
+        url
         for page in pages
-        for found in re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="(https?://[^"]+)"', page)
+        for url in re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="(https?://[^"]+)"', page)
     }
-    assert asked == set()
+    assert urls == set()

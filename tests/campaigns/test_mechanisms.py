@@ -139,7 +139,7 @@ def test_fate_of_a_fault(
 
 
 @pytest.mark.slow
-def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
+def test_engine_error_is_explained_only_by_its_remark() -> None:
     options = replace(SMALL, engine="pybullet")
     results = [study(options, index) for index in range(1, 10, 2)]
     explained = [result for result in results if result.explained]
