@@ -1,17 +1,15 @@
 """Benchmarks, as ratios within one run: `make bench`.
 
-1. The harness's time for a scenario's ladder against a hand-written loop of the same engine that
-   does the same steps from the same states.
-2. Engine steps to certify a trajectory to 1e-9 against the steps that plain refinement would need.
-3. The whole matrix with two workers against one.
-4. The report of it, and those of two and of ten thousand cases: size of the page, and of the files
-   beside it, time to draw it up, and in a headless Chromium until it can be used, until a case's
-   first plots are drawn, and until the list is filtered and sorted.
-5. Two files of an arm of seven joints held against each other: processor time, and discrepancies.
-6. Each engine that is installed: microseconds a step and a state, beside a bare loop.
-7. The time to certify 1e-6 and 1e-9 against a script of `solve_ivp` and `allclose`.
+1. Segments, over a hand-written loop of the same engine, steps and states.
+2. Engine steps to certify a trajectory to 1e-9, over those of plain refinement.
+3. All built-in cases: two workers over one.
+4. Reports of these cases, of 2 000 and of 10 000: size, time to write, and times in a browser.
+5. `compare` of two files of an arm with seven joints: processor time and discrepancies.
+6. Each installed engine: microseconds of a step and of a state, over a bare loop.
+7. Time to certify 1e-6 and 1e-9, over a script of `solve_ivp` and `allclose`.
+8. Whole steps compared with MuJoCo's law: processor time of a state, over a step of MuJoCo.
 
-Ratios are kept by version in `ratios.json`, and what became slower is told.
+`ratios.json` keeps the ratios by version. The last lines list those that grew.
 """
 
 from __future__ import annotations
@@ -30,11 +28,12 @@ from msgspec.structs import replace
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.bench_by_hand import compared
+from benchmarks.bench_by_hand import by_hand_ratios
 from benchmarks.bench_engines import costs_of_engines
+from benchmarks.bench_laws import law_ratios
 from benchmarks.bench_robots import robots
 from benchmarks.bench_segments import certification, overhead
-from benchmarks.lasting import keep, this_version
+from benchmarks.ratios import current_version, store
 from physics_crosscheck.harness.commands.compare.candidate import candidate
 from physics_crosscheck.harness.commands.compare.compare import CompareOptions, compare
 from physics_crosscheck.harness.jobs.executor import InThisProcess
@@ -50,51 +49,50 @@ from tests.report.chromium import CHROMIUM, running
 REPEATS = 5
 
 
-def multiplied(found: Results, times: int) -> Results:
-    """The same results with each system several times, under other names."""
+def multiplied(results: Results, times: int) -> Results:
+    """Repeat the systems of results under other names."""
     systems: list[SystemResult] = []
     models: list[Model] = []
     cases: list[Case] = []
     for i in range(times):
         systems += [
-            replace(one, folder=f"{one.folder}_{i}", name=f"{one.name}_{i}")
-            for one in found.systems
+            replace(system, folder=f"{system.folder}_{i}", name=f"{system.name}_{i}")
+            for system in results.systems
         ]
-        models += [replace(one, **renamed(one, i)) for one in found.models]
-        cases += [replace(one, **renamed(one, i)) for one in found.cases]
-    return replace(found, systems=tuple(systems), models=tuple(models), cases=tuple(cases))
+        models += [replace(model, **renamed(model, i)) for model in results.models]
+        cases += [replace(case, **renamed(case, i)) for case in results.cases]
+    return replace(results, systems=tuple(systems), models=tuple(models), cases=tuple(cases))
 
 
-def renamed(one: Model | Case, i: int) -> dict[str, str]:
-    return {"folder": f"{one.folder}_{i}", "system": f"{one.system}_{i}"}
+def renamed(record: Model | Case, i: int) -> dict[str, str]:
+    return {"folder": f"{record.folder}_{i}", "system": f"{record.system}_{i}"}
 
 
-def report(console: Console, found: Results) -> None:
+def report(console: Console, results: Results) -> None:
     table = Table(
         "cases",
         "page",
-        "beside it",
-        "drawn up in",
+        "data files",
+        "written in",
         "usable after",
-        "a case's first plots after",
+        "case page after",
         "filtered in",
         "sorted in",
         title="Report",
     )
     for cases in (1, 2_000, 10_000):
-        times = math.ceil(cases / len(found.cases))
-        results = multiplied(found, times)
+        larger = multiplied(results, math.ceil(cases / len(results.cases)))
         # A browser that ends may still write its profile.
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             path = Path(folder) / "index.html"
             began = time.perf_counter()
-            write_report(path, results)
-            drawn_up = time.perf_counter() - began
+            write_report(path, larger)
+            written = time.perf_counter() - began
             size = path.stat().st_size / 1e6
-            beside = sum(one.stat().st_size for one in Path(folder).glob("*/*.js")) / 1e6
-            seen = looked_at(path) if CHROMIUM else ("no browser",) * 4
-        sizes = f"{size:.1f} MB", f"{beside:.0f} MB"
-        table.add_row(str(len(results.cases)), *sizes, f"{drawn_up:.1f} s", *seen)
+            scripts = sum(file.stat().st_size for file in Path(folder).glob("*/*.js")) / 1e6
+            waits = browser_times(path) if CHROMIUM else ("no browser",) * 4
+        sizes = f"{size:.1f} MB", f"{scripts:.0f} MB"
+        table.add_row(str(len(larger.cases)), *sizes, f"{written:.1f} s", *waits)
     console.print(table)
 
 
@@ -116,7 +114,7 @@ SORT = """(() => {
 })()"""
 
 
-def looked_at(path: Path) -> tuple[str, ...]:
+def browser_times(path: Path) -> tuple[str, ...]:
     """Median times in a browser: until usable, a case drawn, the list filtered, and sorted."""
     usable, opened, filtered, sorted_in = [], [], [], []
     with running(path.parent) as browser:
@@ -132,8 +130,8 @@ def looked_at(path: Path) -> tuple[str, ...]:
                 tab.go("overview")
                 filtered.append(tab.run(FILTER))
                 sorted_in.append(tab.run(SORT))
-    seen = (usable, opened, filtered, sorted_in)
-    return tuple(f"{statistics.median(times):.2f} s" for times in seen)
+    waits = (usable, opened, filtered, sorted_in)
+    return tuple(f"{statistics.median(times):.2f} s" for times in waits)
 
 
 def matrix(console: Console) -> Results:
@@ -141,32 +139,34 @@ def matrix(console: Console) -> Results:
     times = {}
     for jobs in (1, 2):
         began = time.perf_counter()
-        found = run(folders, Options(jobs=jobs), lambda *_: None).results
+        results = run(folders, Options(jobs=jobs), lambda *_: None).results
         times[jobs] = time.perf_counter() - began
-    worked = {"derive, linearize, solve": sum(system.seconds for system in found.systems)}
-    worked["run and judge cases"] = sum(case.seconds for case in found.cases)
+    worked = {"derive, linearize, solve": sum(system.seconds for system in results.systems)}
+    worked["run and judge cases"] = sum(case.seconds for case in results.cases)
     console.print(
-        f"whole matrix, {len(found.cases)} cases: one worker {times[1]:.1f} s, two"
+        f"whole matrix, {len(results.cases)} cases: one worker {times[1]:.1f} s, two"
         f" {times[2]:.1f} s, ratio {times[2] / times[1]:.2f}"
     )
-    for what, seconds in worked.items():
-        console.print(f"  {what}: {seconds:.1f} s of worker time")
+    for phase, seconds in worked.items():
+        console.print(f"  {phase}: {seconds:.1f} s of worker time")
     by_engine: dict[str, float] = {}
-    for case in found.cases:
+    for case in results.cases:
         by_engine[case.engine] = by_engine.get(case.engine, 0.0) + case.seconds
     for engine, seconds in sorted(by_engine.items()):
         console.print(f"    {engine}: {seconds:.1f} s")
-    return found
+    return results
 
 
 def comparisons(console: Console) -> None:
-    """Of PyBullet's kuka: as it is in two engines, and with one mass off by a millionth."""
+    """Compare PyBullet's kuka in two engines, and with a mass that is off by 1e-6."""
     data = importlib.util.find_spec("pybullet_data")
     if data is None or data.origin is None:
         console.print("no arm to compare: pybullet_data is not installed")
         return
     path = Path(data.origin).parent / "kuka_iiwa" / "model.urdf"
-    table = Table("B", "outcome", "discrepancy", "uncertainty", "told", "work", title="compare")
+    table = Table(
+        "B", "outcome", "discrepancy", "uncertainty", "causes", "processor time", title="compare"
+    )
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     code = "import physics_crosscheck.harness.interfaces.cli.compare"
     subprocess.run([sys.executable, "-c", code], check=True)  # this interpreter
@@ -178,19 +178,19 @@ def comparisons(console: Console) -> None:
             began = time.process_time()
             pair = CompareOptions(a=candidate("A", path, "pybullet"), b=candidate("B", b, engine))
             comparison = compare(pair, InThisProcess())
-            found = comparison.compared
-            assert found is not None
+            compared = comparison.compared
+            assert compared is not None
             table.add_row(
                 f"{b.name} in {engine}",
                 str(comparison.outcome),
-                f"{found.discrepancy:.1e}",
-                f"{found.uncertainty:.1e}",
-                "; ".join(one.message for one in found.properties) or "nothing",
+                f"{compared.discrepancy:.1e}",
+                f"{compared.uncertainty:.1e}",
+                "; ".join(cause.message for cause in compared.properties) or "nothing",
                 f"{time.process_time() - began:.2f} s",
             )
     console.print(table)
     start = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    console.print(f"beside the work the command and its worker start, {start:.2f} s each")
+    console.print(f"start-up of the command and of its worker: {start:.2f} s each")
 
 
 def main() -> None:
@@ -198,8 +198,9 @@ def main() -> None:
     comparisons(console)
     costs_of_engines(console)
     robots(console)
-    ratios = {**compared(console), **overhead(console), **certification(console)}
-    for line in keep(ratios, this_version()):
+    ratios = {**by_hand_ratios(console), **overhead(console), **certification(console)}
+    ratios.update(law_ratios(console))
+    for line in store(ratios, current_version()):
         console.print(line)
     report(console, matrix(console))
 

@@ -1,7 +1,7 @@
-"""The way that people do it today: `solve_ivp`, a loop of steps, `allclose` and a tolerance.
+"""Cost of a script as people write it: `solve_ivp`, a loop of steps, `allclose` and a tolerance.
 
-The script is run at steps that it can afford, and what it would take for more digits follows from
-its order: the error of a method of order one falls as its step does, and its time grows alike.
+The script runs at a step that it can afford. Its time for more digits is extrapolated: the error of
+a method of first order is proportional to the step, and the time to its inverse.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ STEP = 1e-4
 
 
 def by_hand(path: str, h: float, duration: float) -> tuple[float, float]:
-    """Seconds that the script takes with a step, and the error it sees, of the amplitude."""
+    """Return the script's seconds at a step, and its error relative to the amplitude."""
     import mujoco
 
     began = time.process_time()
@@ -54,28 +54,28 @@ def by_hand(path: str, h: float, duration: float) -> tuple[float, float]:
     return time.process_time() - began, float(off)
 
 
-def ours(resolution: float) -> float:
-    """Seconds that the harness takes: equations derived, solved, and the model's limits taken."""
+def harness_seconds(resolution: float) -> float:
+    """Return the seconds to derive and solve the equations, and to extrapolate the model."""
     began = time.process_time()
     prepared = prepare_system(builtin() / "mass_spring_damper", described=False)
     motion = prepared.motions["free"]
     sidecar = sidecar_of(prepared.place, "mujoco.xml")
     model, coordinates = load(prepared.system, sidecar, "mujoco")
-    found = extrapolate(model, coordinates, motion, resolution=resolution)
-    assert float(np.max((found.limit.uncertainty + motion.bound) / motion.unit)) < resolution
+    limits = extrapolate(model, coordinates, motion, resolution=resolution)
+    assert float(np.max((limits.limit.uncertainty + motion.bound) / motion.unit)) < resolution
     return time.process_time() - began
 
 
 def rows() -> Iterator[tuple[float, float, float]]:
-    """Target, seconds by hand (extrapolated), and ours."""
+    """Yield target, seconds by hand (extrapolated), and seconds of the harness."""
     path = str(builtin() / "mass_spring_damper" / "mujoco.xml")
     seconds, off = by_hand(path, STEP, 14.5)
-    ours(TARGETS[0])  # what is imported once
+    harness_seconds(TARGETS[0])  # imports
     for target in TARGETS:
-        yield target, seconds * off / target, ours(target)
+        yield target, seconds * off / target, harness_seconds(target)
 
 
-def compared(console: Console) -> dict[str, float]:
+def by_hand_ratios(console: Console) -> dict[str, float]:
     table = Table("to certify", "by hand (extrapolated)", "harness", "ratio", title="by hand")
     ratios = {}
     for target, hand, harness in rows():

@@ -1,7 +1,7 @@
-"""What a cache saves: `python -m benchmarks.bench_cache [FOLDER ...]`; none: all built-in systems.
+"""Savings of a cache: `python -m benchmarks.bench_cache [FOLDER ...]`; default: built-in systems.
 
-Whole processes, interpreter included: nothing known, all of it known, and one model file of each
-folder changed (a comment).
+Whole processes, interpreter included: with an empty cache, with a full one, and after a comment in
+a model file of each folder.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TIMES = 3
 
 
 def timed(root: Path) -> tuple[float, int, int]:
-    """Seconds, cases, and how many of them were had from the cache."""
+    """Return seconds, number of cases, and how many of them the cache had."""
     environment = {**os.environ, "PYTHONPATH": str(builtin().parent)}
     folders = [str(path.parent) for path in sorted(root.glob("models/*/system.py"))]
     began = time.perf_counter()
@@ -43,8 +43,8 @@ def timed(root: Path) -> tuple[float, int, int]:
         check=True,
     )
     seconds = time.perf_counter() - began
-    found = read_results(root / "out" / "results.json")
-    return seconds, len(found.cases), found.cached
+    results = read_results(root / "out" / "results.json")
+    return seconds, len(results.cases), results.cached
 
 
 def main() -> None:
@@ -53,14 +53,15 @@ def main() -> None:
         for folder in sys.argv[1:] or [path.name for path in builtin().iterdir()]:
             shutil.copytree(builtin() / folder, root / "models" / folder)
         cold, cases, _ = timed(root)
-        print(f"nothing known: {cold:.1f} s, {cases} cases")
+        print(f"empty cache: {cold:.1f} s, {cases} cases")
         warm, _, cached = min(timed(root) for _ in range(TIMES))
-        print(f"all known: {warm:.1f} s, {cached} had from the cache: {warm / cold:.3f} of it")
+        print(f"full cache: {warm:.1f} s, {cached} cases reused, ratio {warm / cold:.3f}")
         for path in root.glob("models/*/mujoco.xml"):
             text = path.read_text()
             path.write_text(text.replace("<worldbody>", "<!-- changed --><worldbody>"))
         changed, _, cached = timed(root)
-        print(f"a model file changed: {changed:.1f} s, {cached} had: {changed / cold:.3f} of it")
+        ratio = changed / cold
+        print(f"a model file changed: {changed:.1f} s, {cached} cases reused, ratio {ratio:.3f}")
 
 
 if __name__ == "__main__":

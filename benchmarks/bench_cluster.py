@@ -1,8 +1,8 @@
-"""What a cluster costs beside processes of this machine, with a real scheduler on loopback.
+"""Cost of a cluster on loopback, compared with processes of this machine.
 
-`python -m benchmarks.bench_cluster [--tasks 100000] [--workers 2] [--in-flight 400]`: bytes of each
-kind of task; the way there and back of one task; then that many tasks that do nothing: how many a
-second, and of the scheduler, the workers and the client the processor time a task, and memory.
+`python -m benchmarks.bench_cluster [--tasks 100000] [--workers 2] [--in-flight 400]` prints the
+bytes of each kind of task and the round trip of one. Then it runs empty tasks, and prints their
+rate, and the processor time and memory of scheduler, workers and client.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ FOLDER = builtin() / "drum_pendulum"
 
 
 def size(folder: Path) -> dict[str, tuple[int, int]]:
-    """Of each kind of task: how many, and bytes of the largest as it is sent."""
+    """Return the number of tasks of each kind, and the bytes of the largest as it is sent."""
     prepared = prepare_system(folder)
     assert isinstance(prepared, PreparedSystem)
     (first,) = Plan(Options(), None, ResultBuilder(lambda *_: None)).target(folder)
-    found: dict[str, tuple[int, int]] = {}
+    sizes: dict[str, tuple[int, int]] = {}
     for job in first.done(prepared):
         task = (job.task.function, job.task.argument)
-        count, most = found.get(job.task.function.__name__, (0, 0))
+        count, largest = sizes.get(job.task.function.__name__, (0, 0))
         sent = len(payload.serialize(task, places=frozenset([str(folder)])))
-        found[job.task.function.__name__] = count + 1, max(most, sent)
-    return found
+        sizes[job.task.function.__name__] = count + 1, max(largest, sent)
+    return sizes
 
 
-def there_and_back(pool: Executor, data: bytes, times: int) -> float:
-    """Seconds of one task after the other."""
+def round_trip(pool: Executor, data: bytes, times: int) -> float:
+    """Return the mean seconds of tasks that run one after the other."""
     began = time.perf_counter()
     for _ in range(times):
         assert pool.outcome(pool.submit(len, data)) == len(data)
     return (time.perf_counter() - began) / times
 
 
-def many(pool: Executor, count: int, data: bytes = b"") -> float:
-    """Seconds of planned jobs that do nothing."""
+def run_empty(pool: Executor, count: int, data: bytes = b"") -> float:
+    """Return the seconds of planned jobs that do nothing."""
     seen: Counter[int] = Counter()
 
     def done(value: int) -> Iterable[Job[Any]]:
@@ -75,7 +75,7 @@ def used(pids: Iterable[int]) -> float:
 
 
 def memory(pid: int) -> float:
-    """MiB that a process holds."""
+    """Return the resident memory of a process, MiB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -99,29 +99,29 @@ def main() -> None:
             cluster.close()
 
 
-def measure(cluster: Loopback, count: int, most: int) -> None:
+def measure(cluster: Loopback, count: int, in_flight: int) -> None:
     case = os.urandom(290_000)  # a case as it is sent
     with executor(jobs=1) as local:
-        there_and_back(local, b"", 5)
+        round_trip(local, b"", 5)
         for data in (b"", case):
-            told = 1e3 * there_and_back(local, data, 200)
-            print(f"there and back with {len(data)} bytes: {told:.2f} ms here")
+            milliseconds = 1e3 * round_trip(local, data, 200)
+            print(f"round trip with {len(data)} bytes: {milliseconds:.2f} ms here")
     began = time.perf_counter()
     with executor(scheduler=cluster.address) as pool:
         print(f"opened in {time.perf_counter() - began:.2f} s")
-        many(pool, 50)
+        run_empty(pool, 50)
         for data in (b"", case):
-            told = 1e3 * there_and_back(pool, data, 200)
-            print(f"there and back with {len(data)} bytes: {told:.2f} ms on the cluster")
-    with executor(jobs=most, scheduler=cluster.address) as pool:
-        many(pool, 50)
+            milliseconds = 1e3 * round_trip(pool, data, 200)
+            print(f"round trip with {len(data)} bytes: {milliseconds:.2f} ms on the cluster")
+    with executor(jobs=in_flight, scheduler=cluster.address) as pool:
+        run_empty(pool, 50)
         for times, data in ((count, b""), (max(1, count // 50), case)):
-            print(f"{times} tasks with {len(data)} bytes, {most} in flight:")
-            tell(cluster, pool, times, data)
+            print(f"{times} tasks with {len(data)} bytes, {in_flight} in flight:")
+            print_costs(cluster, pool, times, data)
 
 
-def tell(cluster: Loopback, pool: Executor, count: int, data: bytes) -> None:
-    """Do tasks, and print what that costs."""
+def print_costs(cluster: Loopback, pool: Executor, count: int, data: bytes) -> None:
+    """Run empty tasks, and print their cost."""
     parts = {
         "scheduler": [cluster.scheduler],
         "workers": [pid for one in cluster.workers.values() for pid in below(one.pid)],
@@ -129,7 +129,7 @@ def tell(cluster: Loopback, pool: Executor, count: int, data: bytes) -> None:
     }
     before = {name: used(pids) for name, pids in parts.items()}
     held = {name: memory(parts[name][0]) for name in ("scheduler", "client")}
-    seconds = many(pool, count, data)
+    seconds = run_empty(pool, count, data)
     print(f"  {seconds:.0f} s, {count / seconds:.0f} a second")
     for name, pids in parts.items():
         each = 1e3 * (used(pids) - before[name]) / count

@@ -1,8 +1,8 @@
-"""What each engine costs: `python -m benchmarks.bench_engines`, and in `make bench`.
+"""Cost of each engine: `python -m benchmarks.bench_engines`, and in `make bench`.
 
-Microseconds a step of the file's own size, through the adapter and in a loop of the engine's own
-calls that does the same, with their ratio; and microseconds a state where it tells accelerations.
-Once on a pendulum, where a call's cost shows, and once on an arm of seven joints.
+Microseconds of a step through the adapter and in a bare loop of the engine's calls, with their
+ratio; and microseconds of a state, if the engine returns accelerations. A pendulum shows the cost
+of a call, an arm of seven joints the cost of the dynamics.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ Loop = Callable[[], object]
 def bare_mujoco(model: Any) -> Loop:
     import mujoco
 
-    own = model.model
-    data = mujoco.MjData(own)
+    compiled = model.model
+    data = mujoco.MjData(compiled)
 
     def loop() -> None:
-        own.opt.timestep = model.step
-        mujoco.mj_resetData(own, data)
+        compiled.opt.timestep = model.step
+        mujoco.mj_resetData(compiled, data)
         data.qpos[:] = model.home
-        mujoco.mj_step(own, data, nstep=STEPS)
+        mujoco.mj_step(compiled, data, nstep=STEPS)
 
     return loop
 
@@ -76,44 +76,44 @@ def bare_pymunk(model: Any) -> Loop:
 def bare_pinocchio(model: Any) -> Loop:
     import pinocchio as pin
 
-    own = model._model
-    data, damping = own.createData(), np.array(own.damping)
+    compiled = model._model
+    data, damping = compiled.createData(), np.array(compiled.damping)
 
-    def at(q: Any, v: Any) -> Any:
-        return pin.aba(own, data, q, v, -damping * v)  # dampers, which it leaves out
+    def acceleration(q: Any, v: Any) -> Any:
+        return pin.aba(compiled, data, q, v, -damping * v)  # dampers, which it leaves out
 
     def after(q: Any, move: Any) -> Any:
-        return pin.integrate(own, q, move)
+        return pin.integrate(compiled, q, move)
 
-    return _runge_kutta(at, after, pin.neutral(own), own.nv, model.step)
+    return _runge_kutta(acceleration, after, pin.neutral(compiled), compiled.nv, model.step)
 
 
 def bare_idyntree(model: Any) -> Loop:
-    own, mass, bias = model._computed, model._mass, model._bias
+    computed, mass, bias = model._computed, model._mass, model._bias
     (_, damping), n = model._joints(), len(model.coordinates)
     down = np.array(model.gravity)
 
-    def at(q: Any, v: Any) -> Any:
-        own.setRobotState(q, v, down)
-        own.getFreeFloatingMassMatrix(mass)
-        own.generalizedBiasForces(bias)
-        pull = -damping * v - bias.jointTorques().toNumPy()
-        return np.linalg.solve(mass.toNumPy()[6:, 6:], pull)
+    def acceleration(q: Any, v: Any) -> Any:
+        computed.setRobotState(q, v, down)
+        computed.getFreeFloatingMassMatrix(mass)
+        computed.generalizedBiasForces(bias)
+        forces = -damping * v - bias.jointTorques().toNumPy()
+        return np.linalg.solve(mass.toNumPy()[6:, 6:], forces)
 
-    return _runge_kutta(at, np.add, np.zeros(n), n, model.step)
+    return _runge_kutta(acceleration, np.add, np.zeros(n), n, model.step)
 
 
-def _runge_kutta(at: Any, after: Any, start: Any, n: int, h: float) -> Loop:
+def _runge_kutta(acceleration: Any, after: Any, start: Any, n: int, h: float) -> Loop:
     def loop() -> None:
         q, v = start, np.zeros(n)
         for _ in range(STEPS):
-            a = at(q, v)
+            a = acceleration(q, v)
             v2 = v + h / 2 * a
-            b = at(after(q, h / 2 * v), v2)
+            b = acceleration(after(q, h / 2 * v), v2)
             v3 = v + h / 2 * b
-            c = at(after(q, h / 2 * v2), v3)
+            c = acceleration(after(q, h / 2 * v2), v3)
             v4 = v + h * c
-            d = at(after(q, h * v3), v4)
+            d = acceleration(after(q, h * v3), v4)
             q = after(q, h / 6 * (v + 2 * v2 + 2 * v3 + v4))
             v = v + h / 6 * (a + 2 * b + 2 * c + d)
 
@@ -175,7 +175,7 @@ BARE: dict[str, Callable[[Any], Loop]] = {
 
 
 def best(loop: Loop) -> float:
-    """The least processor time of some calls, seconds."""
+    """Return the least processor time of some calls, seconds."""
     times = []
     for _ in range(REPEATS):
         began = time.process_time()
@@ -185,19 +185,20 @@ def best(loop: Loop) -> float:
 
 
 def pendulums() -> Iterator[tuple[str, LoadedModel]]:
-    """The simple pendulum, in the file that each engine prefers."""
-    known = [m for m in model_files(builtin() / "simple_pendulum") if isinstance(m, Sidecar)]
+    """Yield the simple pendulum, in the file that each engine prefers."""
+    folder = builtin() / "simple_pendulum"
+    sidecars = [file for file in model_files(folder) if isinstance(file, Sidecar)]
     for name, engine in engines().items():
         if engine.version() is None:
             continue
-        mine = [one for one in known if name in one.engines]
-        if mine:
-            own = sorted(mine, key=lambda one: one.model.suffix not in engine.preferred)[0]
-            yield name, engine.load(own.spec(name))
+        read = [sidecar for sidecar in sidecars if name in sidecar.engines]
+        if read:
+            best_format = min(read, key=lambda one: one.model.suffix not in engine.preferred)
+            yield name, engine.load(best_format.spec(name))
 
 
 def arms() -> Iterator[tuple[str, LoadedModel]]:
-    """An arm of seven joints."""
+    """Yield an arm of seven joints in each engine."""
     robot = prepare_tree(ARM)
     for name, engine in engines().items():
         if engine.version() is not None and ".urdf" in engine.formats:
@@ -205,23 +206,23 @@ def arms() -> Iterator[tuple[str, LoadedModel]]:
 
 
 def costs(name: str, model: LoadedModel) -> tuple[str, ...]:
-    """A row: a step through the adapter, bare, their ratio, and a state."""
+    """Return a row: a step through the adapter, bare, their ratio, and a state."""
     q = np.array(model.home)[None]
 
-    def ours() -> object:
+    def rollout() -> object:
         return model.rollout(q, 0 * q, model.step, STEPS, None, STEPS)
 
-    ours()
-    step = best(ours) / STEPS
+    rollout()
+    step = best(rollout) / STEPS
     bare = ratio = state = "-"
     if name in BARE:
         loop = BARE[name](model)
         loop()
         ratios, least = [], []
         for _ in range(3):  # in turn, so that both see the same machine
-            own, theirs = best(ours), best(loop)
-            ratios.append(own / theirs)
-            least.append(theirs)
+            adapter, bare_loop = best(rollout), best(loop)
+            ratios.append(adapter / bare_loop)
+            least.append(bare_loop)
         bare, ratio = f"{1e6 * min(least) / STEPS:.2f}", f"{statistics.median(ratios):.2f}"
     random = np.random.default_rng(0)
     z = model.home + 0.1 * random.uniform(-1, 1, (STATES, q.shape[1]))
@@ -231,7 +232,7 @@ def costs(name: str, model: LoadedModel) -> tuple[str, ...]:
 
 
 def costs_of_engines(console: Console) -> None:
-    """Print what engines cost."""
+    """Print the cost of each engine."""
     for title, models in (("a pendulum", pendulums), ("an arm of 7 joints", arms)):
         table = Table(
             "engine", "step, us", "bare, us", "ratio", "state, us", title=f"engines: {title}"

@@ -1,7 +1,7 @@
 """Times of the gate on the built-in models: `python -m benchmarks.bench_gate`.
 
 Whole processes, interpreter included: an unchanged repository, and one model file of each system
-changed (a comment), against the 5 s that each may take (the second: 5 s more than the first).
+changed (a comment). Either may take 5 s, the second 5 s more than the first.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ def main() -> None:
             path = folder / "mujoco.xml"
             text = path.read_text()
             path.write_text(text.replace("<worldbody>", "<!-- changed --><worldbody>"))
-            seconds, said = timed(root)
+            seconds, summary = timed(root)
             path.write_text(text)
             more = seconds - unchanged
             verdict = "ok" if more <= LIMIT else "TOO SLOW"
-            print(f"{folder.name}/mujoco.xml: {more:.2f} s more, {verdict}; {said}")
+            print(f"{folder.name}/mujoco.xml: {more:.2f} s more, {verdict}; {summary}")
 
 
 if __name__ == "__main__":

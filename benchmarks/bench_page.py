@@ -1,4 +1,4 @@
-"""What a page's picture costs in a headless browser: first drawing, and each frame.
+"""Cost of a page's picture in a headless browser: first drawing, and each frame.
 
 `python -m benchmarks.bench_page PAGE [FRAGMENT]` opens a page that `crosscheck run` wrote. Headless
 browsers draw by software. `script` and `raster` are processor times, of the page and of drawing.
@@ -59,9 +59,10 @@ def opened(tab: Tab, address: str) -> float:
 
 def seconds(browser: Browser) -> tuple[float, float]:
     """Return the processor time of the processes that run scripts, and of the one that draws."""
-    found = browser.send("SystemInfo.getProcessInfo")["processInfo"]
+    processes = browser.send("SystemInfo.getProcessInfo")["processInfo"]
     script, raster = (
-        sum(one["cpuTime"] for one in found if one["type"] == kind) for kind in ("renderer", "GPU")
+        sum(one["cpuTime"] for one in processes if one["type"] == kind)
+        for kind in ("renderer", "GPU")
     )
     return script, raster
 

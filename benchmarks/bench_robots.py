@@ -1,4 +1,4 @@
-"""What robots' files alone cost: processor seconds and memory of the work of each step."""
+"""Processor time and memory of `run` and `new --from` of robot files."""
 
 from __future__ import annotations
 
@@ -37,52 +37,52 @@ ROBOTS = (
 
 
 class Cost(NamedTuple):
-    """Of a piece of work in a process of its own: processor seconds, MiB, and what it told."""
+    """Cost of a call in a process of its own: processor seconds, peak MiB, and its result."""
 
     seconds: float
     memory: float
-    told: str
+    result: str
 
 
-def cost(work: Callable[[], str]) -> Cost:
-    """Do it in a fork of this process, so that its memory is its own."""
+def cost(call: Callable[[], str]) -> Cost:
+    """Call a function in a fork of this process, so that its memory is its own."""
     here, there = multiprocessing.Pipe(duplex=False)
     context = multiprocessing.get_context("fork")
-    child = context.Process(target=_measured, args=(work, there))
+    child = context.Process(target=_measured, args=(call, there))
     child.start()
-    found: Cost = here.recv()
+    measured: Cost = here.recv()
     child.join()
-    return found
+    return measured
 
 
-def _measured(work: Callable[[], str], answer: Connection) -> None:
+def _measured(call: Callable[[], str], answer: Connection) -> None:
     began = time.process_time()
     try:
-        told = work()
+        result = call()
     except Exception as error:
-        told = str(error).rpartition(": ")[2]
+        result = str(error).rpartition(": ")[2]
     used = resource.getrusage(resource.RUSAGE_SELF)
-    answer.send(Cost(time.process_time() - began, used.ru_maxrss / 1024, told))
+    answer.send(Cost(time.process_time() - began, used.ru_maxrss / 1024, result))
 
 
 def with_children() -> float:
-    """Processor seconds of this process and of those below it that live, or that these awaited."""
+    """Return the processor seconds of this process and its children, ended ones included."""
     tick = os.sysconf("SC_CLK_TCK")
-    found = time.process_time()
+    seconds = time.process_time()
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
             words = stat.read_text().rpartition(")")[2].split()
             if int(words[1]) == os.getpid():
-                found += sum(map(int, words[11:15])) / tick
-    return found
+                seconds += sum(map(int, words[11:15])) / tick
+    return seconds
 
 
 def whole_new(console: Console) -> None:
-    """`crosscheck new --from` of an arm of seven joints: Python's starts and workers included."""
-    found = find_spec("pybullet_data")
-    if found is None or found.origin is None:
+    """Print the time of `crosscheck new --from` of an arm, with start-up and workers."""
+    package = find_spec("pybullet_data")
+    if package is None or package.origin is None:
         return
-    file = Path(found.origin).parent / "kuka_iiwa" / "model.urdf"
+    file = Path(package.origin).parent / "kuka_iiwa" / "model.urdf"
     times = []
     for _ in range(3):
         done = subprocess.run(
@@ -91,28 +91,28 @@ def whole_new(console: Console) -> None:
         )  # fmt: skip
         times.append(float(done.stdout.split()[-1]))
     seconds = statistics.median(times)
-    console.print(f"crosscheck new --from kuka_iiwa/model.urdf, all of it: {seconds:.1f} s")
+    console.print(f"crosscheck new --from kuka_iiwa/model.urdf, with start-up: {seconds:.1f} s")
 
 
 def robots(console: Console) -> None:
-    """Equations, every engine, a new folder: of arms, a quadruped and humanoids."""
+    """Print the cost of checking arms, a quadruped and humanoids, and of folders from them."""
     whole_new(console)
-    table = Table("robot", "what", "told", "work", "memory", title="robots' files alone")
+    table = Table("robot", "command", "result", "processor time", "memory", title="robot files")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "branches_of_30.urdf"
         file.write_text(branches(30))
         _rows(table, file.name, file, floating=False)
         for package, name, floating in ROBOTS:
-            found = find_spec(package)
-            if found is None or found.origin is None:
+            spec = find_spec(package)
+            if spec is None or spec.origin is None:
                 console.print(f"no {name}: {package} is not installed")
                 continue
-            _rows(table, name, Path(found.origin).parent / name, floating=floating)
+            _rows(table, name, Path(spec.origin).parent / name, floating=floating)
     console.print(table)
 
 
 def branches(count: int) -> str:
-    """A URDF of so many hinges, in branches of six, each link with products of inertia."""
+    """Return a URDF of hinges in branches of six, each link with products of inertia."""
     parts = ['<robot name="branches"><link name="l0"/>']
     for i in range(1, count + 1):
         parent = 0 if i % 6 == 1 else i - 1
@@ -121,6 +121,8 @@ def branches(count: int) -> str:
             f'<origin xyz="0.1 0.02 -0.{i % 4 + 1}" rpy="0.{i % 3} 0 0"/>'
             f'<mass value="{1 + i % 5}"/><inertia ixx="0.05" iyy="0.06" izz="0.04" ixy="0.001" '
             'ixz="0.002" iyz="-0.003"/></inertial></link>'
+        )
+        parts.append(
             f'<joint name="j{i}" type="continuous"><parent link="l{parent}"/><child link="l{i}"/>'
             f'<origin xyz="0 0.{i % 3} -0.3"/><axis xyz="{i % 3 % 2} {int(i % 3 == 0)} '
             f'{int(i % 3 == 2)}"/><dynamics damping="0.{i % 7}"/></joint>'
@@ -129,25 +131,26 @@ def branches(count: int) -> str:
 
 
 def _rows(table: Table, name: str, file: Path, *, floating: bool) -> None:
-    works = {"run": partial(run, file, floating), "new": partial(new, file)}
-    for what, work in works.items():
-        one = cost(work)
-        table.add_row(name, what, one.told, f"{one.seconds:.1f} s", f"{one.memory:.0f} MiB")
+    calls = {"run": partial(run, file, floating), "new": partial(new, file)}
+    for command, call in calls.items():
+        spent = cost(call)
+        sizes = f"{spent.seconds:.1f} s", f"{spent.memory:.0f} MiB"
+        table.add_row(name, command, spent.result, *sizes)
 
 
 def run(file: Path, floating: bool) -> str:
-    """The file's equations, and it in every engine."""
+    """Derive the equations of a file, and check it in every engine that reads it."""
     prepared = prepare_tree(file, floating=floating)
-    told = [f"{len(prepared.names)} coordinates"]
+    outcomes = [f"{len(prepared.names)} coordinates"]
     for engine in engines_reading(file.suffix):
         if engine.version() is not None:
             case = run_case(model_task(prepared, engine.name))
-            told.append(f"{engine.name} {case.outcome}")
-    return ", ".join(told)
+            outcomes.append(f"{engine.name} {case.outcome}")
+    return ", ".join(outcomes)
 
 
 def new(file: Path) -> str:
-    """A folder from the file."""
+    """Write a system folder from a file."""
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "robot"
         from_model(file, target)

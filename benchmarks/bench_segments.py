@@ -1,4 +1,4 @@
-"""Segments against a hand-written loop of the same engine, and their steps against refinement's."""
+"""Time of segments over a hand-written loop, and their steps over those of plain refinement."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ Rollout = tuple[float, int, list[list[float]], list[list[float]], Array | None]
 """Step, number of steps, states z and w, and forces (spans, steps, nz) if any act."""
 MODELS = {"mujoco": "mujoco.xml", "pybullet": "robot.urdf", "pymunk": "space.py"}
 TARGET, MEASURED = 1e-9, 1e-4
-"""Discrepancy to be certified, and the error to which plain refinement is run: on from there its
-steps follow from its order. To 1e-5 they take minutes a case."""
+"""Discrepancy to certify, and the error to which plain refinement runs; its order gives the rest.
+To 1e-5 it takes minutes a case."""
 
 
 def sidecar_of(folder: Path, name: str) -> Sidecar:
@@ -44,7 +44,7 @@ def sidecar_of(folder: Path, name: str) -> Sidecar:
 def segments(
     batch: Segments, coordinates: CoordinateMap, rungs: Iterable[int], epsilon: float
 ) -> Iterator[Rollout]:
-    """(h, n, states z and w, forces or None) of every rollout of a ladder, companions' as well."""
+    """Yield every rollout of a ladder, with those of companions."""
     starts = with_companions(*coordinates.to_engine(batch.start), epsilon)
     lengths = batch.lengths[starts.rows]
     for rung in rungs:
@@ -57,12 +57,12 @@ def segments(
             yield h, rung, starts.z[chosen].tolist(), starts.w[chosen].tolist(), force
 
 
-def bare_mujoco(sidecar: Sidecar, work: Iterable[Rollout]) -> None:
+def bare_mujoco(sidecar: Sidecar, rollouts: Iterable[Rollout]) -> None:
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(sidecar.model))
     data = mujoco.MjData(model)
-    for h, n, z, w, force in work:
+    for h, n, z, w, force in rollouts:
         model.opt.timestep = h
         for b in range(len(z)):
             mujoco.mj_resetData(model, data)
@@ -76,7 +76,7 @@ def bare_mujoco(sidecar: Sidecar, work: Iterable[Rollout]) -> None:
             data.qpos.copy(), data.qvel.copy()
 
 
-def bare_pybullet(sidecar: Sidecar, work: Iterable[Rollout], springs: Sequence[float]) -> None:
+def bare_pybullet(sidecar: Sidecar, rollouts: Iterable[Rollout], springs: Sequence[float]) -> None:
     import pybullet as p
 
     p.resetSimulation()
@@ -87,7 +87,7 @@ def bare_pybullet(sidecar: Sidecar, work: Iterable[Rollout], springs: Sequence[f
     for link in range(-1, p.getNumJoints(body)):
         p.changeDynamics(body, link, linearDamping=0, angularDamping=0)
     p.setJointMotorControlArray(body, joints, p.VELOCITY_CONTROL, forces=[0.0] * len(joints))
-    for h, n, z, w, force in work:
+    for h, n, z, w, force in rollouts:
         p.setTimeStep(h)
         for b in range(len(z)):
             for i, joint in enumerate(joints):
@@ -102,10 +102,10 @@ def bare_pybullet(sidecar: Sidecar, work: Iterable[Rollout], springs: Sequence[f
                 states = p.getJointStates(body, joints)
 
 
-def bare_pymunk(build: Callable[[], Any], work: Iterable[Rollout]) -> None:
+def bare_pymunk(build: Callable[[], Any], rollouts: Iterable[Rollout]) -> None:
     space, bodies = build()
     bodies = list(bodies.values())
-    for h, n, z, w, force in work:
+    for h, n, z, w, force in rollouts:
         for b in range(len(z)):
             for j, body in enumerate(bodies):
                 body.position = (z[b][3 * j], z[b][3 * j + 1])
@@ -122,12 +122,12 @@ def bare_pymunk(build: Callable[[], Any], work: Iterable[Rollout]) -> None:
             [(body.position, body.angle, body.velocity, body.angular_velocity) for body in bodies]
 
 
-def paired(ours: Callable[[], object], theirs: Callable[[], object]) -> tuple[float, float, float]:
-    """Median ratio and the two median times of calls taken in turn."""
+def paired(harness: Callable[[], object], bare: Callable[[], object]) -> tuple[float, float, float]:
+    """Return the median ratio and the median times of calls that run in turn."""
     first: list[float] = []
     second: list[float] = []
     for _ in range(REPEATS):
-        for call, times in ((ours, first), (theirs, second)):
+        for call, times in ((harness, first), (bare, second)):
             began = time.process_time()
             call()
             times.append(time.process_time() - began)
@@ -138,7 +138,7 @@ def paired(ours: Callable[[], object], theirs: Callable[[], object]) -> tuple[fl
 def loaded_ladder(
     sidecar: Sidecar, engine: str, coordinates: CoordinateMap, batch: Segments
 ) -> Extrapolated:
-    """A ladder with the loading of its model, which the bare loop has as well."""
+    """Load a model and run its ladder, as the bare loop does."""
     model = engines()[engine].load(sidecar.spec(engine))
     return extrapolate(model, coordinates, batch, resolution=1e-9)
 
@@ -156,27 +156,27 @@ def overhead(console: Console) -> dict[str, float]:
                 file = "robot_folded.urdf"
             sidecar = sidecar_of(prepared.place, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            found = extrapolate(model, coordinates, batch, resolution=1e-9)
-            work = list(segments(batch, coordinates, found.rungs, model.epsilon))
-            assert sum(n * len(z) for _, n, z, _, _ in work) == found.steps
+            limits = extrapolate(model, coordinates, batch, resolution=1e-9)
+            rollouts = list(segments(batch, coordinates, limits.rungs, model.epsilon))
+            assert sum(n * len(z) for _, n, z, _, _ in rollouts) == limits.steps
             if engine == "mujoco":
-                bare = partial(bare_mujoco, sidecar, work)
+                bare = partial(bare_mujoco, sidecar, rollouts)
             elif engine == "pybullet":
                 stiffness = {"torsional_disc": [0.85], "mass_spring_damper": [47.0]}
                 springs = stiffness.get(name, [65.0, 0.0])
-                bare = partial(bare_pybullet, sidecar, work, springs)
+                bare = partial(bare_pybullet, sidecar, rollouts, springs)
             else:
                 build = model._module.build  # type: ignore[attr-defined]  # pymunk's model alone
-                bare = partial(bare_pymunk, build, work)
+                bare = partial(bare_pymunk, build, rollouts)
             ladder = partial(extrapolate, model, coordinates, batch, resolution=1e-9)
-            ours = partial(loaded_ladder, sidecar, engine, coordinates, batch)
-            ratio, t_ours, t_bare = paired(ours if engine == "pybullet" else ladder, bare)
+            loaded = partial(loaded_ladder, sidecar, engine, coordinates, batch)
+            ratio, seconds, bare_seconds = paired(loaded if engine == "pybullet" else ladder, bare)
             table.add_row(
                 engine,
                 f"{name}/{scenario}",
-                f"{found.steps}",
-                f"{t_ours:.3f} s",
-                f"{t_bare:.3f} s",
+                f"{limits.steps}",
+                f"{seconds:.3f} s",
+                f"{bare_seconds:.3f} s",
                 f"{ratio:.2f}",
             )
             ratios[f"segments: harness / bare loop, {engine}, {name}/{scenario}"] = ratio
@@ -185,18 +185,18 @@ def overhead(console: Console) -> dict[str, float]:
 
 
 def largest_error(outcome: CompleteRun, size: Array) -> float:
-    """Of the first coordinate, as a share of its size."""
+    """Return the largest error of the first coordinate, relative to its size."""
     return float(np.max(np.abs(outcome.error[:, :1]) / size))
 
 
-def least(found: Extrapolated, motion: Motion, exponents: tuple[int, int]) -> int:
-    """The steps of as many rungs as a limit takes that is right to the target, without companions.
+def fewest_steps(limits: Extrapolated, motion: Motion, exponents: tuple[int, int]) -> int:
+    """Count the steps of the fewest rungs whose limit is right to the target, without companions.
 
-    That is known to somebody alone who has the solution, and needs no uncertainty.
+    Only a known solution shows that they suffice; they give no uncertainty.
     """
-    for count in range(1, len(found.rungs) + 1):
-        rungs = found.rungs[:count]
-        limit = np.tensordot(weights(rungs, exponents), found.raw[:count], axes=1)
+    for count in range(1, len(limits.rungs) + 1):
+        rungs = limits.rungs[:count]
+        limit = np.tensordot(weights(rungs, exponents), limits.raw[:count], axes=1)
         if np.max(np.abs(limit - motion.end) / motion.unit) <= TARGET:
             break
     return len(motion.t) * sum(rungs)
@@ -205,14 +205,14 @@ def least(found: Extrapolated, motion: Motion, exponents: tuple[int, int]) -> in
 def refined(
     motion: Motion, run_at: Callable[[float], CompleteRun], h: float
 ) -> tuple[float, float]:
-    """Steps that plain refinement would need for the target, and its order, from two runs.
+    """Return the steps that plain refinement needs for the target, and its order, from two runs.
 
     Args:
         run_at: a run from start to end at a step.
         h: a step to begin with.
     """
     size = motion.amplitude[:1]
-    # Over a part of the way, so that the next error is in proportion to the step.
+    # Shorten the step in stages, until the error is proportional to it.
     for _ in range(3):
         error = largest_error(run_at(h), size)
         if error < 1.5 * MEASURED:
@@ -224,7 +224,7 @@ def refined(
 
 
 def certification(console: Console) -> dict[str, float]:
-    """Of every built-in system's free motion."""
+    """Print the steps that certify the free motion of each built-in system, and return ratios."""
     steps = {}
     table = Table(
         "system",
@@ -244,24 +244,24 @@ def certification(console: Console) -> dict[str, float]:
         for engine, file in MODELS.items():
             sidecar = sidecar_of(folder, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            found = extrapolate(model, coordinates, motion, resolution=TARGET)
-            certified = float(np.max((found.limit.uncertainty + motion.bound) / motion.unit))
-            fewest = least(found, motion, model.exponents(motion.varying))
+            limits = extrapolate(model, coordinates, motion, resolution=TARGET)
+            certified = float(np.max((limits.limit.uncertainty + motion.bound) / motion.unit))
+            fewest = fewest_steps(limits, motion, model.exponents(motion.varying))
             run_at = partial(full_run, model, coordinates, motion, prepared.numeric_power)
             needed, order = refined(motion, run_at, model.step)
             table.add_row(
                 prepared.system.name,
                 engine,
-                f"{found.steps}",
+                f"{limits.steps}",
                 f"{certified:.0e}",
                 f"{fewest}",
-                f"{found.steps / fewest:.1f}",
+                f"{limits.steps / fewest:.1f}",
                 f"{order:.3f}",
                 f"{needed:.2g}",
-                f"{needed / found.steps:.2g}",
+                f"{needed / limits.steps:.2g}",
             )
             name = f"{prepared.system.name}/free, {engine}"
-            steps[f"steps to certify 1e-9, {name}"] = float(found.steps)
-            steps[f"steps to certify 1e-9 / least, {name}"] = found.steps / fewest
+            steps[f"steps to certify 1e-9, {name}"] = float(limits.steps)
+            steps[f"steps to certify 1e-9 / least, {name}"] = limits.steps / fewest
     console.print(table)
     return steps

@@ -1,9 +1,9 @@
-"""How well a robot's states tell its file's numbers apart: at random, and chosen.
+"""Accuracy to which the states of a robot distinguish the numbers of its file.
 
-`python -m benchmarks.bench_states robot.urdf robot.xml [--floating]`: of the slopes of
-accelerations by the numbers, in the directions that can be told apart, the condition, and how
-finely these are told beside a hundred random states, in geometric mean; and the largest effect of a
-number at any of the states beside that at a hundred random ones: the median, and what 95 % have.
+`python -m benchmarks.bench_states robot.urdf robot.xml [--floating]` compares random and chosen
+states with 100 random ones. It prints the condition of the slopes of accelerations by the numbers,
+in the directions that can be distinguished, and the geometric mean of their singular values. Then
+the largest effect of a number at any state: the median, and the least of 95 % of the numbers.
 """
 
 from __future__ import annotations
@@ -25,21 +25,22 @@ from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.samples import candidates, select_d_optimal
 
-TOLD_APART = 1e-6
-"""Of the largest singular value: directions with less are those of numbers that are one."""
+DISTINCT = 1e-6
+"""Least singular value of a direction that can be distinguished, relative to the largest."""
 
-MANY, COUNTS = 100, (24, 32, 40)
+RANDOM_STATES, COUNTS = 100, (24, 32, 40)
 
 
 def slopes(robot: Robot, q: Array, v: Array, forces: Array) -> Array:
-    """Of accelerations by the file's numbers, each by its size, (numbers, K, n)."""
+    """Return slopes of accelerations by numbers of the file, times their scale, (numbers, K, n)."""
     numbers = robot_numbers(robot.file, settings_of(robot))
     rows = []
     for i in numbers.relevant_numbers:
-        one = numbers.numerals[i]
-        ends = [numbers.tree({i: one.value + way * NUDGE * one.scale}) for way in (1, -1)]
+        number = numbers.numerals[i]
+        changes = (NUDGE * number.scale, -NUDGE * number.scale)
+        ends = [numbers.tree({i: number.value + change}) for change in changes]
         if any(tree is None or tree.dof != q.shape[1] for tree in ends):
-            continue  # it may be moved to one side only
+            continue  # valid on one side only
         up, down = (
             TreeEquations(robot_system(replace(robot, tree=tree))).pushed_acceleration(q, v, forces)
             for tree in ends
@@ -48,54 +49,56 @@ def slopes(robot: Robot, q: Array, v: Array, forces: Array) -> Array:
     return np.array(rows)
 
 
-def told_apart(rows: Array) -> Array:
-    """The same in directions that can be told apart, (K, n, directions)."""
+def distinct_directions(rows: Array) -> Array:
+    """Return slopes in the directions that can be distinguished, (K, n, directions)."""
     flat = rows.reshape(len(rows), -1)
     flat = flat[np.any(flat != 0, axis=1)]
     flat = flat / np.linalg.norm(flat, axis=1)[:, None]
-    left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
-    clear = left[:, sizes > TOLD_APART * sizes[0]]
-    found: Array = (clear.T @ flat).reshape(-1, *rows.shape[1:])
-    return np.moveaxis(found, 0, -1)
+    vectors, sizes, _ = np.linalg.svd(flat, full_matrices=False)
+    clear = vectors[:, sizes > DISTINCT * sizes[0]]
+    directions: Array = (clear.T @ flat).reshape(-1, *rows.shape[1:])
+    return np.moveaxis(directions, 0, -1)
 
 
 def _sizes(rows: Array) -> Array:
-    """Singular values of what states show, (K, n, directions)."""
+    """Return the singular values of slopes, (K, n, directions)."""
     return np.asarray(np.linalg.svd(rows.reshape(-1, rows.shape[2]), compute_uv=False), dtype=float)
 
 
 def report(file: Path, floating: bool) -> None:
-    """Print what states of a robot tell."""
+    """Print the accuracy for one robot."""
     robot = read_robot(file, floating=floating)
     system = robot_system(robot)
     equations, kept = TreeEquations(system), Coupled(system.tree).kept
     within, home = np.stack(robot.limits, axis=1)[kept], home_of(system.tree, robot.limits)[kept]
-    many = candidates(equations, within, home, max(COUNTS), 1)
+    drawn = candidates(equations, within, home, max(COUNTS), 1)
     began = time.process_time()
-    chosen = select_d_optimal(many.rows(equations), max(COUNTS))
+    chosen = select_d_optimal(drawn.rows(equations), max(COUNTS))
     spent = time.process_time() - began
-    rows = slopes(robot, many.q, many.v, equations.forces_for(many.q, many.v, many.a))
-    rows = rows / np.max(np.abs(many.a), axis=0)
-    shown = told_apart(rows)
-    print(f"{file}: {len(home)} freedoms, {len(rows)} numbers, {shown.shape[2]} directions;")
-    print(f"  chosen of {len(many.q)} in {spent:.2f} s")
+    rows = slopes(robot, drawn.q, drawn.v, equations.forces_for(drawn.q, drawn.v, drawn.a))
+    rows = rows / np.max(np.abs(drawn.a), axis=0)
+    shown = distinct_directions(rows)
+    print(
+        f"{file}: {len(home)} degrees of freedom, {len(rows)} numbers, {shown.shape[2]} directions"
+    )
+    print(f"  chosen of {len(drawn.q)} in {spent:.2f} s")
     effects = np.abs(rows).max(axis=2)
-    full = effects[:, :MANY].max(axis=1)
+    full = effects[:, :RANDOM_STATES].max(axis=1)
     effects = effects[full > 0] / full[full > 0, None]
-    known = _sizes(shown[:MANY])
-    ways = {f"{n} at random": list(range(n)) for n in (*COUNTS, MANY)}
+    reference = _sizes(shown[:RANDOM_STATES])
+    ways = {f"{n} at random": list(range(n)) for n in (*COUNTS, RANDOM_STATES)}
     ways |= {f"{n} chosen": chosen[:n] for n in COUNTS}
     for name, states in ways.items():
         sizes = _sizes(shown[states])
-        finely = np.exp(np.mean(np.log(sizes) - np.log(known)))
-        most = effects[:, states].max(axis=1)
-        shares = f"{np.median(most):.2f}, {np.percentile(most, 5):.2f}"
-        condition = f"condition {sizes[0] / sizes[-1]:.3g}, finely {finely:.2f}"
+        accuracy = np.exp(np.mean(np.log(sizes) - np.log(reference)))
+        largest = effects[:, states].max(axis=1)
+        shares = f"{np.median(largest):.2f}, {np.percentile(largest, 5):.2f}"
+        condition = f"condition {sizes[0] / sizes[-1]:.3g}, accuracy {accuracy:.2f}"
         print(f"  {name:14} {condition}, largest effects {shares}")
 
 
 def main() -> None:
-    """Of every file given."""
+    """Print the accuracy for each file."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bench_states", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+")
     parser.add_argument("--floating", action="store_true", help="the roots of URDFs move freely")

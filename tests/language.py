@@ -24,7 +24,7 @@ MOST_WORDS = 25  # of a sentence
 MOST_CELL_WORDS = 15
 MOST_HELP_WORDS = 12
 
-CODE = ("harness", "reference", "physics_crosscheck")
+CODE = ("harness", "reference", "physics_crosscheck", "benchmarks")
 DOCS = ("docs/**/*.md", "README.md", "examples/*.ipynb")
 PAGES = (*DOCS, "*.md", "campaigns/**/*.md", "soak/**/*.md")
 
