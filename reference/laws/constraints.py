@@ -290,6 +290,8 @@ class Constraints:
             return
         pairs = (posture.jacobian(body, contact.position) for body in (first, other))
         (linear, angular), (linear_2, angular_2) = pairs
+        # A vector product has no term of equal axes: on a joint's axis an arm is exactly zero.
+        sizes = np.abs(contact.position).sum() - np.abs(contact.position)
         jacobian = np.vstack(
             [contact.frame @ (linear_2 - linear), contact.frame @ (angular_2 - angular)]
         )
@@ -300,7 +302,7 @@ class Constraints:
             violation=violation,
             # The distance is the detector's; the arms are differences of positions.
             position=abs(contact.distance) + parameters.margin,
-            arms=np.abs(contact.position).sum() * (np.abs(angular) + np.abs(angular_2)).sum(0),
+            arms=sizes @ (np.abs(angular) + np.abs(angular_2)),
             weight=float(self.weights.bodies[first, 0] + self.weights.bodies[other, 0]),
         )
         friction = np.maximum(self.laws.least_friction, parameters.friction)

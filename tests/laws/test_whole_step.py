@@ -236,6 +236,21 @@ def test_nearly_rigid_rows_have_small_uncertainty(tmp_path: Path) -> None:
     assert check.judgement.largest_uncertainty < 1e-9
 
 
+TURNTABLE = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/>
+<body pos="0 0 .1"><joint axis="0 0 1"/><geom type="sphere" size=".12" mass="2"/>
+<body pos="0 0 .5"><joint axis="0 1 0"/>
+<geom type="capsule" size=".05" fromto="0 0 0 .4 0 0" mass="1"/></body></body>
+</worldbody></mujoco>"""
+
+
+def test_a_contact_on_the_axis_of_a_joint_leaves_no_uncertainty(tmp_path: Path) -> None:
+    """Catch rounding of an arm that is exactly zero: nothing moves, and the force is 1e16 N."""
+    check = checked(tmp_path, TURNTABLE)
+    assert check.record.outcome is Outcome.AGREES
+    assert check.judgement is not None
+    assert check.judgement.largest_uncertainty < 1e-9
+
+
 GAP = """<mujoco><worldbody><geom type="plane" size="3 3 .1" margin=".001" gap=".0005"/>
 <body pos="0 0 .05"><freejoint/><geom type="box" size=".1 .07 .05"/></body></worldbody></mujoco>"""
 
