@@ -11,6 +11,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_defaults import MAIN
@@ -141,3 +145,46 @@ def overwrite(values: list[float], element: XmlElement, key: str) -> None:
 def radians(source: MjcfSource) -> float:
     """Return the unit of angles, rad."""
     return 1.0 if source.stated("compiler", "angle") == "radian" else math.pi / 180
+
+
+ORIENTATIONS: Mapping[str, Sequence[float]] = {
+    "quat": (1, 0, 0, 0),
+    "axisangle": (0, 0, 1, 0),
+    "euler": (0, 0, 0),
+    "xyaxes": (1, 0, 0, 0, 1, 0),
+    "zaxis": (0, 0, 1),
+}
+"""Attributes that state an orientation, with the identity."""
+
+
+def orientation(chain: Chain, source: MjcfSource) -> tuple[float, ...]:
+    """Return the orientation of an element as a unit quaternion (w, x, y, z)."""
+    others = ORIENTATIONS.keys() - {"quat"}
+    stated = (others & one.attributes.keys() for one in reversed(chain.elements))
+    key = next((key for keys in stated for key in keys), "quat")  # others overrule quaternions
+    numbers = np.array(chain.numbers(key, ORIENTATIONS[key]), dtype=float)
+    if key == "axisangle":
+        axis = numbers[:3] / np.linalg.norm(numbers[:3])
+        turn = Rotation.from_rotvec(numbers[3] * radians(source) * axis)
+    elif key == "euler":
+        sequence = source.stated("compiler", "eulerseq", "xyz")
+        # A lower-case letter is an axis that turns with the element, which scipy writes upper-case.
+        turn = Rotation.from_euler(sequence.swapcase(), numbers * radians(source))
+    elif key == "xyaxes":
+        x, y = numbers[:3] / np.linalg.norm(numbers[:3]), numbers[3:]
+        y = y - (x @ y) * x
+        y = y / np.linalg.norm(y)
+        turn = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=1))
+    elif key == "zaxis":
+        turn = _to_axis(numbers)
+    else:
+        turn = Rotation.from_quat(np.roll(numbers, -1))  # scipy has the scalar last
+    return tuple(np.roll(turn.as_quat(), 1).tolist())
+
+
+def _to_axis(axis: NDArray[np.float64]) -> Rotation:
+    """Return the smallest rotation that turns the z axis to another one."""
+    normal = np.cross((0.0, 0.0, 1.0), axis)
+    sine = float(np.linalg.norm(normal))
+    normal = normal / sine if sine else np.array([1.0, 0.0, 0.0])
+    return Rotation.from_rotvec(math.atan2(sine, axis[2]) * normal)

@@ -29,9 +29,16 @@ from physics_crosscheck.reference.mechanism.laws import (
     SoftLimit,
     Softness,
 )
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 
 ROUNDED, RESOLVED = 8 * float(np.finfo(float).eps), 1e-9
-"""Largest relative difference of a number, and of damping that follows from inertia."""
+"""Largest relative difference of a number, and of one that follows from several."""
+
+AS_WHOLE = {"pos": 1e-12, "quat": RESOLVED, "fullinertia": RESOLVED}
+"""Attributes that are compared relative to their largest number, with the largest difference.
+
+A compiler moves shapes with meshes, and finds principal axes.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,11 +188,23 @@ def _compiled_rows(
         yield ("drive", i), _drive(drive, compiled.paths[drive.path].joints)
 
 
+_TENSOR = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
+"""Entries of `fullinertia`."""
+
+
 def _bodies_and_joints(compiled: CompiledTree) -> Iterator[tuple[Key, Mapping[str, Values]]]:
-    """Yield inertias of bodies and places of joints, also of those without effect on a motion."""
+    """Yield frames, inertias and places of joints, also of those without effect on a motion."""
     for b, body in enumerate(compiled.bodies):
+        yield ("place of body", b), {"pos": body.position, "quat": body.turn}
         inertia = {"mass": (body.mass,), "pos": body.centre, "diaginertia": body.moments}
-        yield ("inertia of body", b), inertia
+        axes = from_quaternion(np.array(body.principal, dtype=float))
+        tensor = axes @ np.diag(body.moments) @ axes.T
+        full = tuple(float(tensor[place]) for place in _TENSOR)
+        yield ("inertia of body", b), {**inertia, "quat": body.principal, "fullinertia": full}
+    shapes = (one for one in compiled.placed if one.name.startswith("geom:"))
+    for i, shape in enumerate(shapes):
+        yield ("place of geom", i), {"pos": shape.frame.position, "quat": shape.frame.turn}
+        yield ("mesh of geom", i), {"scale": shape.scale}
     joints = (joint for body in compiled.bodies for joint in body.joints)
     for j, joint in enumerate(joints):
         yield ("place of joint", j), {"pos": joint.position}
@@ -294,7 +313,12 @@ def _different(
                 (*numbers, -2 * ratio * float(np.sqrt(gain * inertia)))
                 for inertia in inertias.of_drive(index)
             ]
-        if min(_difference(one, there) for one in accepted) > least:
+        measure = _difference
+        if name in AS_WHOLE:
+            measure, least = _difference_of_whole, AS_WHOLE[name]
+        if name == "quat":  # both signs are one orientation
+            accepted = [numbers, tuple(-float(one) for one in numbers)]
+        if min(measure(one, there) for one in accepted) > least:
             yield name, accepted[0], there
 
 
@@ -323,6 +347,13 @@ def _difference(first: Values, other: Values) -> float:
     if len(first) != len(other):
         return 1.0
     return max((_apart(one, two) for one, two in zip(first, other, strict=True)), default=0.0)
+
+
+def _difference_of_whole(first: Values, other: Values) -> float:
+    """Return the largest difference, relative to the largest number of the first row."""
+    size = max(abs(float(one)) for one in first)
+    pairs = zip(first, other, strict=True)
+    return max(abs(float(one) - float(two)) for one, two in pairs) / (size or 1.0)
 
 
 def _apart(first: Value, other: Value) -> float:

@@ -15,10 +15,12 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
 from physics_crosscheck.harness.modelfiles.mjcf.classes import (
+    ORIENTATIONS,
     Chain,
     StatedClasses,
     StatedPlace,
     Values,
+    orientation,
     radians,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
@@ -188,6 +190,7 @@ class StatedLaws:
         off = self._source.disabled
         options = Chain((self._source.root, *self._source.root.findall("option")))
         yield ("option", 0), options, self._options(options)
+        yield from self._frame_rows()
         yield from self._inertia_rows()
         yield from self._joint_rows()
         yield from self._tendon_rows()
@@ -213,6 +216,27 @@ class StatedLaws:
             "refsafe": (float(not self._source.disabled("refsafe")),),
         }
 
+    def _frame_rows(self) -> Iterator[_Row]:
+        """Yield places of bodies and shapes outside of <frame>, and scales of meshes."""
+        for b, element in enumerate(self._elements["body"]):
+            if _is_in_body(element):
+                yield ("place of body", b), Chain([element]), self._frame(Chain([element]))
+        files = (mesh for mesh in self._source.root.findall("asset/mesh") if mesh.get("file"))
+        meshes = {mesh.get("name") or Path(mesh.get("file")).stem: mesh for mesh in files}
+        for g, element in enumerate(self._elements["geom"]):
+            chain = self._chain(element)
+            # A primitive with a mesh is fitted to it.
+            fitted = chain.states("mesh") and chain.word("type") not in ("mesh", "sdf")
+            if _is_in_body(element) and not (fitted or chain.states("fromto")):
+                yield ("place of geom", g), chain, self._frame(chain)
+            mesh = meshes.pop(chain.word("mesh"), None)
+            if mesh is not None and not fitted:
+                scaled = self._chain(mesh)
+                yield ("mesh of geom", g), scaled, {"scale": scaled.numbers("scale", (1, 1, 1))}
+
+    def _frame(self, chain: Chain) -> dict[str, Values]:
+        return {"pos": chain.numbers("pos", ZERO), "quat": orientation(chain, self._source)}
+
     def _inertia_rows(self) -> Iterator[_Row]:
         changed = any(self._source.stating("compiler", key) is not None for key in WEIGHING)
         if changed or self._source.stated("compiler", "inertiafromgeom") == "true":
@@ -221,8 +245,11 @@ class StatedLaws:
             for inertial in element.findall("inertial"):
                 chain = Chain([inertial])
                 values = {"mass": chain.numbers("mass", [0.0]), "pos": chain.numbers("pos", ZERO)}
-                if chain.states("diaginertia"):
+                if chain.states("fullinertia"):
+                    values["fullinertia"] = chain.numbers("fullinertia", (*ZERO, *ZERO))
+                elif chain.states("diaginertia"):
                     values["diaginertia"] = chain.numbers("diaginertia", ZERO)
+                    values["quat"] = orientation(chain, self._source)
                 yield ("inertia of body", b), chain, values
 
     def _joint_rows(self) -> Iterator[_Row]:
@@ -232,7 +259,7 @@ class StatedLaws:
             chain = self._chain(element)
             kind = chain.word("type", "hinge")
             unit = radians(self._source) if kind in ("hinge", "ball") else 1.0
-            if kind != "free" and element.parent is not None and element.parent.tag == "body":
+            if kind != "free" and _is_in_body(element):
                 yield ("place of joint", j), chain, {"pos": chain.numbers("pos", ZERO)}
             yield from self._resistances("joint", j, chain, unit)
 
@@ -333,9 +360,15 @@ def _places(table: str, chain: Chain, values: Mapping[str, Values]) -> Iterator[
     used = {key: len(values[key]) for key in PARAMETER_KEYS if key in values}
     used |= {"gear": 1}
     keys = (*values, *SHORTCUT_KEYS) if table == "drive" else tuple(values)
+    keys = (*keys, *ORIENTATIONS) if "quat" in values else keys
     for place in chain.effective(dict.fromkeys(keys)):
         if place.word < used.get(place.key, PARAMETERS):
             yield place
+
+
+def _is_in_body(element: XmlElement) -> bool:
+    """Return whether an element is in a body itself, not in a frame there."""
+    return element.parent is not None and element.parent.tag in ("body", "worldbody")
 
 
 def _flat(parent: XmlElement, inherited: str) -> Iterator[tuple[XmlElement, str]]:
