@@ -99,10 +99,11 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file.write_text(MJCF)
     found = count_robot(model_task(prepare_tree(file), "mujoco"))
     counts = {one.reason: one.count for one in found.untested}
-    # Along the axis of the joint above: the body, two geoms; the site; signs of two axes.
-    assert found.frames == 6 + 2
-    # As compiled: two contact parameters and an anchor that act at no state.
-    assert found.audit == 3
+    # Along the axis of the joint above: the site; signs of two axes.
+    assert found.frames == 3 + 2
+    # As compiled: two contact parameters and an anchor that act at no state, a body and two shapes
+    # along the axis of their joint.
+    assert found.audit == 3 + 3
     assert counts == {
         "visual geometry": 3 + 4,
         "joint limits": 2,
@@ -176,6 +177,5 @@ def test_numbers_of_the_text_and_directions_of_axes_count(tmp_path: Path) -> Non
     assert axis.effect is NumberEffect.FRAMES
     smooth = {address for address, one in by_address.items() if one.smooth}
     assert "joint[a]@damping" in smooth
-    assert not smooth & bound
     assert axis.address in smooth
     assert by_address["mujoco/default/joint@damping"].effect is NumberEffect.NONE
