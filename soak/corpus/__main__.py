@@ -1,6 +1,9 @@
-"""Judge the corpus: `python -m soak.corpus [--only PATTERN] [--jobs 2]`; exit code 1 on any fault.
+"""Judge the corpus of hostile inputs, and exit with 1 if an entry is wrong.
 
-`PATTERN` is an entry's name, or what `fnmatch` takes for one: `--only 'sidecar/*'`.
+    python -m soak.corpus --jobs 2
+    python -m soak.corpus --only 'sidecar/*'
+
+`--only` selects entries by name or by `fnmatch` pattern.
 """
 
 from __future__ import annotations
@@ -22,32 +25,32 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from soak.corpus.entries import ENTRIES
-from soak.corpus.entry import Entry
-from soak.corpus.judge import Judged
+from soak.corpus.entry import CorpusEntry
+from soak.corpus.judge import EntryResult
 
 ROOT = Path(__file__).parents[2]
-CHUNK = 24
-"""Entries of one process, and folders of one run at most."""
+CHUNK_ENTRIES = 24
+"""Largest number of entries in one process, and of folders in one run."""
 
-PATIENCE = 600.0
-"""Seconds after which a process that judges a chunk is taken for hung."""
+TIMEOUT_SECONDS = 600.0
+"""Time after which a process that judges a chunk counts as hung."""
 
 
 def main() -> int:
-    """Judge, print a line a format, and each fault with what reproduces it."""
+    """Judge the selected entries, and print the wrong ones with commands that repeat them."""
     options = _options()
-    chosen = [entry for entry in ENTRIES.values() if _meant(entry.name, options.only)]
+    chosen = [entry for entry in ENTRIES.values() if _is_selected(entry.name, options.only)]
     if not chosen:
-        print(f"no entry is called like {options.only}", file=sys.stderr)
+        print(f"no entry matches {options.only}", file=sys.stderr)
         return 2
-    began, judged = time.monotonic(), list[Judged]()
+    began, judged = time.monotonic(), list[EntryResult]()
     with ThreadPoolExecutor(options.jobs) as threads:
         judge_some = judge_in_both_modes if options.modes else judge_chunk
-        for found in threads.map(judge_some, chunks(chosen, options.chunk)):
-            for one in found:
-                judged.append(one)
-                if one.wrong or options.verbose:
-                    print(_line(one), flush=True)
+        for results in threads.map(judge_some, chunks(chosen, options.chunk)):
+            for result in results:
+                judged.append(result)
+                if result.wrong or options.verbose:
+                    print(_format_result(result), flush=True)
             print(f"{len(judged)} of {len(chosen)}", file=sys.stderr, flush=True)
     print(table(judged))
     bad = sum(bool(one.wrong) for one in judged)
@@ -56,34 +59,47 @@ def main() -> int:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m soak.corpus", description=__doc__)
-    parser.add_argument("--only", action="append", default=[], metavar="PATTERN")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--chunk", type=int, default=CHUNK, help=f"entries a process ({CHUNK})")
-    parser.add_argument("--verbose", action="store_true", help="print what is right too")
-    parser.add_argument("--modes", action="store_true", help="compare with `run --thorough`")
+    parser = argparse.ArgumentParser(
+        prog="python -m soak.corpus",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="PATTERN", help="select entries by name"
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="processes at a time (2)")
+    parser.add_argument(
+        "--chunk",
+        type=int,
+        default=CHUNK_ENTRIES,
+        help=f"entries in one process ({CHUNK_ENTRIES})",
+    )
+    parser.add_argument("--verbose", action="store_true", help="also print right entries")
+    parser.add_argument(
+        "--modes", action="store_true", help="compare exit codes with `run --thorough`"
+    )
     return parser.parse_args()
 
 
-def _meant(name: str, patterns: Sequence[str]) -> bool:
+def _is_selected(name: str, patterns: Sequence[str]) -> bool:
     return not patterns or name in patterns or any(fnmatchcase(name, p) for p in patterns)
 
 
-def chunks(entries: Iterable[Entry], size: int) -> list[list[Entry]]:
-    """Entries that may share a run together, slow ones each in a process of its own."""
-    found: list[list[Entry]] = []
-    for alike, group in itertools.groupby(
+def chunks(entries: Iterable[CorpusEntry], size: int) -> list[list[CorpusEntry]]:
+    """Group entries that may share a run, and put each slow entry into its own process."""
+    groups: list[list[CorpusEntry]] = []
+    for (slow, _), group in itertools.groupby(
         sorted(entries, key=lambda one: (one.slow, one.batched)),
         lambda one: (one.slow, one.batched),
     ):
         some = list(group)
-        each = 1 if alike[0] else size
-        found += [some[i : i + each] for i in range(0, len(some), each)]
-    return found
+        each = 1 if slow else size
+        groups += [some[i : i + each] for i in range(0, len(some), each)]
+    return groups
 
 
-def judge_in_both_modes(entries: Sequence[Entry]) -> list[Judged]:
-    """Judge entries with and without `--thorough`; another exit code is wrong."""
+def judge_in_both_modes(entries: Sequence[CorpusEntry]) -> list[EntryResult]:
+    """Judge entries with and without `--thorough`. Different exit codes are wrong."""
     thorough = {one.name: one.code for one in judge_chunk(entries, "--thorough")}
     return [
         one if one.code == (code := thorough[one.name]) else replace(
@@ -93,59 +109,67 @@ def judge_in_both_modes(entries: Sequence[Entry]) -> list[Judged]:
     ]  # fmt: skip
 
 
-def judge_chunk(entries: Sequence[Entry], *options: str) -> list[Judged]:
-    """Judge entries in a process of their own; what it does not come to, in others."""
-    left, done = list(entries), list[Judged]()
-    while left:
-        found, ended = _process(left, *options)
-        done += found
-        names = {one.name for one in found}
-        left = [entry for entry in left if entry.name not in names]
-        if left and ended is None:
+def judge_chunk(entries: Sequence[CorpusEntry], *options: str) -> list[EntryResult]:
+    """Judge entries in a separate process, and those that it does not reach in other processes."""
+    remaining, done = list(entries), list[EntryResult]()
+    while remaining:
+        results, ended = _run_chunk(remaining, *options)
+        done += results
+        names = {result.name for result in results}
+        remaining = [entry for entry in remaining if entry.name not in names]
+        if remaining and ended is None:
             ended = "it was not judged"
-        if left and len(left) == len(entries) - len(done) and (not found or ended):
-            # The first that is left is the one that ended or held up the process, if it is alone.
-            if len(left) == 1 or not left[0].batched:
-                done.append(_lost(left.pop(0), ended or ""))
+        if remaining and len(remaining) == len(entries) - len(done) and (not results or ended):
+            # If the first remaining entry ran separately, it ended or blocked the process.
+            if len(remaining) == 1 or not remaining[0].batched:
+                done.append(_failed_result(remaining.pop(0), ended or ""))
             else:
-                for entry in left:
+                for entry in remaining:
                     done += judge_chunk([entry], *options)
-                left = []
+                remaining = []
     return done
 
 
-def _lost(entry: Entry, why: str) -> Judged:
-    return Judged(name=entry.name, code=None, printed="", seconds=0.0, wrong=(why,))
+def _failed_result(entry: CorpusEntry, why: str) -> EntryResult:
+    return EntryResult(name=entry.name, code=None, printed="", seconds=0.0, wrong=(why,))
 
 
-def _process(entries: Sequence[Entry], *options: str) -> tuple[list[Judged], str | None]:
-    """What one process has judged, and how it ended where that was not the end of its work."""
-    with tempfile.TemporaryDirectory(prefix="soak-chunk-", ignore_cleanup_errors=True) as place:
-        environment = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": place, "PYTHONSAFEPATH": "1"}
+def _run_chunk(
+    entries: Sequence[CorpusEntry], *options: str
+) -> tuple[list[EntryResult], str | None]:
+    """Return the results of one process, and the reason if it ended early."""
+    with tempfile.TemporaryDirectory(prefix="soak-chunk-", ignore_cleanup_errors=True) as folder:
+        environment = os.environ | {
+            "PYTHONPATH": str(ROOT),
+            "TMPDIR": folder,
+            "PYTHONSAFEPATH": "1",
+        }
         process = subprocess.Popen(
-            [sys.executable, "-m", "soak.corpus.chunk", *options], cwd=place, env=environment,
+            [sys.executable, "-m", "soak.corpus.chunk", *options], cwd=folder, env=environment,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
         ended = None
         try:
-            text, _ = process.communicate("\n".join(e.name for e in entries), timeout=PATIENCE)
+            text, _ = process.communicate(
+                "\n".join(e.name for e in entries), timeout=TIMEOUT_SECONDS
+            )
             if process.returncode:
                 ended = f"the process that ran it ended with {process.returncode}"
         except subprocess.TimeoutExpired:
-            _end(process)
+            _kill_session(process)
             text, _ = process.communicate()
-            ended = f"it was not done after {PATIENCE:g} s"
+            ended = f"it did not finish within {TIMEOUT_SECONDS:g} s"
         finally:
-            _end(process)
+            _kill_session(process)
     judged = []
     for line in text.splitlines():
         fields = json.loads(line)
-        judged.append(Judged(**fields | {"wrong": tuple(fields["wrong"])}))
+        judged.append(EntryResult(**fields | {"wrong": tuple(fields["wrong"])}))
     return judged, ended
 
 
-def _end(process: subprocess.Popen[str]) -> None:
-    """End what is left of a process's session."""
+def _kill_session(process: subprocess.Popen[str]) -> None:
+    """Kill the remaining processes of a session."""
     import contextlib
     import signal
 
@@ -153,20 +177,20 @@ def _end(process: subprocess.Popen[str]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def _line(one: Judged) -> str:
-    mark = "WRONG" if one.wrong else "right"
-    lines = [f"{mark} {one.name}  (exit {one.code}, {one.seconds:.1f} s)"]
-    lines += [f"    {sentence}" for sentence in one.wrong]
-    if one.printed:
-        printed = " | ".join(one.printed.splitlines())
+def _format_result(result: EntryResult) -> str:
+    mark = "WRONG" if result.wrong else "right"
+    lines = [f"{mark} {result.name}  (exit {result.code}, {result.seconds:.1f} s)"]
+    lines += [f"    {sentence}" for sentence in result.wrong]
+    if result.printed:
+        printed = " | ".join(result.printed.splitlines())
         lines.append(f"    printed: {printed[:400]!r}")
-    if one.wrong:
-        lines.append(f"    python -m soak.corpus --only {shlex.quote(one.name)}")
+    if result.wrong:
+        lines.append(f"    python -m soak.corpus --only {shlex.quote(result.name)}")
     return "\n".join(lines)
 
 
-def table(judged: Sequence[Judged]) -> str:
-    """A line a format or command: how many, and how many of them are wrong."""
+def table(judged: Sequence[EntryResult]) -> str:
+    """Return a table with the number of entries and of wrong entries for each format or command."""
     count = Counter(one.name.split("/")[0] for one in judged)
     wrong = Counter(one.name.split("/")[0] for one in judged if one.wrong)
     lines = [f"{'format or command':<20} {'entries':>8} {'wrong':>6}"]

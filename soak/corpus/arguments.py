@@ -1,11 +1,11 @@
-"""Hostile command lines, of every command."""
+"""Hostile command lines for every command."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from soak.corpus.entry import Entry, added
+from soak.corpus.entry import CorpusEntry, append_text
 from soak.corpus.systems import FILE as SYSTEM_FILE
 
 _OUT = ("--out", "@out", "--baseline", "@baseline")
@@ -114,11 +114,16 @@ MAPS = {
 }
 
 
-def arguments() -> Iterator[Entry]:
-    """Every entry of the command line."""
+def argument_entries() -> Iterator[CorpusEntry]:
+    """Yield the entries that pass hostile arguments and joint maps."""
     for name, command in WRONG.items():
-        yield Entry(name=f"arguments/{name}", build=_beside, command=command, codes=(2, 3),
-                    says=r"crosscheck")  # fmt: skip
+        yield CorpusEntry(
+            name=f"arguments/{name}",
+            build=_write_extra_files,
+            command=command,
+            codes=(2, 3),
+            match=r"crosscheck",
+        )
     for name, text in MAPS.items():
         command = (
             "compare",
@@ -128,24 +133,63 @@ def arguments() -> Iterator[Entry]:
             "@hostile/map.toml",
         )
 
-        def build(place: Path, text: str = text) -> None:
-            (place / "hostile" / "map.toml").write_text(text, "utf-8")
+        def build(workspace: Path, text: str = text) -> None:
+            (workspace / "hostile" / "map.toml").write_text(text, "utf-8")
 
-        yield Entry(name=f"arguments/a map, {name}", build=build, command=command, codes=(1, 2, 3),
-                    says="crosscheck")  # fmt: skip
-    yield Entry(name="arguments/an out folder that is a file", build=_beside, codes=(2, 3),
-                command=("run", "@hostile", "--out", "@hostile/system.py", "--jobs", "1",
-                         "--baseline", "@baseline"), says=r"system\.py")  # fmt: skip
-    yield Entry(name="arguments/an out folder below a file", build=_beside, codes=(2, 3),
-                command=("run", "@hostile", "--out", "@hostile/system.py/out", "--jobs", "1",
-                         "--baseline", "@baseline"), says=r"system\.py")  # fmt: skip
-    yield Entry(name="arguments/a folder twice", build=added(SYSTEM_FILE, "\n"), codes=(0,),
-                command=("run", "@hostile", "@hostile", "--jobs", "1", *_OUT))  # fmt: skip
-    yield Entry(name="arguments/more jobs than work", build=added(SYSTEM_FILE, "\n"), codes=(0,),
-                command=("run", "@hostile", "--jobs", "24", *_OUT))  # fmt: skip
+        yield CorpusEntry(
+            name=f"arguments/a map, {name}",
+            build=build,
+            command=command,
+            codes=(1, 2, 3),
+            match="crosscheck",
+        )
+    yield CorpusEntry(
+        name="arguments/an out folder that is a file",
+        build=_write_extra_files,
+        codes=(2, 3),
+        command=(
+            "run",
+            "@hostile",
+            "--out",
+            "@hostile/system.py",
+            "--jobs",
+            "1",
+            "--baseline",
+            "@baseline",
+        ),
+        match=r"system\.py",
+    )
+    yield CorpusEntry(
+        name="arguments/an out folder below a file",
+        build=_write_extra_files,
+        codes=(2, 3),
+        command=(
+            "run",
+            "@hostile",
+            "--out",
+            "@hostile/system.py/out",
+            "--jobs",
+            "1",
+            "--baseline",
+            "@baseline",
+        ),
+        match=r"system\.py",
+    )
+    yield CorpusEntry(
+        name="arguments/a folder twice",
+        build=append_text(SYSTEM_FILE, "\n"),
+        codes=(0,),
+        command=("run", "@hostile", "@hostile", "--jobs", "1", *_OUT),
+    )
+    yield CorpusEntry(
+        name="arguments/more jobs than work",
+        build=append_text(SYSTEM_FILE, "\n"),
+        codes=(0,),
+        command=("run", "@hostile", "--jobs", "24", *_OUT),
+    )
 
 
-def _beside(place: Path) -> None:
-    """An empty folder and a file that no engine reads."""
-    (place / "empty").mkdir()
-    (place / "hostile" / "system.txt").write_text("text", "utf-8")
+def _write_extra_files(workspace: Path) -> None:
+    """Add an empty folder and a file that no engine reads."""
+    (workspace / "empty").mkdir()
+    (workspace / "hostile" / "system.txt").write_text("text", "utf-8")

@@ -1,8 +1,7 @@
-"""A process that judges some entries, one line of JSON each: `python -m soak.corpus.chunk`.
+"""Judge some entries and print one line of JSON for each: `python -m soak.corpus.chunk`.
 
-Names are read from standard input, a line each. Arguments are options of `run`. Started by
-`python -m soak.corpus`, in an empty folder that is its working folder and its folder for temporary
-files.
+The command reads names from standard input, one on each line. Arguments are options of `run`.
+`python -m soak.corpus` starts it in an empty working folder that also holds temporary files.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ from soak.corpus.judge import judge
 
 
 def main() -> None:
-    """Judge, and tell each as soon as it is known."""
+    """Judge the entries, and print each result at once."""
     for name in ("CI", "GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
         os.environ.pop(name, None)
     out = os.fdopen(os.dup(1), "w")
-    # Where it hangs: `kill -USR1` writes it here.
+    # If the process hangs, `kill -USR1` writes its stack here.
     faulthandler.register(signal.SIGUSR1, file=open("hangs.txt", "w", encoding="utf-8"))  # noqa: SIM115
-    # What C code prints goes nowhere; what the command line prints is caught.
+    # Discard the output of C code. The output of the command line is captured elsewhere.
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(null, 2)
-    # An entry that signals its own process must not take its parent's group with it.
+    # An entry that signals its own process must not end the parent's group.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     entries = [ENTRIES[name] for name in sys.stdin.read().splitlines()]
     for judged in judge(entries, *sys.argv[1:]):

@@ -4,45 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from soak.corpus.arguments import arguments
-from soak.corpus.baselines import baselines
-from soak.corpus.beyond import beyond
-from soak.corpus.entry import Entry
-from soak.corpus.files_of_new import files_of_new
-from soak.corpus.frames import frames
-from soak.corpus.mjcf import mjcf
-from soak.corpus.pytests import pytests
-from soak.corpus.results import results
-from soak.corpus.sidecars import sidecars
-from soak.corpus.spaces import spaces
-from soak.corpus.systems import systems
-from soak.corpus.urdf import urdf
-from soak.corpus.verdicts import verdicts
+from soak.corpus.arguments import argument_entries
+from soak.corpus.baselines import baseline_entries
+from soak.corpus.dependencies import dependency_entries
+from soak.corpus.entry import CorpusEntry
+from soak.corpus.frames import frame_entries
+from soak.corpus.mjcf import mjcf_entries
+from soak.corpus.new_and_compare import new_and_compare_entries
+from soak.corpus.pytest_plugin import pytest_entries
+from soak.corpus.results import result_entries
+from soak.corpus.sidecars import sidecar_entries
+from soak.corpus.spaces import space_entries
+from soak.corpus.systems import system_entries
+from soak.corpus.urdf import urdf_entries
+from soak.corpus.verdicts import verdict_entries
 
-ROOMS = (
-    systems,
-    sidecars,
-    mjcf,
-    urdf,
-    spaces,
-    results,
-    baselines,
-    arguments,
-    files_of_new,
-    verdicts,
-    frames,
-    beyond,
-    pytests,
+SOURCES = (
+    system_entries,
+    sidecar_entries,
+    mjcf_entries,
+    urdf_entries,
+    space_entries,
+    result_entries,
+    baseline_entries,
+    argument_entries,
+    new_and_compare_entries,
+    verdict_entries,
+    frame_entries,
+    dependency_entries,
+    pytest_entries,
 )
 
 
-def _named(entries: Iterable[Entry]) -> dict[str, Entry]:
-    found: dict[str, Entry] = {}
+def _by_name(entries: Iterable[CorpusEntry]) -> dict[str, CorpusEntry]:
+    named: dict[str, CorpusEntry] = {}
     for entry in entries:
-        if entry.name in found:
+        if entry.name in named:
             raise ValueError(f"two entries are called {entry.name!r}")
-        found[entry.name] = entry
-    return found
+        named[entry.name] = entry
+    return named
 
 
-ENTRIES = _named(entry for room in ROOMS for entry in room())
+ENTRIES = _by_name(entry for source in SOURCES for entry in source())

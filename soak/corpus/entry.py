@@ -1,4 +1,7 @@
-"""One hostile input: what is written, which command meets it, and what must hold."""
+"""One entry of the corpus: the files it writes, the command that reads them, and the requirements.
+
+Most entries are hostile inputs. Some are sound folders, which must pass.
+"""
 
 from __future__ import annotations
 
@@ -7,27 +10,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 Build = Callable[[Path], object]
-"""Changes files below a workspace, in which `hostile/` and `sound/` are sound folders."""
+"""A function that changes files of a workspace, in which `hostile/` and `sound/` start sound."""
 
 RUN = ("run", "@hostile", "@sound", "--out", "@out", "--baseline", "@baseline", "--jobs", "1")
-"""Of every command, `@name` stands for the path of that name in the workspace."""
+"""The command line of most entries. In every command, `@name` is a path in the workspace."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
-    """A hostile input.
+class CorpusEntry:
+    """An input for a command, with the required exit code and message.
 
     Attributes:
-        name: `format/what is wrong`; what `--only` chooses by.
-        build: writes it.
-        model: the model file of the sound folder that it begins from.
+        name: `format/what is wrong`. `--only` selects entries by it.
+        build: writes the input.
+        model: model file of the sound folder that the input starts from.
         command: the command line.
-        before: commands that run while the folder is still sound, to accept a baseline, say.
-        codes: exit codes that are right; of `run`, that of the hostile folder's own cases.
-        says: regular expression that what is told must match, file and line where they are asked.
-        first: written before these commands.
-        absent: engines that are not installed, for all that is asked.
-        slow: whether it needs the time limit, or a process of its own.
+        before: commands that run before `build`, for example to accept a baseline.
+        codes: allowed exit codes. For `run`, the exit code of the hostile folder's cases.
+        match: regular expression that the output must match, such as the file and the line.
+        setup: writes files before the commands in `before`.
+        absent: engines that appear to be missing while the command runs.
+        slow: true if the entry needs the time limit or its own process.
     """
 
     name: str
@@ -36,23 +39,26 @@ class Entry:
     command: tuple[str, ...] = RUN
     before: tuple[tuple[str, ...], ...] = ()
     codes: tuple[int, ...] = (3,)
-    says: str = ""
-    first: Build | None = None
+    match: str = ""
+    setup: Build | None = None
     absent: tuple[str, ...] = ()
     slow: bool = False
 
     @property
     def batched(self) -> bool:
-        """Whether it may be one of many folders of one run."""
-        alone = self.slow or self.before or self.absent
-        return self.command == RUN and not alone
+        """True if its folder may be one of many folders in one run."""
+        separate = self.slow or self.before or self.absent
+        return self.command == RUN and not separate
 
 
-def replaced(name: str, *changes: tuple[str, str]) -> Build:
-    """A file of the hostile folder with texts replaced, each of which must be there."""
+def replace_text(name: str, *changes: tuple[str, str]) -> Build:
+    """Return a build that replaces texts in a file of the hostile folder.
 
-    def build(place: Path) -> None:
-        path = place / "hostile" / name
+    The build raises ValueError if the file does not contain a text.
+    """
+
+    def build(workspace: Path) -> None:
+        path = workspace / "hostile" / name
         text = path.read_text("utf-8")
         for old, new in changes:
             if old not in text:
@@ -63,37 +69,37 @@ def replaced(name: str, *changes: tuple[str, str]) -> Build:
     return build
 
 
-def written(name: str, data: str | bytes) -> Build:
-    """A file of the hostile folder with other content."""
+def write_file(name: str, data: str | bytes) -> Build:
+    """Return a build that writes a file of the hostile folder."""
     raw = data.encode("utf-8", errors="surrogateescape") if isinstance(data, str) else data
-    return lambda place: (place / "hostile" / name).write_bytes(raw)
+    return lambda workspace: (workspace / "hostile" / name).write_bytes(raw)
 
 
-def added(name: str, text: str) -> Build:
-    """A file of the hostile folder with a text at its end."""
+def append_text(name: str, text: str) -> Build:
+    """Return a build that adds a text at the end of a file of the hostile folder."""
 
-    def build(place: Path) -> None:
-        with (place / "hostile" / name).open("a", encoding="utf-8") as file:
+    def build(workspace: Path) -> None:
+        with (workspace / "hostile" / name).open("a", encoding="utf-8") as file:
             file.write(text)
 
     return build
 
 
-def begun(name: str, text: str) -> Build:
-    """A file of the hostile folder with a text before all else."""
+def prepend_text(name: str, text: str) -> Build:
+    """Return a build that adds a text at the start of a file of the hostile folder."""
 
-    def build(place: Path) -> None:
-        path = place / "hostile" / name
+    def build(workspace: Path) -> None:
+        path = workspace / "hostile" / name
         path.write_text(text + path.read_text("utf-8"), "utf-8")
 
     return build
 
 
-def both(*builds: Build) -> Build:
-    """One after the other."""
+def chain_builds(*builds: Build) -> Build:
+    """Return a build that applies several builds in order."""
 
-    def build(place: Path) -> None:
-        for one in builds:
-            one(place)
+    def build(workspace: Path) -> None:
+        for step in builds:
+            step(workspace)
 
     return build

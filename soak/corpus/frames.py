@@ -1,13 +1,13 @@
-"""Where bodies are in the world: robots that are others though their joints agree, hostile frames.
+"""Poses of bodies: wrong robots whose joint motions agree, and hostile frames.
 
-Every folder has a frame on the block and a point beside it, in each format.
+Every folder has a frame on the block and a point next to it, in each format.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from soak.corpus.entry import Build, Entry, both, replaced, written
+from soak.corpus.entry import Build, CorpusEntry, chain_builds, replace_text, write_file
 from soak.corpus.sound import (
     MJCF,
     MJCF_SIDECAR,
@@ -43,7 +43,7 @@ _URDF_AXIS = ('<axis xyz="1 0 0"/>', '<axis xyz="{}"/>')
 _MINUS = ("[bindings]", '[coordinates]\nx = "-x"\n[readback]\nx = "-x"\n\n[bindings]')
 _QUARTER = "1.5707963267948966"
 
-ELSEWHERE: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
+MODEL_CHANGES: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
     _MJCF_NAME: {
         "an axis turned round": ((_AXIS[0], _AXIS[1].format("-1 0 0")),),
         "the plane turned": ((_AXIS[0], _AXIS[1].format("0 1 0")),),
@@ -69,9 +69,9 @@ ELSEWHERE: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
     },
     _SPACE_NAME: {},
 }
-"""Of a model file: each leaves every motion of the joint as it was."""
+"""Changes of a model file that leave every motion of the joint as it was."""
 
-CLAIMS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
+SIDECAR_CHANGES: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
     _MJCF_NAME: {
         "a sign taken back in the sidecar": (_MINUS,),
         "the world elsewhere": (("[0, 0, 1]", "[0, 0, 2]"),),
@@ -87,7 +87,7 @@ CLAIMS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
         "the point elsewhere": (("[0.3, 0.2, 0]", "[0.3, 0.3, 0]"),),
     },
 }
-"""Of a sidecar alike."""
+"""Wrong poses in a sidecar, which leave every motion of the joint as it was."""
 
 TABLES: dict[str, tuple[str, str]] = {
     "a frame that is not declared": ("block =", "rod ="),
@@ -122,7 +122,7 @@ TABLES: dict[str, tuple[str, str]] = {
     "a world that is stretched": ("{ origin", "{ axes = [[2, 0, 0], [0, 1, 0], [0, 0, 1]], origin"),
     "an axis of no name": ("{ origin", '{ axes = ["u", "y", "z"], origin'),
 }
-"""Of the sidecar of an MJCF."""
+"""Hostile frames in the sidecar of an MJCF."""
 
 DECLARED: dict[str, tuple[str, str]] = {
     "a position of nan": ("(x.q, 0, 0)", '(x.q, 0, float("nan"))'),
@@ -149,39 +149,41 @@ DECLARED: dict[str, tuple[str, str]] = {
     "no pose": ('Pose("tip", (x.q + 0.3, 0, 0.2), "a point of it")', "7"),
     "frames that are None": ("frames=(", "frames=None and ("),
 }
-"""Of `system.py`."""
+"""Hostile frames in `system.py`."""
 
 
-def framed(model: str, *changes: Build) -> Build:
-    """The sound folder with frames, then changed."""
-    texts = [written("system.py", _SYSTEM), written(f"{model}.toml", _SIDECARS[model])]
+def with_frames(model: str, *changes: Build) -> Build:
+    """Return a build that adds frames to the sound folder and then applies changes."""
+    texts = [write_file("system.py", _SYSTEM), write_file(f"{model}.toml", _SIDECARS[model])]
     if model in _TEXTS:
-        texts.append(written(model, _TEXTS[model]))
-    return both(*texts, *changes)
+        texts.append(write_file(model, _TEXTS[model]))
+    return chain_builds(*texts, *changes)
 
 
-def frames() -> Iterator[Entry]:
-    """Every entry of the kind."""
+def frame_entries() -> Iterator[CorpusEntry]:
+    """Yield the entries on frames."""
     for model in _SIDECARS:
-        yield Entry(name=f"right/frames in {model}", build=framed(model), model=model, codes=(0,))
-        for name, changes in ELSEWHERE[model].items():
-            build = framed(model, replaced(model, *changes))
-            yield Entry(name=f"frames/{model}, {name}", build=build, model=model, codes=(1,))
-        for name, changes in CLAIMS[model].items():
-            build = framed(model, replaced(f"{model}.toml", *changes))
-            yield Entry(name=f"frames/{model}, {name}", build=build, model=model, codes=(1,))
-    both_signs = framed(
+        yield CorpusEntry(
+            name=f"right/frames in {model}", build=with_frames(model), model=model, codes=(0,)
+        )
+        for name, changes in MODEL_CHANGES[model].items():
+            build = with_frames(model, replace_text(model, *changes))
+            yield CorpusEntry(name=f"frames/{model}, {name}", build=build, model=model, codes=(1,))
+        for name, changes in SIDECAR_CHANGES[model].items():
+            build = with_frames(model, replace_text(f"{model}.toml", *changes))
+            yield CorpusEntry(name=f"frames/{model}, {name}", build=build, model=model, codes=(1,))
+    both_signs = with_frames(
         _MJCF_NAME,
-        replaced(_MJCF_NAME, (_AXIS[0], _AXIS[1].format("-1 0 0"))),
-        replaced(f"{_MJCF_NAME}.toml", _MINUS),
+        replace_text(_MJCF_NAME, (_AXIS[0], _AXIS[1].format("-1 0 0"))),
+        replace_text(f"{_MJCF_NAME}.toml", _MINUS),
     )
-    yield Entry(name="right/an axis and its sign turned round", build=both_signs, codes=(0,))
-    # Nothing that a joint feels tells the two apart, and no frame was asked for.
-    turned = replaced(_MJCF_NAME, (_AXIS[0], _AXIS[1].format("-1 0 0")))
-    yield Entry(name="right/an axis turned round, without frames", build=turned, codes=(0,))
+    yield CorpusEntry(name="right/an axis and its sign turned round", build=both_signs, codes=(0,))
+    # No joint motion distinguishes the two, and no frame is declared.
+    turned = replace_text(_MJCF_NAME, (_AXIS[0], _AXIS[1].format("-1 0 0")))
+    yield CorpusEntry(name="right/an axis turned round, without frames", build=turned, codes=(0,))
     for name, change in TABLES.items():
-        build = framed(_MJCF_NAME, replaced(f"{_MJCF_NAME}.toml", change))
-        yield Entry(name=f"frames/{name}", build=build, says=r"mujoco\.xml", codes=(1, 3))
+        build = with_frames(_MJCF_NAME, replace_text(f"{_MJCF_NAME}.toml", change))
+        yield CorpusEntry(name=f"frames/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3))
     for name, change in DECLARED.items():
-        build = framed(_MJCF_NAME, replaced("system.py", change))
-        yield Entry(name=f"frames/declared, {name}", build=build, says=r"system\.py")
+        build = with_frames(_MJCF_NAME, replace_text("system.py", change))
+        yield CorpusEntry(name=f"frames/declared, {name}", build=build, match=r"system\.py")

@@ -1,11 +1,11 @@
-"""Hostile MJCF."""
+"""Hostile MJCF files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from soak.corpus.entry import Build, Entry, both, replaced, written
+from soak.corpus.entry import Build, CorpusEntry, chain_builds, replace_text, write_file
 from soak.corpus.odd_files import odd_files
 from soak.corpus.sound import MJCF
 
@@ -41,9 +41,7 @@ NUMBERS = {
     )
     for value in values
 }  # fmt: skip
-"""Numbers and names, of which none makes the oscillator; gravity is across it."""
-
-_SAME = {"gravity ": 0}
+"""Numbers and names that do not describe the oscillator. Gravity acts across its motion."""
 
 ELEMENTS = {
     "a second root": ("</mujoco>\n", "</mujoco>\n<mujoco/>\n"),
@@ -98,38 +96,49 @@ ELEMENTS = {
 }  # fmt: skip
 
 _HARMLESS = ("10000 bodies", "a keyframe of nan", "a size that is huge", "a DTD")
-"""Some engines run these; where one does, its motion is the judge."""
+"""Inputs that some engines run. The motion of such an engine decides the verdict."""
 
 
-def mjcf() -> Iterator[Entry]:
-    """Every entry of the format."""
+def mjcf_entries() -> Iterator[CorpusEntry]:
+    """Yield the MJCF entries."""
     for name, change in NUMBERS.items():
-        # A slide along x feels no gravity but one that is no number.
+        # Gravity affects a slide along x only if it is not a number.
         codes = (0, 1, 3) if name in ("gravity 0 0", "gravity nothing", "integrator Euler RK4",
                                       "timestep nothing", "stiffness nothing", "axis nothing",
                                       "joint type nothing", "joint name world", "axis 1 0",
                                       "axis 1e-300 0 0", "inertia nothing") else (1, 3)  # fmt: skip
-        yield Entry(name=f"mjcf/{name}", build=replaced(FILE, change), says=_NAMED, codes=codes)
+        yield CorpusEntry(
+            name=f"mjcf/{name}", build=replace_text(FILE, change), match=_NAMED, codes=codes
+        )
     for name, change in ELEMENTS.items():
         codes = (0, 1, 3) if name in _HARMLESS else (1, 3)
-        says = "" if name in _HARMLESS else _NAMED
-        yield Entry(name=f"mjcf/{name}", build=replaced(FILE, change), says=says, codes=codes)
+        match = "" if name in _HARMLESS else _NAMED
+        yield CorpusEntry(
+            name=f"mjcf/{name}", build=replace_text(FILE, change), match=match, codes=codes
+        )
     deep = MJCF.replace("<body name", "<body>" * 5000 + "<body name", 1)
     deep = deep.replace("</worldbody>", "</body>" * 5000 + "</worldbody>", 1)
-    yield Entry(name="mjcf/5000 bodies in bodies", build=written(FILE, deep), codes=(0, 1, 3))
+    yield CorpusEntry(
+        name="mjcf/5000 bodies in bodies", build=write_file(FILE, deep), codes=(0, 1, 3)
+    )
     declared = f'<?xml version="1.0" encoding="UTF-7"?>\n{MJCF}'
-    yield Entry(name="mjcf/another encoding", build=written(FILE, declared), codes=(1, 3))
-    yield Entry(name="mjcf/an include within an include", build=_loop(), says=_NAMED, codes=(1, 3))
+    yield CorpusEntry(name="mjcf/another encoding", build=write_file(FILE, declared), codes=(1, 3))
+    yield CorpusEntry(
+        name="mjcf/an include within an include", build=_include_cycle(), match=_NAMED, codes=(1, 3)
+    )
     for name, build in odd_files(FILE):
         codes = (0, 1, 3) if name.startswith("UTF") else (1, 3)
-        yield Entry(name=f"mjcf/{name}", build=build, says=_NAMED, codes=codes)
+        yield CorpusEntry(name=f"mjcf/{name}", build=build, match=_NAMED, codes=codes)
 
 
-def _loop() -> Build:
-    def other(place: Path) -> None:
+def _include_cycle() -> Build:
+    def write_second_file(workspace: Path) -> None:
         text = '<mujocoinclude><include file="other.xml"/></mujocoinclude>'
-        (place / "hostile" / "other.xml").write_text(text, "utf-8")
+        (workspace / "hostile" / "other.xml").write_text(text, "utf-8")
         text = 'engines = ["mujoco"]\n'
-        (place / "hostile" / "other.xml.toml").write_text(text, "utf-8")
+        (workspace / "hostile" / "other.xml.toml").write_text(text, "utf-8")
 
-    return both(replaced(FILE, ("<worldbody>", '<include file="other.xml"/><worldbody>')), other)
+    return chain_builds(
+        replace_text(FILE, ("<worldbody>", '<include file="other.xml"/><worldbody>')),
+        write_second_file,
+    )

@@ -1,4 +1,4 @@
-"""Hostile `results.json`, met by `report`."""
+"""Hostile `results.json` files for `report`."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from soak.corpus.entry import Build, Entry
+from soak.corpus.entry import Build, CorpusEntry
 
 _COMMAND = ("report", "@hostile/results.json", "--out", "@out")
 _NAMED = r"results\.json"
 
 
-def _example() -> Any:
-    """Results with every field of the records."""
+def _example_results() -> Any:
+    """Return results with every field of the records."""
     from physics_crosscheck.harness.records.results import Results
     from tests.records.examples import example
 
     return example(Results)
 
 
-def _text(data: bytes) -> Build:
-    return lambda place: (place / "hostile" / "results.json").write_bytes(data)
+def _write_results(data: bytes) -> Build:
+    return lambda workspace: (workspace / "hostile" / "results.json").write_bytes(data)
 
 
-def _changed(*path: str | int, value: object) -> Build:
-    """The example with a value replaced."""
+def _change_value(*path: str | int, value: object) -> Build:
+    """Return a build that writes the example results with one value replaced."""
 
-    def build(place: Path) -> None:
-        whole = _example()
-        at = whole
+    def build(workspace: Path) -> None:
+        whole = _example_results()
+        parent = whole
         for part in path[:-1]:
-            at = at[part]
-        at[path[-1]] = value
-        (place / "hostile" / "results.json").write_text(json.dumps(whole), "utf-8")
+            parent = parent[part]
+        parent[path[-1]] = value
+        (workspace / "hostile" / "results.json").write_text(json.dumps(whole), "utf-8")
 
     return build
 
@@ -80,35 +80,54 @@ VALUES: dict[str, tuple[tuple[str | int, ...], object]] = {
 MARKUP = "</script><script>open('PWNED')</script>{{ 7 * 7 }}{% for %}<!-- \u202e \x00 \x1b[2J"
 
 
-def results() -> Iterator[Entry]:
-    """Every entry of the format."""
+def result_entries() -> Iterator[CorpusEntry]:
+    """Yield the entries of `report`."""
     for name, data in TEXTS.items():
-        yield Entry(name=f"report/{name}", build=_text(data), command=_COMMAND, codes=(2,),
-                    says=_NAMED)  # fmt: skip
+        yield CorpusEntry(
+            name=f"report/{name}",
+            build=_write_results(data),
+            command=_COMMAND,
+            codes=(2,),
+            match=_NAMED,
+        )
     for name, (path, value) in VALUES.items():
-        yield Entry(name=f"report/{name}", build=_changed(*path, value=value), command=_COMMAND,
-                    codes=(2,), says=_NAMED)  # fmt: skip
+        yield CorpusEntry(
+            name=f"report/{name}",
+            build=_change_value(*path, value=value),
+            command=_COMMAND,
+            codes=(2,),
+            match=_NAMED,
+        )
     for path in (("created",), ("cases", 0, "reason"), ("cases", 0, "stdout"),
                  ("systems", 0, "title"), ("models", 0, "text"),
                  ("models", 0, "sidecar")):  # fmt: skip
-        build = _changed(*path, value=MARKUP)
-        yield Entry(name=f"report/markup in {'.'.join(map(str, path))}", build=build,
-                    command=_COMMAND, codes=(0, 2))  # fmt: skip
+        build = _change_value(*path, value=MARKUP)
+        yield CorpusEntry(
+            name=f"report/markup in {'.'.join(map(str, path))}",
+            build=build,
+            command=_COMMAND,
+            codes=(0, 2),
+        )
     for name, make in _ODD.items():
-        yield Entry(name=f"report/{name}", build=make, command=_COMMAND, codes=(2, 3), says=_NAMED)
-    yield Entry(name="report/an out folder that is a file", build=_out_is_a_file,
-                command=("report", "@hostile/results.json", "--out", "@hostile/system.py"),
-                codes=(2, 3))  # fmt: skip
+        yield CorpusEntry(
+            name=f"report/{name}", build=make, command=_COMMAND, codes=(2, 3), match=_NAMED
+        )
+    yield CorpusEntry(
+        name="report/an out folder that is a file",
+        build=_write_example,
+        command=("report", "@hostile/results.json", "--out", "@hostile/system.py"),
+        codes=(2, 3),
+    )
 
 
-def _out_is_a_file(place: Path) -> None:
-    (place / "hostile" / "results.json").write_text(json.dumps(_example()), "utf-8")
+def _write_example(workspace: Path) -> None:
+    (workspace / "hostile" / "results.json").write_text(json.dumps(_example_results()), "utf-8")
 
 
 _ODD: dict[str, Build] = {
-    "a folder": lambda place: (place / "hostile" / "results.json").mkdir(),
-    "not there": lambda place: None,
-    "a link to itself": lambda place: (place / "hostile" / "results.json").symlink_to(
-        place / "hostile" / "results.json"
+    "a folder": lambda workspace: (workspace / "hostile" / "results.json").mkdir(),
+    "not there": lambda workspace: None,
+    "a link to itself": lambda workspace: (workspace / "hostile" / "results.json").symlink_to(
+        workspace / "hostile" / "results.json"
     ),
 }

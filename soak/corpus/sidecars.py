@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from soak.corpus.entry import Entry, added, replaced, written
+from soak.corpus.entry import CorpusEntry, append_text, replace_text, write_file
 from soak.corpus.odd_files import odd_files
 
 FILE = "mujoco.xml.toml"
@@ -120,7 +120,7 @@ HOSTILE_EXPRESSIONS = {
     "a digit of another script": "x * \u0663",
     "an infinite number": "x * 1e999",
 }
-"""Of a coordinate, of the readback and of a binding; none is an expression that a file may have."""
+"""Invalid expressions for a coordinate, the readback or a binding."""
 
 ADDRESSES = {
     "of nothing": "",
@@ -141,47 +141,56 @@ ADDRESSES = {
 }
 
 
-def sidecars() -> Iterator[Entry]:
-    """Every entry of the format."""
+def sidecar_entries() -> Iterator[CorpusEntry]:
+    """Yield the sidecar entries."""
     for name, text in TEXTS.items():
-        yield Entry(name=f"sidecar/{name}", build=written(FILE, text), says=_NAMED)
+        yield CorpusEntry(name=f"sidecar/{name}", build=write_file(FILE, text), match=_NAMED)
     for name, line in SETTINGS.items():
-        build = replaced(FILE, (_ENGINES, f"{_ENGINES}\n[settings]\n{line}"))
-        yield Entry(name=f"sidecar/settings/{name}", build=build, says=r"mujoco\.xml", codes=(1, 3))
+        build = replace_text(FILE, (_ENGINES, f"{_ENGINES}\n[settings]\n{line}"))
+        yield CorpusEntry(
+            name=f"sidecar/settings/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3)
+        )
     for name, text in SPRINGS.items():
-        build = added(FILE, f"\n[[spring]]\n{text}\n")
-        yield Entry(name=f"sidecar/spring/{name}", build=build, says=_NAMED)
+        build = append_text(FILE, f"\n[[spring]]\n{text}\n")
+        yield CorpusEntry(name=f"sidecar/spring/{name}", build=build, match=_NAMED)
     for name, text in HOSTILE_EXPRESSIONS.items():
         for table in ("coordinates", "readback", "bindings"):
-            yield from _expression(name, text, table)
+            yield from _expression_entries(name, text, table)
     for name, text in ADDRESSES.items():
-        build = added(FILE, f'"{text}" = "k"\n')
-        yield Entry(name=f"sidecar/address/{name}", build=build, says=r"mujoco\.xml",
-                    codes=(1, 3))  # fmt: skip
-    many = "".join(f'"joint[x{i}]@stiffness" = "k"\n' for i in range(3000))
-    yield Entry(name="sidecar/3000 meaningless bindings", build=added(FILE, many),
-                says=r"mujoco\.xml", codes=(1, 3))  # fmt: skip
+        build = append_text(FILE, f'"{text}" = "k"\n')
+        yield CorpusEntry(
+            name=f"sidecar/address/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3)
+        )
+    bindings = "".join(f'"joint[x{i}]@stiffness" = "k"\n' for i in range(3000))
+    yield CorpusEntry(
+        name="sidecar/3000 meaningless bindings",
+        build=append_text(FILE, bindings),
+        match=r"mujoco\.xml",
+        codes=(1, 3),
+    )
     for name, build in odd_files(FILE):
-        # Its first half is a sidecar too, with fewer bindings.
+        # The first half is a valid sidecar with fewer bindings.
         codes = (0, 3) if name == "half of it" else (3,)
-        yield Entry(name=f"sidecar/{name}", build=build, says=_NAMED, codes=codes)
+        yield CorpusEntry(name=f"sidecar/{name}", build=build, match=_NAMED, codes=codes)
     for kind in ("lines of 3 MB", "keys of 50000"):
         text = f"# {'x' * 3_000_000}\n" if kind.startswith("lines") else "".join(
             f"k{i} = {i}\n" for i in range(50_000)
         )  # fmt: skip
         codes = (3,) if kind.startswith("lines") else (1, 3)
-        yield Entry(name=f"sidecar/{kind}", build=added(FILE, text), codes=codes)
+        yield CorpusEntry(name=f"sidecar/{kind}", build=append_text(FILE, text), codes=codes)
 
 
-def _expression(name: str, text: str, table: str) -> Iterator[Entry]:
+def _expression_entries(name: str, text: str, table: str) -> Iterator[CorpusEntry]:
     spelled = text.replace('"', '\\"')
     if table == "bindings":
-        # Bindings know the constants alone.
+        # Bindings may use constants only.
         spelled = spelled.replace("x", "m") if "x" in spelled and "exp" not in name else spelled
-        build = replaced(FILE, ('"k"', f'"{spelled}"'))
+        build = replace_text(FILE, ('"k"', f'"{spelled}"'))
     elif table == "coordinates":
-        build = replaced(FILE, (_ENGINES, f'{_ENGINES}\n[coordinates]\nx = "{spelled}"'))
+        build = replace_text(FILE, (_ENGINES, f'{_ENGINES}\n[coordinates]\nx = "{spelled}"'))
     else:
         tables = f'[coordinates]\nx = "x"\n[readback]\nx = "{spelled}"'
-        build = replaced(FILE, (_ENGINES, f"{_ENGINES}\n{tables}"))
-    yield Entry(name=f"sidecar/{table}/{name}", build=build, says=r"mujoco\.xml", codes=(1, 3))
+        build = replace_text(FILE, (_ENGINES, f"{_ENGINES}\n{tables}"))
+    yield CorpusEntry(
+        name=f"sidecar/{table}/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3)
+    )

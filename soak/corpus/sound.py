@@ -1,4 +1,4 @@
-"""The tiny sound folder that every hostile one begins from: a driven oscillator, for one second."""
+"""The small sound folder that every entry starts from: a driven oscillator for one second."""
 
 from __future__ import annotations
 
@@ -129,11 +129,11 @@ MODELS = {
     "robot.urdf": (URDF, URDF_SIDECAR),
     "space.py": (SPACE, SPACE_SIDECAR),
 }
-"""Model file -> its text and its sidecar's."""
+"""Texts of the model file and of its sidecar, by the name of the model file."""
 
 
-def sound(folder: Path, *models: str) -> Path:
-    """Write the folder with some of its model files."""
+def write_sound_folder(folder: Path, *models: str) -> Path:
+    """Write the sound folder with some of its model files, and return its path."""
     folder.mkdir(parents=True)
     (folder / "system.py").write_text(SYSTEM, "utf-8")
     for model in models:

@@ -1,10 +1,10 @@
-"""Hostile `space.py`."""
+"""Hostile `space.py` files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from soak.corpus.entry import Entry, added, replaced
+from soak.corpus.entry import CorpusEntry, append_text, replace_text
 from soak.corpus.odd_files import odd_files
 from soak.corpus.systems import CODE, ENDLESS, HARMLESS, LIMITED
 
@@ -72,28 +72,46 @@ WITHIN = {
 }  # fmt: skip
 
 
-def spaces() -> Iterator[Entry]:
-    """Every entry of the format."""
+def space_entries() -> Iterator[CorpusEntry]:
+    """Yield the `space.py` entries."""
     for name, code in CODE.items():
         if name.startswith(("deletes", "declares", "an unknown encoding")):
             continue
-        yield Entry(name=f"space.py/{name}", build=added(FILE, f"\n{code}\n"), model=FILE,
-                    says=_NAMED)  # fmt: skip
+        yield CorpusEntry(
+            name=f"space.py/{name}",
+            build=append_text(FILE, f"\n{code}\n"),
+            model=FILE,
+            match=_NAMED,
+        )
         if not name.startswith(("no Python", "tabs", "a null")):
             inner = "\n".join(f"    {line}" for line in code.splitlines())
-            build = replaced(
+            build = replace_text(
                 FILE, ("    space = pymunk.Space()", f"{inner}\n    space = pymunk.Space()")
             )
-            yield Entry(name=f"space.py/build {name}", build=build, model=FILE, says=_NAMED)
+            yield CorpusEntry(name=f"space.py/build {name}", build=build, model=FILE, match=_NAMED)
     for name, code in HARMLESS.items():
-        yield Entry(name=f"space.py/{name}", build=added(FILE, f"\n{code}\n"), model=FILE,
-                    codes=(0,))  # fmt: skip
+        yield CorpusEntry(
+            name=f"space.py/{name}", build=append_text(FILE, f"\n{code}\n"), model=FILE, codes=(0,)
+        )
     for name, change in WITHIN.items():
-        same = name in ("a callback after each step", "a body on rails", "a shape in the way")
-        yield Entry(name=f"space.py/{name}", build=replaced(FILE, change), model=FILE,
-                    says="" if same else _NAMED, codes=(0, 1, 3) if same else (1, 3))  # fmt: skip
+        may_agree = name in ("a callback after each step", "a body on rails", "a shape in the way")
+        yield CorpusEntry(
+            name=f"space.py/{name}",
+            build=replace_text(FILE, change),
+            model=FILE,
+            match="" if may_agree else _NAMED,
+            codes=(0, 1, 3) if may_agree else (1, 3),
+        )
     for name, code in ENDLESS.items():
-        yield Entry(name=f"space.py/{name}", build=added(FILE, f"\n{code}\n"), model=FILE,
-                    says=_NAMED, command=LIMITED, slow=True)  # fmt: skip
+        yield CorpusEntry(
+            name=f"space.py/{name}",
+            build=append_text(FILE, f"\n{code}\n"),
+            model=FILE,
+            match=_NAMED,
+            command=LIMITED,
+            slow=True,
+        )
     for name, build in odd_files(FILE):
-        yield Entry(name=f"space.py/{name}", build=build, model=FILE, says=_NAMED, codes=(1, 3))
+        yield CorpusEntry(
+            name=f"space.py/{name}", build=build, model=FILE, match=_NAMED, codes=(1, 3)
+        )

@@ -1,10 +1,10 @@
-"""Hostile `system.py`."""
+"""Hostile `system.py` files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from soak.corpus.entry import Build, Entry, added, begun, replaced
+from soak.corpus.entry import Build, CorpusEntry, append_text, prepend_text, replace_text
 from soak.corpus.odd_files import odd_files
 
 FILE = "system.py"
@@ -57,7 +57,7 @@ CODE = {
     "declares a text": "system = 'system'",
     "declares the class": "from physics_crosscheck import System\nsystem = System",
 }  # fmt: skip
-"""What stands at the end of the file: nothing of it lets a run pass."""
+"""Code for the end of the file. No run may pass with any of it."""
 
 HARMLESS = {
     "prints a lot": "print('x' * 3_000_000)",
@@ -67,12 +67,12 @@ HARMLESS = {
     "closes the terminal": "import os\nos.close(1); os.close(2)",
     "shadows names": "str = int = len = print = open = None",
     "empties the path": "import sys\nsys.path[:] = []",
-    # Ctrl-C is the program's, which ends its workers: they don't hear it.
+    # The program handles Ctrl-C and ends its workers, which ignore the signal.
     "interrupts itself": "import os, signal\nos.kill(os.getpid(), signal.SIGINT)",
     "forks": "import os\nif os.fork() == 0: os._exit(0)",
     "starts a thread": "import threading\nthreading.Thread(target=lambda: None).start()",
 }
-"""What it may do and still be right."""
+"""Code for the end of the file that does not prevent a run from passing."""
 
 EXPRESSIONS = {
     "V of an unknown name": (_V, "V=k * y.q**2 / 2"),
@@ -186,7 +186,7 @@ EXPRESSIONS = {
     "a field too many": ('title="Oscillator",', 'title="Oscillator", colour="red",'),
     "a sketch of nothing": ("published=()", "published=(), sketch=(1,)"),
 }  # fmt: skip
-"""(old, new) of a text, none of which makes a mechanism."""
+"""(old, new) texts of replacements, none of which describes a mechanism."""
 
 _PUBLISHED = "published=()"
 EQUATIONS = {
@@ -206,60 +206,74 @@ EQUATIONS = {
 """Texts of published equations."""
 
 
-def _equation(text: str) -> Build:
-    one = (
+def _publish_equation(text: str) -> Build:
+    published = (
         f'published=(__import__("physics_crosscheck").PublishedEquation("1", {text!r}, "motion",'
         ' of="x", driven=False, note=""),)'
     )
-    return replaced(FILE, (_PUBLISHED, one.replace("\\\\0", "\\0")))
+    return replace_text(FILE, (_PUBLISHED, published.replace("\\\\0", "\\0")))
 
 
 NAMES = ("a/b", "../../PWNED", "a\\nb", "<script>alert(1)</script>", "{{ 7 * 7 }}", "-", "\\ud800")
-"""Names of a scenario: told, and nothing else made of them."""
+"""Names of a scenario, which are printed but never interpreted."""
 
 
-def systems() -> Iterator[Entry]:
-    """Every entry of the format."""
+def system_entries() -> Iterator[CorpusEntry]:
+    """Yield the `system.py` entries."""
     for name, code in CODE.items():
-        first = name == "an unknown encoding"  # is said in the first line
-        build = begun(FILE, f"{code}\n") if first else added(FILE, f"\n{code}\n")
-        yield Entry(name=f"system.py/{name}", build=build, says=_NAMED)
+        is_first_line = name == "an unknown encoding"  # a file declares it there
+        build = (
+            prepend_text(FILE, f"{code}\n") if is_first_line else append_text(FILE, f"\n{code}\n")
+        )
+        yield CorpusEntry(name=f"system.py/{name}", build=build, match=_NAMED)
     for name, code in HARMLESS.items():
-        yield Entry(name=f"system.py/{name}", build=added(FILE, f"\n{code}\n"), codes=(0,))
+        yield CorpusEntry(
+            name=f"system.py/{name}", build=append_text(FILE, f"\n{code}\n"), codes=(0,)
+        )
     for name, change in EXPRESSIONS.items():
-        yield Entry(
-            name=f"system.py/{name}", build=replaced(FILE, change), says=_NAMED, codes=(1, 3)
+        yield CorpusEntry(
+            name=f"system.py/{name}", build=replace_text(FILE, change), match=_NAMED, codes=(1, 3)
         )
     for name, build in odd_files(FILE):
-        yield Entry(name=f"system.py/{name}", build=build, says=_NAMED, codes=(2, 3))
+        yield CorpusEntry(name=f"system.py/{name}", build=build, match=_NAMED, codes=(2, 3))
     for name, code in ENDLESS.items():
-        build = added(FILE, f"\n{code}\n")
-        yield Entry(name=f"system.py/{name}", build=build, says=_NAMED, command=LIMITED, slow=True)
-    yield from _texts()
+        build = append_text(FILE, f"\n{code}\n")
+        yield CorpusEntry(
+            name=f"system.py/{name}", build=build, match=_NAMED, command=LIMITED, slow=True
+        )
+    yield from _text_entries()
     for command in EXTRA:
-        yield from _of_command(command)
+        yield from _command_entries(command)
 
 
-def _texts() -> Iterator[Entry]:
+def _text_entries() -> Iterator[CorpusEntry]:
     for name, text in EQUATIONS.items():
-        yield Entry(name=f"system.py/published/{name}", build=_equation(text), says=_NAMED)
+        yield CorpusEntry(
+            name=f"system.py/published/{name}", build=_publish_equation(text), match=_NAMED
+        )
     for name in NAMES:
-        build = replaced(FILE, ('Scenario("driven"', f'Scenario("{name}"'))
-        yield Entry(name=f"system.py/scenario called {name}", build=build, codes=(0, 3))
+        build = replace_text(FILE, ('Scenario("driven"', f'Scenario("{name}"'))
+        yield CorpusEntry(name=f"system.py/scenario called {name}", build=build, codes=(0, 3))
 
 
-def _of_command(command: str) -> Iterator[Entry]:
-    """The same met by another command than `run`."""
+def _command_entries(command: str) -> Iterator[CorpusEntry]:
+    """Yield some of the `system.py` entries for another command than `run`."""
     line = (command, "@hostile", *EXTRA[command])
     for name in ("raises BaseException", "raises KeyboardInterrupt", "segfaults", "no Python",
                  "ends the process with 0", "declares nothing"):  # fmt: skip
-        build = added(FILE, f"\n{CODE[name]}\n")
-        yield Entry(name=f"{command}/system.py {name}", build=build, command=line, says=_NAMED)
+        build = append_text(FILE, f"\n{CODE[name]}\n")
+        yield CorpusEntry(
+            name=f"{command}/system.py {name}", build=build, command=line, match=_NAMED
+        )
     for name in ("V is nan", "T is nothing", "starts at nan", "its force is complex",
                  "the mass has 400 digits", "V is a tower of powers"):  # fmt: skip
-        build = replaced(FILE, EXPRESSIONS[name])
-        yield Entry(
-            name=f"{command}/system.py {name}", build=build, command=line, says=_NAMED, codes=(1, 3)
+        build = replace_text(FILE, EXPRESSIONS[name])
+        yield CorpusEntry(
+            name=f"{command}/system.py {name}",
+            build=build,
+            command=line,
+            match=_NAMED,
+            codes=(1, 3),
         )
 
 

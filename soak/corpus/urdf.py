@@ -1,10 +1,10 @@
-"""Hostile URDF, in both engines that read it."""
+"""Hostile URDF files for both engines that read them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from soak.corpus.entry import Entry, replaced, written
+from soak.corpus.entry import CorpusEntry, replace_text, write_file
 from soak.corpus.odd_files import odd_files
 from soak.corpus.sound import URDF
 
@@ -74,24 +74,30 @@ ELEMENTS = {
     "a name of 100000 characters": ('<child link="block"/>', f'<child link="{"b" * 100_000}"/>'),
 }  # fmt: skip
 
-_ANY = ("a transmission", "a reference in a number", "mass 1e999", "origin 0 0",
+_HARMLESS = ("a transmission", "a reference in a number", "mass 1e999", "origin 0 0",
         "a mesh of nothing", "a mesh far away", "lower limit 100", "limits turned round",
         "limits of nothing", "joint type revolute", "damping nothing", "inertia nothing",
         "axis nothing", "axis 1 0", "origin nan 0 0", "origin a b c", "a second root",
         "inertia nan", "inertia -1", "inertia one", "no limit", "lower limit nan",
         "lower limit low")  # fmt: skip
-"""What an engine may run: it changes nothing that the slide feels, or is said in a remark."""
+"""Inputs that an engine may run: they do not affect the slide, or a remark reports them."""
 
 
-def urdf() -> Iterator[Entry]:
-    """Every entry of the format."""
+def urdf_entries() -> Iterator[CorpusEntry]:
+    """Yield the URDF entries."""
     for name, change in (*NUMBERS.items(), *ELEMENTS.items()):
-        codes = (0, 1, 3) if name in _ANY else (1, 3)
-        yield Entry(name=f"urdf/{name}", build=replaced(FILE, change), model=FILE, codes=codes,
-                    says="" if 0 in codes else _NAMED)  # fmt: skip
+        codes = (0, 1, 3) if name in _HARMLESS else (1, 3)
+        yield CorpusEntry(
+            name=f"urdf/{name}",
+            build=replace_text(FILE, change),
+            model=FILE,
+            codes=codes,
+            match="" if 0 in codes else _NAMED,
+        )
     deep = URDF.replace("</robot>", "<a>" * 5000 + "</a>" * 5000 + "</robot>")
-    yield Entry(name="urdf/5000 elements deep", build=written(FILE, deep), model=FILE,
-                codes=(0, 1, 3))  # fmt: skip
+    yield CorpusEntry(
+        name="urdf/5000 elements deep", build=write_file(FILE, deep), model=FILE, codes=(0, 1, 3)
+    )
     for name, build in odd_files(FILE):
         codes = (0, 1, 3) if name.startswith("UTF") else (1, 3)
-        yield Entry(name=f"urdf/{name}", build=build, model=FILE, says=_NAMED, codes=codes)
+        yield CorpusEntry(name=f"urdf/{name}", build=build, model=FILE, match=_NAMED, codes=codes)

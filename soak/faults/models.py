@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from soak.corpus.sound import sound
+from soak.corpus.sound import write_sound_folder
 from soak.faults.fault import Fault
 from soak.faults.scene import Undisturbed, scene, told_wrong, verdicts
 
@@ -48,7 +48,7 @@ def _beside(name: str, file: str) -> Callable[[Undisturbed], list[str]]:
 
     def check(expected: Undisturbed) -> list[str]:
         with scene(folders=1) as one:
-            odd = sound(one.place / "odd", "space.py")
+            odd = write_sound_folder(one.place / "odd", "space.py")
             _plant(odd / file, CODE[name])
             ended = one.run("--limit", "4", "--memory", "1")
             wrong = [*told_wrong(ended), *one.left_behind()]

@@ -19,7 +19,7 @@ from typing import Any
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results
-from soak.corpus.sound import sound
+from soak.corpus.sound import write_sound_folder
 
 ROOT = Path(__file__).parents[2]
 LONGEST = 300.0
@@ -189,7 +189,7 @@ def scene(folders: int = 2, models: Sequence[str] = ("mujoco.xml",)) -> Iterator
     try:
         made.temporary.mkdir()
         for number in range(folders):
-            sound(place / f"sound_{number}", *models)
+            write_sound_folder(place / f"sound_{number}", *models)
         yield made
     finally:
         made.end()

@@ -8,8 +8,8 @@ import pytest
 
 from soak.corpus.__main__ import chunks, table
 from soak.corpus.entries import ENTRIES
-from soak.corpus.entry import RUN, Entry
-from soak.corpus.judge import Judged, alone, judge
+from soak.corpus.entry import RUN, CorpusEntry
+from soak.corpus.judge import EntryResult, judge, judge_separately
 
 SLOW_TO_REFUSE = ("tower of powers", "more jobs", "a folder twice")
 """Entries that take long or run a model."""
@@ -27,7 +27,7 @@ FOLDERS = [
 ][::24]
 
 
-def wrong(judged: list[Judged]) -> list[str]:
+def wrong(judged: list[EntryResult]) -> list[str]:
     return [
         f"{one.name}: {'; '.join(one.wrong)}: {one.printed[:200]}" for one in judged if one.wrong
     ]
@@ -49,14 +49,14 @@ def test_judging_in_a_checkout_is_an_error(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / ".git").mkdir()
     (tmp_path / "mine").write_text("")
     with pytest.raises(RuntimeError, match="is a checkout"):
-        alone(COMMANDS[0])
+        judge_separately(COMMANDS[0])
     assert (tmp_path / "mine").is_file()
 
 
 @pytest.mark.slow
 def test_commands_reject_invalid_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert not wrong([alone(entry) for entry in COMMANDS])
+    assert not wrong([judge_separately(entry) for entry in COMMANDS])
 
 
 @pytest.mark.slow
@@ -68,8 +68,8 @@ def test_hostile_folders_fail_alone_and_are_reported(
 
 
 def test_slow_entries_have_separate_processes() -> None:
-    def entry(name: str, **fields: object) -> Entry:
-        return Entry(name=name, build=lambda folder: None, **fields)  # type: ignore[arg-type]
+    def entry(name: str, **fields: object) -> CorpusEntry:
+        return CorpusEntry(name=name, build=lambda folder: None, **fields)  # type: ignore[arg-type]
 
     some = [entry("a"), entry("b", slow=True), entry("c", command=("derive",)), entry("d")]
     assert [[one.name for one in chunk] for chunk in chunks(some, 2)] == [["c"], ["a", "d"], ["b"]]
@@ -78,7 +78,7 @@ def test_slow_entries_have_separate_processes() -> None:
 
 def test_a_wrong_entry_is_counted() -> None:
     some = [
-        Judged(name=name, code=3, printed="", seconds=0.1, wrong=wrong)
+        EntryResult(name=name, code=3, printed="", seconds=0.1, wrong=wrong)
         for name, wrong in (("urdf/a", ()), ("urdf/b", ("a traceback is printed",)))
     ]
     assert table(some).splitlines()[1].split() == ["urdf", "2", "1"]
