@@ -1,1 +1,1 @@
-"""What may happen while a run is on: signals, full disks, closed pipes, models that end or hang."""
+"""Faults while a run is in progress: signals, full disks, closed pipes, models that end or hang."""

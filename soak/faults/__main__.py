@@ -1,4 +1,10 @@
-"""Faults while running: `python -m soak.faults [--only PATTERN] [--seeds 5]`; exit 1 on any."""
+"""Disturb runs with faults, and exit with 1 if a run handles one wrongly.
+
+    python -m soak.faults --jobs 2
+    python -m soak.faults --only 'signals/*' --seeds 1
+
+`--only` selects faults by `fnmatch` pattern.
+"""
 
 from __future__ import annotations
 
@@ -11,63 +17,72 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fnmatch import fnmatchcase
 
-from soak.faults.fault import Fault
-from soak.faults.models import models
-from soak.faults.resources import resources
-from soak.faults.scene import Undisturbed, scene, verdicts
-from soak.faults.signals import signals
+from soak.faults.models import model_faults
+from soak.faults.resources import resource_faults
+from soak.faults.sandbox import Fault, UndisturbedRun, sandbox, verdicts_by_case
+from soak.faults.signals import signal_faults
 
 
 def main() -> int:
-    """Bring every fault about and print what was wrong then."""
+    """Cause each selected fault, and print the results."""
     options = _options()
-    # A shell's background job ignores Ctrl-C, and so would the runs.
+    # A shell starts background jobs with Ctrl-C ignored, and the runs would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    faults = [fault for fault in every(options.seeds) if _meant(fault.name, options.only)]
+    faults = [
+        fault for fault in all_faults(options.seeds) if _is_selected(fault.name, options.only)
+    ]
     began = time.monotonic()
-    expected = undisturbed()
+    expected = run_undisturbed()
     with ThreadPoolExecutor(options.jobs) as threads:
-        found = list(threads.map(lambda fault: _told(fault, expected), faults))
-    bad = sum(map(bool, found))
+        problems = list(threads.map(lambda fault: _check_fault(fault, expected), faults))
+    bad = sum(map(bool, problems))
     print(f"{len(faults)} faults, {bad} wrong, {time.monotonic() - began:.0f} s")
     return 1 if bad else 0
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m soak.faults", description=__doc__)
-    parser.add_argument("--only", action="append", default=[], metavar="PATTERN")
+    parser = argparse.ArgumentParser(
+        prog="python -m soak.faults",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="PATTERN", help="select faults by name"
+    )
     parser.add_argument("--seeds", type=int, default=5, help="random times of each signal (5)")
-    parser.add_argument("--jobs", type=int, default=1, help="faults at once (1)")
+    parser.add_argument("--jobs", type=int, default=1, help="faults at a time (1)")
     return parser.parse_args()
 
 
-def _meant(name: str, patterns: Sequence[str]) -> bool:
+def _is_selected(name: str, patterns: Sequence[str]) -> bool:
     return not patterns or any(fnmatchcase(name, p) for p in patterns)
 
 
-def every(seeds: int) -> list[Fault]:
-    """All faults, signals at so many random times each."""
-    return [*signals(seeds), *resources(), *models()]
+def all_faults(seeds: int) -> list[Fault]:
+    """Return all faults, with each signal at `seeds` random times."""
+    return [*signal_faults(seeds), *resource_faults(), *model_faults()]
 
 
-def undisturbed() -> Undisturbed:
-    """What a run of the scene's folders comes to.
+def run_undisturbed() -> UndisturbedRun:
+    """Return verdicts and duration of a run without a fault.
 
     Raises:
-        RuntimeError: where it does not agree: nothing can be judged then.
+        RuntimeError: if the run does not agree, because no fault can be judged then.
     """
-    with scene() as one:
+    with sandbox() as box:
         began = time.monotonic()
-        ended = one.run()
+        result = box.run()
         seconds = time.monotonic() - began
-        wrong = one.left_behind()
-        if ended.code or wrong:
-            raise RuntimeError(f"the undisturbed run ends with {ended.code}: {wrong} {ended.told}")
-        return Undisturbed(verdicts=verdicts(one.results()), seconds=seconds)
+        wrong = box.leftovers()
+        if result.code or wrong:
+            raise RuntimeError(
+                f"the undisturbed run ends with {result.code}: {wrong} {result.output}"
+            )
+        return UndisturbedRun(verdicts=verdicts_by_case(box.results()), seconds=seconds)
 
 
-def _told(fault: Fault, expected: Undisturbed) -> list[str]:
-    """Bring a fault about; what is wrong, printed."""
+def _check_fault(fault: Fault, expected: UndisturbedRun) -> list[str]:
+    """Cause a fault, print what is wrong, and return it."""
     began = time.monotonic()
     try:
         wrong = fault.check(expected)

@@ -1,4 +1,4 @@
-"""Models that end their process, hang, take all memory, or leave others behind."""
+"""Models that end their process, hang, take all memory, or leave processes behind."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 
 from physics_crosscheck.harness.records.outcome import Outcome
 from soak.corpus.sound import write_sound_folder
-from soak.faults.fault import Fault
-from soak.faults.scene import Undisturbed, scene, told_wrong, verdicts
+from soak.faults.sandbox import Fault, UndisturbedRun, output_problems, sandbox, verdicts_by_case
 
 CODE = {
     "segfaults": "import ctypes; ctypes.string_at(0)",
@@ -33,39 +32,41 @@ CODE = {
 """Lines at the top of `system.py`, or of a `space.py`'s build."""
 
 PASSES = ("leaves a process", "leaves a thread", "kills its parent")
-"""What costs no case: what starts the workers is replaced, and no worker ends with it."""
+"""Code that fails no case. The process that starts workers is replaced, and no worker ends."""
 
 
-def models() -> Iterator[Fault]:
-    """Every one of them, in both places."""
+def model_faults() -> Iterator[Fault]:
+    """Yield a fault for each hostile code in `system.py` and in `space.py`."""
     for name in CODE:
         for file in ("system.py", "space.py"):
-            yield Fault(name=f"models/{file} {name}", check=_beside(name, file))
+            yield Fault(name=f"models/{file} {name}", check=_check_hostile_code(name, file))
 
 
-def _beside(name: str, file: str) -> Callable[[Undisturbed], list[str]]:
-    """The folder fails, with its reason; the one beside it agrees, and nothing is left."""
+def _check_hostile_code(name: str, file: str) -> Callable[[UndisturbedRun], list[str]]:
+    """Return a check of a folder with hostile code, next to a sound folder that must agree."""
 
-    def check(expected: Undisturbed) -> list[str]:
-        with scene(folders=1) as one:
-            odd = write_sound_folder(one.place / "odd", "space.py")
-            _plant(odd / file, CODE[name])
-            ended = one.run("--limit", "4", "--memory", "1")
-            wrong = [*told_wrong(ended), *one.left_behind()]
-            found = verdicts(one.results())
-            for case, value in expected.of("sound_0").items():
-                if found.get(case) != value:
-                    wrong.append(f"beside it, {case[1]} is {found.get(case)}")
-            own = {outcome for (folder, _), (outcome, _) in found.items() if folder == "odd"}
+    def check(expected: UndisturbedRun) -> list[str]:
+        with sandbox(folders=1) as box:
+            odd = write_sound_folder(box.folder / "odd", "space.py")
+            _plant_code(odd / file, CODE[name])
+            result = box.run("--limit", "4", "--memory", "1")
+            wrong = [*output_problems(result), *box.leftovers()]
+            verdicts = verdicts_by_case(box.results())
+            for case, value in expected.verdicts_of("sound_0").items():
+                if verdicts.get(case) != value:
+                    wrong.append(f"next to it, {case[1]} is {verdicts.get(case)}")
+            outcomes = {
+                outcome for (folder, _), (outcome, _) in verdicts.items() if folder == "odd"
+            }
             right = {Outcome.AGREES} if name in PASSES else {Outcome.FAILED}
-            if own != right or ended.code != (0 if name in PASSES else 3):
-                wrong.append(f"exit code {ended.code}, {own}: {ended.told[-300:]!r}")
+            if outcomes != right or result.code != (0 if name in PASSES else 3):
+                wrong.append(f"exit code {result.code}, {outcomes}: {result.output[-300:]!r}")
             return wrong
 
     return check
 
 
-def _plant(path: object, code: str) -> None:
+def _plant_code(path: object, code: str) -> None:
     from pathlib import Path
 
     file = Path(str(path))

@@ -1,4 +1,4 @@
-"""Disks that are full or read-only, streams that are closed, two runs at once."""
+"""Full or read-only disks, closed streams, and two runs at the same time."""
 
 from __future__ import annotations
 
@@ -10,98 +10,109 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from soak.faults.fault import Fault
-from soak.faults.scene import Ended, Scene, Undisturbed, scene, told_wrong, verdicts
+from soak.faults.sandbox import (
+    Fault,
+    ProcessResult,
+    Sandbox,
+    UndisturbedRun,
+    output_problems,
+    sandbox,
+    verdicts_by_case,
+)
 
 
-def resources() -> Iterator[Fault]:
-    """Every fault of files and streams."""
+def resource_faults() -> Iterator[Fault]:
+    """Yield all faults of files, streams and simultaneous runs."""
     for size in (1, 4, 40, 400):
-        yield Fault(name=f"disk/files of {size} kB at most", check=_limited(size))
-        yield Fault(name=f"disk/a disk of {size} kB", check=_small_disk(size))
+        yield Fault(name=f"disk/files of {size} kB at most", check=_check_file_size_limit(size))
+        yield Fault(name=f"disk/a disk of {size} kB", check=_check_small_disk(size))
     for name, out in _OUT.items():
-        yield Fault(name=f"disk/{name}", check=_unwritable(out))
-    yield Fault(name="disk/no folder for temporary files", check=_no_temporary)
+        yield Fault(name=f"disk/{name}", check=_check_unwritable(out))
+    yield Fault(name="disk/no folder for temporary files", check=_check_without_temporary_folder)
     for name, redirected in _STREAMS.items():
-        yield Fault(name=f"streams/{name}", check=_redirected(redirected))
-    yield Fault(name="two runs/at once in one folder", check=_two_at_once)
-    yield Fault(name="two runs/a second while the first is on", check=_one_after)
+        yield Fault(name=f"streams/{name}", check=_check_streams(redirected))
+    yield Fault(name="two runs/at once in one folder", check=_check_simultaneous_runs)
+    yield Fault(name="two runs/a second while the first is on", check=_check_second_run)
 
 
-def _shell(one: Scene, script: str) -> Ended:
-    """A run as part of a line of shell, `RUN` in it."""
-    run = " ".join(map(shlex.quote, one.command()))
+def _run_in_shell(box: Sandbox, script: str) -> ProcessResult:
+    """Run a shell script in which `RUN` stands for the run."""
+    run = " ".join(map(shlex.quote, box.command()))
     command = ["bash", "-c", script.replace("RUN", run)]
-    return one.ended(one.start(command))
+    return box.wait(box.start(command))
 
 
-def _limited(size: int) -> Callable[[Undisturbed], list[str]]:
-    """No file may grow beyond so many kB: writing fails as on a full disk."""
+def _check_file_size_limit(size: int) -> Callable[[UndisturbedRun], list[str]]:
+    """Return a check with a file size limit in kB, so that writing fails as on a full disk."""
 
-    def check(expected: Undisturbed) -> list[str]:
-        with scene(folders=1) as one:
-            ended = _shell(one, f"ulimit -f {size}; RUN")
-            return [*_failed(ended), *one.left_behind(), *_again(one, expected)]
+    def check(expected: UndisturbedRun) -> list[str]:
+        with sandbox(folders=1) as box:
+            result = _run_in_shell(box, f"ulimit -f {size}; RUN")
+            return [*_failure_problems(result), *box.leftovers(), *_rerun_problems(box, expected)]
 
     return check
 
 
-def _small_disk(size: int) -> Callable[[Undisturbed], list[str]]:
-    """The out folder is a file system of so many kB; where none may be mounted, nothing is seen."""
+def _check_small_disk(size: int) -> Callable[[UndisturbedRun], list[str]]:
+    """Return a check whose out folder is a file system of `size` kB.
 
-    def check(expected: Undisturbed) -> list[str]:
-        with scene(folders=1) as one:
-            one.out.mkdir()
-            mount = ["mount", "-t", "tmpfs", "-o", f"size={size}k", "soak", str(one.out)]
+    The check passes without a run if this user cannot mount file systems.
+    """
+
+    def check(expected: UndisturbedRun) -> list[str]:
+        with sandbox(folders=1) as box:
+            box.out.mkdir()
+            mount = ["mount", "-t", "tmpfs", "-o", f"size={size}k", "soak", str(box.out)]
             if subprocess.run(mount, capture_output=True, check=False).returncode:
                 return []
             try:
-                ended = one.run()
-                wrong = [*_failed(ended), *one.left_behind()]
+                result = box.run()
+                wrong = [*_failure_problems(result), *box.leftovers()]
             finally:
-                subprocess.run(["umount", "--lazy", str(one.out)], check=False)
-            return [*wrong, *_again(one, expected)]
+                subprocess.run(["umount", "--lazy", str(box.out)], check=False)
+            return [*wrong, *_rerun_problems(box, expected)]
 
     return check
 
 
-def _failed(ended: Ended) -> list[str]:
-    """Where it could not write it must say so, and end with 3; where all had room, it agrees."""
-    wrong = told_wrong(ended)
-    if ended.code not in (0, 3):
-        wrong.append(f"exit code {ended.code}: {ended.told[-300:]!r}")
-    if ended.code == 3 and not ended.stderr.strip():
-        wrong.append("it does not say why")
+def _failure_problems(result: ProcessResult) -> list[str]:
+    """Return what is wrong: a run must end with 0, or with 3 and a reason on stderr."""
+    wrong = output_problems(result)
+    if result.code not in (0, 3):
+        wrong.append(f"exit code {result.code}: {result.output[-300:]!r}")
+    if result.code == 3 and not result.stderr.strip():
+        wrong.append("it does not report the reason")
     return wrong
 
 
-def _again(one: Scene, expected: Undisturbed) -> list[str]:
-    """With room, the same folder serves."""
-    ended = one.run("--resume")
-    own = expected.of("sound_0")
-    if ended.code != 0 or verdicts(one.results()) != own:
-        return [f"a run afterwards ends with {ended.code}: {ended.told[-300:]!r}"]
-    return told_wrong(ended)
+def _rerun_problems(box: Sandbox, expected: UndisturbedRun) -> list[str]:
+    """Return what is wrong with a further run in the same folder, which now has space."""
+    result = box.run("--resume")
+    if result.code != 0 or verdicts_by_case(box.results()) != expected.verdicts_of("sound_0"):
+        return [f"a run afterwards ends with {result.code}: {result.output[-300:]!r}"]
+    return output_problems(result)
 
 
-_OUT: dict[str, Callable[[Scene], Path]] = {
-    "an out folder that can't be made": lambda one: Path("/proc/soak"),
-    "an out folder that is read-only": lambda one: _read_only(one),
-    "an out folder on a device": lambda one: Path("/dev/null"),
-    "results that are a folder": lambda one: _made(one.place / "odd" / "results.json").parent,
-    "a page that is a folder": lambda one: _made(one.place / "odd" / "index.html").parent,
-    "results that are a link to nothing": lambda one: _linked(one.place / "odd"),
+_OUT: dict[str, Callable[[Sandbox], Path]] = {
+    "an out folder that can't be made": lambda box: Path("/proc/soak"),
+    "an out folder that is read-only": lambda box: _make_read_only_folder(box),
+    "an out folder on a device": lambda box: Path("/dev/null"),
+    "results that are a folder": lambda box: (
+        _make_folder(box.folder / "odd" / "results.json").parent
+    ),
+    "a page that is a folder": lambda box: _make_folder(box.folder / "odd" / "index.html").parent,
+    "results that are a link to nothing": lambda box: _link_results(box.folder / "odd"),
 }
 
 
-def _made(folder: Path) -> Path:
+def _make_folder(folder: Path) -> Path:
     (folder / "within").mkdir(parents=True)
     return folder
 
 
-def _read_only(one: Scene) -> Path:
-    """Root may write anywhere; a file system may still be read-only."""
-    folder = _made(one.place / "odd").parent / "odd"
+def _make_read_only_folder(box: Sandbox) -> Path:
+    """Return a read-only folder. For root, who may write anywhere, its file system is read-only."""
+    folder = _make_folder(box.folder / "odd").parent / "odd"
     bound = ["mount", "--bind", str(folder), str(folder)]
     if subprocess.run(bound, capture_output=True, check=False).returncode == 0:
         again = ["mount", "-o", "remount,ro,bind", str(folder)]
@@ -112,44 +123,44 @@ def _read_only(one: Scene) -> Path:
     return folder
 
 
-def _linked(folder: Path) -> Path:
+def _link_results(folder: Path) -> Path:
     folder.mkdir()
     (folder / "results.json").symlink_to(folder / "nothing" / "at all")
     return folder
 
 
-def _unwritable(out: Callable[[Scene], Path]) -> Callable[[Undisturbed], list[str]]:
-    def check(expected: Undisturbed) -> list[str]:
-        with scene(folders=1) as one:
-            where = out(one)
+def _check_unwritable(out: Callable[[Sandbox], Path]) -> Callable[[UndisturbedRun], list[str]]:
+    def check(expected: UndisturbedRun) -> list[str]:
+        with sandbox(folders=1) as box:
+            where = out(box)
             try:
-                ended = one.run("--out", str(where))
+                result = box.run("--out", str(where))
             finally:
                 subprocess.run(["umount", "--lazy", str(where)], capture_output=True, check=False)
-            wrong = told_wrong(ended) + one.left_behind()
-            if ended.code == 0 and _writable(where):
+            wrong = output_problems(result) + box.leftovers()
+            if result.code == 0 and _has_results(where):
                 return wrong
-            if ended.code not in (2, 3) or str(where) not in ended.stderr:
-                wrong.append(f"exit code {ended.code}: {ended.stderr[-300:]!r}")
+            if result.code not in (2, 3) or str(where) not in result.stderr:
+                wrong.append(f"exit code {result.code}: {result.stderr[-300:]!r}")
             return wrong
 
     return check
 
 
-def _writable(folder: Path) -> bool:
-    """Whether this user can write there after all."""
+def _has_results(folder: Path) -> bool:
+    """Return whether the run could write results, as root may."""
     return (folder / "results.json").is_file()
 
 
-def _no_temporary(expected: Undisturbed) -> list[str]:
-    with scene(folders=1) as one:
-        one.temporary.rmdir()
-        ended = one.run()
-        one.temporary.mkdir(exist_ok=True)
-        wrong = told_wrong(ended)
-        if ended.code not in (0, 3):
-            wrong.append(f"exit code {ended.code}: {ended.told[-300:]!r}")
-        return [*wrong, *one.left_behind()]
+def _check_without_temporary_folder(expected: UndisturbedRun) -> list[str]:
+    with sandbox(folders=1) as box:
+        box.temporary.rmdir()
+        result = box.run()
+        box.temporary.mkdir(exist_ok=True)
+        wrong = output_problems(result)
+        if result.code not in (0, 3):
+            wrong.append(f"exit code {result.code}: {result.output[-300:]!r}")
+        return [*wrong, *box.leftovers()]
 
 
 _STREAMS = {
@@ -164,45 +175,47 @@ _STREAMS = {
     "both into nothing": ("RUN 2>&1 | true", (0,)),
     "its own code into head": ("set -o pipefail; RUN | head -1", (0, 3, 141)),
 }
-"""A line of shell, and the codes with which it may end."""
+"""Shell script and its allowed exit codes."""
 
 
-def _redirected(line: tuple[str, tuple[int, ...]]) -> Callable[[Undisturbed], list[str]]:
-    def check(expected: Undisturbed) -> list[str]:
-        with scene(folders=1) as one:
-            ended = _shell(one, line[0])
-            wrong = [*told_wrong(ended), *one.left_behind()]
-            if ended.code not in line[1]:
-                wrong.append(f"exit code {ended.code}: {ended.told[-300:]!r}")
-            own = expected.of("sound_0")
-            if "|" not in line[0] and verdicts(one.results()) != own:
+def _check_streams(line: tuple[str, tuple[int, ...]]) -> Callable[[UndisturbedRun], list[str]]:
+    def check(expected: UndisturbedRun) -> list[str]:
+        with sandbox(folders=1) as box:
+            result = _run_in_shell(box, line[0])
+            wrong = [*output_problems(result), *box.leftovers()]
+            if result.code not in line[1]:
+                wrong.append(f"exit code {result.code}: {result.output[-300:]!r}")
+            verdicts = expected.verdicts_of("sound_0")
+            if "|" not in line[0] and verdicts_by_case(box.results()) != verdicts:
                 wrong.append("the results are not those of an undisturbed run")
             return wrong
 
     return check
 
 
-def _two_at_once(expected: Undisturbed) -> list[str]:
-    with scene() as one:
-        first, second = one.start(), one.start()
-        ends = [one.ended(process) for process in (first, second)]
-        return _both(one, ends, expected)
+def _check_simultaneous_runs(expected: UndisturbedRun) -> list[str]:
+    with sandbox() as box:
+        first, second = box.start(), box.start()
+        ends = [box.wait(process) for process in (first, second)]
+        return _two_run_problems(box, ends, expected)
 
 
-def _one_after(expected: Undisturbed) -> list[str]:
-    with scene() as one:
-        first = one.start()
+def _check_second_run(expected: UndisturbedRun) -> list[str]:
+    with sandbox() as box:
+        first = box.start()
         time.sleep(2)
-        second = one.ended(one.start())
-        return _both(one, [one.ended(first), second], expected)
+        second = box.wait(box.start())
+        return _two_run_problems(box, [box.wait(first), second], expected)
 
 
-def _both(one: Scene, ends: list[Ended], expected: Undisturbed) -> list[str]:
-    """One of them at least comes through; the other too, or it says that it is not alone."""
-    wrong = [each for ended in ends for each in told_wrong(ended)] + one.left_behind()
-    codes = sorted(ended.code for ended in ends)
+def _two_run_problems(
+    box: Sandbox, ends: list[ProcessResult], expected: UndisturbedRun
+) -> list[str]:
+    """Return what is wrong: one run must succeed, the other must succeed or be rejected."""
+    wrong = [each for result in ends for each in output_problems(result)] + box.leftovers()
+    codes = sorted(result.code for result in ends)
     if codes[0] != 0 or codes[1] not in (0, 2, 3):
         wrong.append(f"exit codes {codes}: {ends[0].stderr[-150:]!r} {ends[1].stderr[-150:]!r}")
-    if verdicts(one.results()) != expected.verdicts:
+    if verdicts_by_case(box.results()) != expected.verdicts:
         wrong.append("the results are not those of an undisturbed run")
     return wrong

@@ -9,10 +9,10 @@ import time
 
 import pytest
 
-from soak.faults.__main__ import every, undisturbed
-from soak.faults.scene import Undisturbed, scene
+from soak.faults.__main__ import all_faults, run_undisturbed
+from soak.faults.sandbox import UndisturbedRun, sandbox
 
-FAULTS = {fault.name: fault for fault in every(seeds=1)}
+FAULTS = {fault.name: fault for fault in all_faults(seeds=1)}
 SOME = (
     "signals/SIGKILL to the run, seed 0",
     "streams/into head",
@@ -20,32 +20,32 @@ SOME = (
 
 
 @pytest.fixture(scope="module")
-def expected() -> Undisturbed:
-    return undisturbed()
+def expected() -> UndisturbedRun:
+    return run_undisturbed()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
-def test_a_fault_in_a_run_loses_no_results(expected: Undisturbed, name: str) -> None:
+def test_a_fault_in_a_run_loses_no_results(expected: UndisturbedRun, name: str) -> None:
     assert FAULTS[name].check(expected) == []
 
 
 def test_faults_cover_every_kind() -> None:
     kinds = {name.split("/")[0] for name in FAULTS}
     assert kinds == {"signals", "disk", "streams", "two runs", "models"}
-    assert len(every(seeds=5)) > 100
+    assert len(all_faults(seeds=5)) > 100
 
 
 def test_an_orphaned_process_is_detected() -> None:
-    with scene(folders=1) as stage:
-        process = stage.start(["sleep", "60"])
+    with sandbox(folders=1) as box:
+        process = box.start(["sleep", "60"])
         # A moment passes before the system shows a new process's environment.
         for _ in range(200):
-            if seen := stage.processes():
+            if seen := box.processes():
                 break
             time.sleep(0.05)
         process.kill()
         assert seen == [process.pid]
-        stage.end()
+        box.kill_all()
         process.communicate()
-        assert stage.processes() == []
+        assert box.processes() == []
