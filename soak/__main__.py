@@ -1,4 +1,10 @@
-"""Everything that `make soak` does, with its times: `python -m soak`; exit code 1 on any fault."""
+"""Run every part of `make soak`, and exit with 1 if a part fails.
+
+    python -m soak
+    python -m soak --only corpus
+
+The command prints the result and the duration of each part.
+"""
 
 from __future__ import annotations
 
@@ -12,23 +18,33 @@ PARTS = {
     "faults while running": ("soak.faults", "--jobs", "2"),
     "random mechanisms": ("campaigns.mechanisms", "--count", "2000", "--seed", "1", "--jobs", "2"),
 }
-"""Each part is a command of its own, `python -m ...`."""
+"""Module and arguments of each part, which runs as `python -m ...`."""
 
 
 def main() -> int:
-    """Do the parts one after the other, and tell how each ended."""
-    parser = argparse.ArgumentParser(prog="python -m soak", description=__doc__)
-    parser.add_argument("--only", action="append", choices=sorted(PARTS), metavar="PART")
-    wanted = parser.parse_args().only or list(PARTS)
+    """Run the parts in order, and print the result and the duration of each."""
+    parser = argparse.ArgumentParser(
+        prog="python -m soak",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        choices=sorted(PARTS),
+        metavar="PART",
+        help=f"run only this part ({', '.join(PARTS)})",
+    )
+    parts = parser.parse_args().only or list(PARTS)
     lines, bad = [], 0
-    for part in wanted:
+    for part in parts:
         command = ["-m", *PARTS[part]]
         print(f"{part}: python {' '.join(command)}", flush=True)
         began = time.monotonic()
         code = subprocess.run([sys.executable, *command], check=False).returncode
         bad += bool(code)
-        ended = "right" if code == 0 else f"WRONG (exit code {code})"
-        lines.append(f"{part:<22} {ended:<22} {(time.monotonic() - began) / 60:5.1f} min")
+        verdict = "right" if code == 0 else f"WRONG (exit code {code})"
+        lines.append(f"{part:<22} {verdict:<22} {(time.monotonic() - began) / 60:5.1f} min")
     print("\n".join(("", *lines)))
     return 1 if bad else 0
 

@@ -1,1 +1,1 @@
-"""Hostile inputs over every format and command, made on the spot, and what must hold of each."""
+"""Hostile inputs for every format and command, with the required result of each."""

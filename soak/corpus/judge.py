@@ -147,7 +147,7 @@ def _workspace(entry: CorpusEntry) -> Iterator[Path]:
 
 
 def _run_command(workspace: Path, command: Sequence[str]) -> tuple[int | None, str, float]:
-    """Return exit code, output and seconds. The exit code is None if the command raised."""
+    """Return exit code, output and seconds. A command that raised has the exit code None."""
     arguments = [_expand_path(workspace, word) for word in command]
     if arguments[:1] == ["pytest"]:
         return _run_pytest(workspace, arguments[1:])

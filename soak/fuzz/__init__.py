@@ -1,1 +1,1 @@
-"""Coverage-guided fuzzing of this project's own parsers."""
+"""Coverage-guided fuzzing of this project's parsers."""

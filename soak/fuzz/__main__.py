@@ -1,7 +1,10 @@
-"""Fuzz every parser: `python -m soak.fuzz --seconds 3600`; it needs Atheris, see `make fuzz`.
+"""Fuzz the parsers, and exit with 1 if an input breaks a parser's contract.
 
-Each parser gets its share of the time, in rounds, in a process of its own that goes on from the
-inputs kept before. Finds are made small and printed; exit code 1 where there is one.
+    python -m soak.fuzz --seconds 3600
+    python -m soak.fuzz --seconds 600 --only xml
+
+The command needs Atheris; `make fuzz` installs it. Each parser gets a share of the time in rounds.
+Each round runs in a separate process, which starts from the inputs of the previous rounds.
 """
 
 from __future__ import annotations
@@ -13,12 +16,12 @@ import sys
 import time
 from pathlib import Path
 
-from soak.fuzz.minimize import smallest
+from soak.fuzz.minimize import minimize
 from soak.fuzz.targets import TARGETS
 
 
 def main() -> int:
-    """Fuzz, make small, print."""
+    """Fuzz the selected parsers, and print the smallest input of each find."""
     options = _options()
     if importlib.util.find_spec("atheris") is None:
         print("soak.fuzz: atheris is not installed; pip install '.[fuzz]'", file=sys.stderr)
@@ -39,20 +42,38 @@ def main() -> int:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m soak.fuzz")
-    parser.add_argument("--seconds", type=float, default=3600.0, help="in all (3600)")
-    parser.add_argument("--rounds", type=int, default=4, help="that the time is cut into (4)")
-    parser.add_argument("--out", type=Path, default=Path("reports/fuzz"), metavar="DIR")
-    parser.add_argument("--only", action="append", choices=sorted(TARGETS), metavar="NAME")
+    parser = argparse.ArgumentParser(
+        prog="python -m soak.fuzz",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=3600.0, help="total time in seconds (3600)"
+    )
+    parser.add_argument("--rounds", type=int, default=4, help="rounds of all parsers (4)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("reports/fuzz"),
+        metavar="DIR",
+        help="folder for inputs and finds (reports/fuzz)",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        choices=sorted(TARGETS),
+        metavar="NAME",
+        help="fuzz only this parser",
+    )
     return parser.parse_args()
 
 
 def fuzz(name: str, seconds: float, out: Path) -> int:
-    """Fuzz one parser, with a new process wherever one was ended; returns how many inputs ran."""
+    """Fuzz one parser in as many processes as needed, and return the number of inputs."""
     corpus, until, runs = out / "corpus" / name, time.monotonic() + seconds, 0
     corpus.mkdir(parents=True, exist_ok=True)
-    while (left := until - time.monotonic()) > 1:
-        command = [sys.executable, "-m", "soak.fuzz.one", name, str(int(left))]
+    while (remaining := until - time.monotonic()) > 1:
+        command = [sys.executable, "-m", "soak.fuzz.one", name, str(int(remaining))]
         done = subprocess.run(
             [*command, str(out / "finds"), str(corpus)], capture_output=True, text=True, check=False
         )
@@ -67,20 +88,20 @@ def fuzz(name: str, seconds: float, out: Path) -> int:
 
 
 def report(finds: Path) -> int:
-    """Print every find with the smallest input that shows it, and those that ended a process."""
-    found = sorted(finds.glob("*.txt"))
-    for path in found:
+    """Print every find with its minimized input, and the inputs that ended a process."""
+    paths = sorted(finds.glob("*.txt"))
+    for path in paths:
         data = path.with_suffix(".input").read_bytes()
         name = path.name.rsplit("-", 1)[0]
         print(f"{name}: {' | '.join(path.read_text('utf-8').splitlines())}")
-        small = smallest(TARGETS[name], data)
+        small = minimize(TARGETS[name], data)
         path.with_suffix(".small").write_bytes(small)
         print(f"  {small!r}")
-    # An input that is merely slow on a busy machine is no find: its processor time is counted.
+    # An input that is slow only on a busy machine does not count: processor time is the limit.
     stopped = [p for p in sorted(finds.glob("*-stopped-*")) if "-slow-unit-" not in p.name]
     for path in stopped:
         print(f"{path.name}: ended the process: {path.read_bytes()[:200]!r}")
-    return 1 if found or stopped else 0
+    return 1 if paths or stopped else 0
 
 
 if __name__ == "__main__":

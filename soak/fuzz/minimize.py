@@ -1,23 +1,26 @@
-"""A find's input made small: pieces are taken out as long as the same contract breaks."""
+"""Minimization of a find's input: removal of pieces while the same contract still breaks."""
 
 from __future__ import annotations
 
 import time
 
-from soak.fuzz.target import Target, attack
+from soak.fuzz.target import FuzzTarget, attack
 
-PATIENCE = 60.0
-"""Seconds that one find is worth."""
+MINIMIZE_SECONDS = 60.0
+"""Time limit for one find."""
 
 
-def smallest(target: Target, data: bytes) -> bytes:
-    """Take out halves, quarters, ... single bytes; the input itself where it breaks nothing."""
+def minimize(target: FuzzTarget, data: bytes) -> bytes:
+    """Remove halves, quarters, ... single bytes from an input while it breaks the same contract.
+
+    An input that breaks nothing is returned unchanged.
+    """
     first = attack(target, data)
     if first is None:
         return data
-    until, size = time.monotonic() + PATIENCE, max(1, len(data) // 2)
+    until, size = time.monotonic() + MINIMIZE_SECONDS, max(1, len(data) // 2)
     while time.monotonic() < until:
-        shorter = _without(target, data, size, first.place, until)
+        shorter = _drop_pieces(target, data, size, first.location, until)
         if len(shorter) == len(data):
             if size == 1:
                 break
@@ -26,14 +29,14 @@ def smallest(target: Target, data: bytes) -> bytes:
     return data
 
 
-def _without(target: Target, data: bytes, size: int, place: str, until: float) -> bytes:
-    """One pass over the pieces of a size."""
-    at = 0
-    while at < len(data) and time.monotonic() < until:
-        less = data[:at] + data[at + size :]
-        found = attack(target, less)
-        if found is not None and found.place == place:
-            data = less
+def _drop_pieces(target: FuzzTarget, data: bytes, size: int, location: str, until: float) -> bytes:
+    """Return the input without the pieces of one size that the find does not need."""
+    start = 0
+    while start < len(data) and time.monotonic() < until:
+        shorter = data[:start] + data[start + size :]
+        find = attack(target, shorter)
+        if find is not None and find.location == location:
+            data = shorter
         else:
-            at += size
+            start += size
     return data

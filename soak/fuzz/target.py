@@ -1,4 +1,4 @@
-"""A parser under attack, and its contract: a value, or an error that its documentation names."""
+"""A parser under attack, and its contract: it returns a value or raises a documented error."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-SECONDS = 2.0
-"""Processor time that one input may take."""
+LIMIT_SECONDS = 2.0
+"""Limit of the processor time of one input."""
 
-MEMORY = 1 << 30
-"""Bytes that one input may add to the address space."""
+LIMIT_BYTES = 1 << 30
+"""Limit of the address space that one input may add."""
 
-OWN = ("harness", "reference", "soak")
+PROJECT_FOLDERS = ("harness", "reference", "soak")
 
 
 class SlowError(BaseException):
-    """An input took longer than it may; no `except Exception` of a parser takes it for its own."""
+    """An input exceeded the time limit. A parser's `except Exception` does not catch this error."""
 
 
-class BrokenError(Exception):
-    """A parser has returned a value that it must not."""
+class ContractError(Exception):
+    """A parser returned a value that its contract forbids."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Target:
-    """One parser.
+class FuzzTarget:
+    """One parser and its contract.
 
     Attributes:
-        name: by which it is chosen.
-        parse: takes an input; what it raises beside `errors` is a find.
-        errors: what its documentation names.
-        seeds: sound inputs to begin from.
-        words: pieces that mutations put in.
-        share: of the time, relative to the others.
-        bounded: whether the parser itself bounds what an input costs. What stands in `system.py`
-            is a program's text and may compute for ever; there a run's own limits are the bound.
+        name: name for `--only`.
+        parse: parses an input. Any exception other than `errors` is a find.
+        errors: the documented exceptions.
+        seeds: valid inputs from which mutations start.
+        words: texts that mutations insert.
+        share: share of the time, relative to other parsers.
+        bounded: true if the parser itself bounds the cost of an input. Code in `system.py` may
+            compute forever, and only the limits of a run bound it.
     """
 
     name: str
@@ -53,57 +53,62 @@ class Target:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Find:
-    """An input that broke a contract; two finds with one `place` are the same.
+class FuzzFinding:
+    """An input that broke a contract. Two finds with one `location` count as the same.
 
     Attributes:
-        place: kind of what was raised, and the innermost line of this project's.
-        told: the exception as one line.
-        input: what was parsed.
+        location: type of the exception, and the innermost function of this project.
+        message: the exception as one line.
+        input: the parsed bytes.
     """
 
     target: str
-    place: str
-    told: str
+    location: str
+    message: str
     input: bytes
 
 
-def attack(target: Target, data: bytes) -> Find | None:
-    """Parse an input; None where the contract held."""
+def attack(target: FuzzTarget, data: bytes) -> FuzzFinding | None:
+    """Parse an input, and return a find, or None if the parser met its contract."""
     try:
-        with _limited():
+        with _limit_resources():
             target.parse(data)
     except target.errors:
         return None
     except (Exception, SlowError) as error:
         if isinstance(error, SlowError | MemoryError) and not target.bounded:
             return None
-        said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        return Find(target=target.name, place=_place(error), told=said, input=data)
+        message = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        return FuzzFinding(
+            target=target.name, location=_location(error), message=message, input=data
+        )
     return None
 
 
-def _place(error: BaseException) -> str:
+def _location(error: BaseException) -> str:
     kind = type(error).__name__
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if set(OWN) & set(Path(f.filename).parts) and f.name != "attack"]
-    # Where the clock ran out within a parser is another line each time; the parser is the same.
-    if isinstance(error, SlowError) and own:
-        return f"{kind} in {Path(own[1 if len(own) > 1 else 0].filename).name}"
-    return f"{kind} at {Path(own[-1].filename).name}:{own[-1].name}" if own else kind
+    inside = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if set(PROJECT_FOLDERS) & set(Path(frame.filename).parts) and frame.name != "attack"
+    ]
+    # A timeout hits another line each time, so the file of the parser identifies the find.
+    if isinstance(error, SlowError) and inside:
+        return f"{kind} in {Path(inside[1 if len(inside) > 1 else 0].filename).name}"
+    return f"{kind} at {Path(inside[-1].filename).name}:{inside[-1].name}" if inside else kind
 
 
 @contextmanager
-def _limited() -> Iterator[None]:
-    """Bound processor time and memory of what is done within."""
+def _limit_resources() -> Iterator[None]:
+    """Limit processor time and memory of the enclosed code."""
 
     def stop(_number: int, _frame: FrameType | None) -> None:
-        raise SlowError(f"more than {SECONDS:g} s of processor time")
+        raise SlowError(f"more than {LIMIT_SECONDS:g} s of processor time")
 
     before = signal.signal(signal.SIGVTALRM, stop)
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY, hard))
-    signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
+    resource.setrlimit(resource.RLIMIT_AS, (_address_space() + LIMIT_BYTES, hard))
+    signal.setitimer(signal.ITIMER_VIRTUAL, LIMIT_SECONDS)
     try:
         yield
     finally:

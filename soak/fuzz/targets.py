@@ -48,12 +48,12 @@ from physics_crosscheck.reference.dynamics.notation import readings
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation
 from physics_crosscheck.reference.mechanism.system import System
-from soak.fuzz.target import BrokenError, Target
+from soak.fuzz.target import ContractError, FuzzTarget
 from tests.baseline.samples import baseline
 from tests.records.examples import example
 
 _SPLIT = b"\n---\n"
-"""Between an address and the file that it leads into."""
+"""Separator of an address and the file that contains it."""
 
 _NUMBERS = ("0", "-0", "1e999", "-1e999", "nan", "inf", "1_000", "0x10", "1e-400", "9" * 400,
             "+.5", "5.", "1e", "\u0661", "\u00b2")  # fmt: skip
@@ -70,7 +70,7 @@ _MATHS = ("**", "^", "/0", "log(", "asin(", "sqrt(-1)", "atan2(", "pi", "(", ")"
           "not ", "@", "f''", "±", "=", "d/dt(", "theta0")  # fmt: skip
 
 
-def _files(*patterns: str) -> Iterator[bytes]:
+def _read_files(*patterns: str) -> Iterator[bytes]:
     for folder in (*sorted(builtin().iterdir()), template()):
         for pattern in patterns:
             for path in sorted(folder.glob(pattern)):
@@ -78,35 +78,35 @@ def _files(*patterns: str) -> Iterator[bytes]:
 
 
 @cache
-def _folder() -> Path:
-    """Where inputs are written that a parser wants as a file; removed with the process."""
-    _keep = tempfile.TemporaryDirectory(prefix="soak-fuzz-")
-    _KEPT.append(_keep)
-    return Path(_keep.name)
+def _temporary_folder() -> Path:
+    """Return the folder for parsers that read files. It is removed at the end of the process."""
+    folder = tempfile.TemporaryDirectory(prefix="soak-fuzz-")
+    _FOLDERS.append(folder)
+    return Path(folder.name)
 
 
-_KEPT: list[tempfile.TemporaryDirectory[str]] = []
+_FOLDERS: list[tempfile.TemporaryDirectory[str]] = []
 
 
 @cache
-def _system() -> System:
+def _load_pendulum() -> System:
     return load_system(builtin() / "simple_pendulum")
 
 
-def _model(name: str, data: bytes = b"") -> Path:
-    path = _folder() / name
+def _write_input(name: str, data: bytes = b"") -> Path:
+    path = _temporary_folder() / name
     path.write_bytes(data)
     return path
 
 
-def _sidecar(data: bytes) -> object:
-    _model("model.xml")
-    return read_sidecar(_model("model.xml.toml", data))
+def _parse_sidecar(data: bytes) -> object:
+    _write_input("model.xml")
+    return read_sidecar(_write_input("model.xml.toml", data))
 
 
-def _expression(data: bytes) -> object:
-    """A binding's expression, read and evaluated as `run` does."""
-    model = _model("model.py", b"MASS = 1.5\n")
+def _parse_expression(data: bytes) -> object:
+    """Parse and evaluate a binding's expression as `run` does."""
+    model = _write_input("model.py", b"MASS = 1.5\n")
     text = data.decode("utf-8", errors="replace")
     sidecar = Sidecar(
         model=model,
@@ -118,25 +118,25 @@ def _expression(data: bytes) -> object:
         springs=(),
         bindings={"MASS": text},
     )
-    return bindings(_system(), sidecar)
+    return bindings(_load_pendulum(), sidecar)
 
 
 def _expression_seeds() -> Iterator[bytes]:
     yield from (b"-m", b"m * l**2", b"180 / pi * atan2(l, g)", b"sqrt(m) + 1.5e-3", b"-(m + 2) / 3")
 
 
-def _addressed(suffix: str, data: bytes) -> object:
+def _find_number(suffix: str, data: bytes) -> object:
     address, _, text = data.partition(_SPLIT)
     file, name = Path(f"model{suffix}"), address.decode("utf-8", errors="replace")
-    found = find_in(text, file, [name])
-    place = found[name]
-    # What is found is a number where it is said to be.
-    if float(text[place.start : place.end]) != place.value:
-        raise BrokenError(f"{name!r} is said to be {place.value!r}")
-    return found
+    locations = find_in(text, file, [name])
+    location = locations[name]
+    # The text at the reported location must be the reported number.
+    if float(text[location.start : location.end]) != location.value:
+        raise ContractError(f"{name!r} is reported as {location.value!r}")
+    return locations
 
 
-def _xml(data: bytes) -> object:
+def _parse_xml(data: bytes) -> object:
     address, _, text = data.partition(_SPLIT)
     source, name = SourceFile(Path("model.xml"), text), address.decode("utf-8", errors="replace")
     elements = read_elements(source)
@@ -146,39 +146,39 @@ def _xml(data: bytes) -> object:
     list(xml_numbers(source, re.compile(r".*")))
     for element in elements[:2]:
         with_attributes(text, source.file, [Attribute(element.start, "name", "a")])
-    return _addressed(".xml", data)
+    return _find_number(".xml", data)
 
 
-def _toml(data: bytes) -> object:
+def _parse_toml(data: bytes) -> object:
     address, _, text = data.partition(_SPLIT)
     text.decode("utf-8")
     toml_offset(SourceFile(Path("m.toml"), text), address.decode("utf-8", errors="replace"))
-    return _addressed(".toml", data)
+    return _find_number(".toml", data)
 
 
-def _python(data: bytes) -> object:
+def _parse_python(data: bytes) -> object:
     address, _, text = data.partition(_SPLIT)
     source = SourceFile(Path("model.py"), text)
     text.decode("utf-8")
     python_offset(source, address.decode("utf-8", errors="replace"))
     list(python_numbers(source, re.compile(r".*")))
-    return _addressed(".py", data)
+    return _find_number(".py", data)
 
 
-def _addresses(address: str, *patterns: str) -> Iterator[bytes]:
-    for text in _files(*patterns):
+def _addressed_files(address: str, *patterns: str) -> Iterator[bytes]:
+    for text in _read_files(*patterns):
         yield address.encode() + _SPLIT + text
 
 
-def _urdf(data: bytes) -> object:
-    path = _model("model.urdf", data)
+def _parse_urdf(data: bytes) -> object:
+    path = _write_input("model.urdf", data)
     file = load_urdf(path)
     return file.springs, file.mimics
 
 
-def _written(data: bytes, suffix: str) -> object:
-    """The system.py that `crosscheck new --from` would write: nothing of the file became code."""
-    path = _model(f"model{suffix}", data)
+def _write_system(data: bytes, suffix: str) -> object:
+    """Return the system.py that `new --from` would write. The file's text must not become code."""
+    path = _write_input(f"model{suffix}", data)
     ledger = Ledger(path, data)
     mechanism = _read(path, data, ledger)
     if not mechanism.joints:
@@ -190,20 +190,20 @@ def _written(data: bytes, suffix: str) -> object:
 
 
 def _check_calls(tree: ast.Module) -> None:
-    """Refuse a call of what the text neither imports nor defines: a builtin such as `open`."""
+    """Reject a call of a name that the text neither imports nor defines, such as `open`."""
     nodes = list(ast.walk(tree))
-    own = {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
+    defined = {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
     for node in nodes:
         if isinstance(node, ast.ImportFrom | ast.Import):
-            own |= {alias.asname or alias.name for alias in node.names}
+            defined |= {alias.asname or alias.name for alias in node.names}
     for node in nodes:
         match node:
-            case ast.Call(func=ast.Name(id=name)) if name not in own:
-                raise BrokenError(f"what is written calls {name!r}")
+            case ast.Call(func=ast.Name(id=name)) if name not in defined:
+                raise ContractError(f"the written system.py calls {name!r}")
 
 
-def _results(data: bytes) -> object:
-    return read_results(_model("results.json", data))
+def _parse_results(data: bytes) -> object:
+    return read_results(_write_input("results.json", data))
 
 
 def _results_seeds() -> Iterator[bytes]:
@@ -211,8 +211,8 @@ def _results_seeds() -> Iterator[bytes]:
     yield b'{"schema": 2}'
 
 
-def _baseline(data: bytes) -> object:
-    """A baseline's file; once with the seals that it has, once with seals that fit."""
+def _parse_baseline(data: bytes) -> object:
+    """Parse a baseline file. If it is rejected, parse it again with valid seals."""
     try:
         return read_file(data, "spring")
     except BaselineFileError:
@@ -242,20 +242,20 @@ def _baseline_seeds() -> Iterator[bytes]:
     yield file_text(baseline()).encode()
 
 
-def _notation(data: bytes) -> object:
+def _parse_notation(data: bytes) -> object:
     text = data.decode("utf-8", errors="replace")
     equation = PublishedEquation("1", text, "linear part", of="theta", driven=False, note="")
-    return readings(equation, _system(), _system().coordinates[0])
+    return readings(equation, _load_pendulum(), _load_pendulum().coordinates[0])
 
 
 def _notation_seeds() -> Iterator[bytes]:
-    for one in _system().published:
-        yield one.text.encode()
+    for equation in _load_pendulum().published:
+        yield equation.text.encode()
 
 
-def _joints(data: bytes) -> object:
+def _parse_joints(data: bytes) -> object:
     joints, _, table = data.partition(_SPLIT)
-    path = _model("map.toml", table) if table else None
+    path = _write_input("map.toml", table) if table else None
     return declared(joints.decode("utf-8", errors="replace"), path)
 
 
@@ -267,57 +267,57 @@ def _joints_seeds() -> Iterator[bytes]:
 TARGETS = {
     target.name: target
     for target in (
-        Target(
-            name="sidecar", parse=_sidecar, errors=(SidecarError,),
-            seeds=lambda: _files("*.toml"), words=(*_TOML, *_NUMBERS),
+        FuzzTarget(
+            name="sidecar", parse=_parse_sidecar, errors=(SidecarError,),
+            seeds=lambda: _read_files("*.toml"), words=(*_TOML, *_NUMBERS),
         ),
-        Target(
-            name="expression", parse=_expression, errors=(SidecarError,),
+        FuzzTarget(
+            name="expression", parse=_parse_expression, errors=(SidecarError,),
             seeds=_expression_seeds, words=(*_MATHS, *_NUMBERS, "m", "l", "g"), share=1.5,
         ),
-        Target(
-            name="xml", parse=_xml, errors=(LocationError, UnicodeDecodeError),
-            seeds=lambda: _addresses("body[pendulum]/inertial@pos[2]", "*.xml", "*.urdf"),
+        FuzzTarget(
+            name="xml", parse=_parse_xml, errors=(LocationError, UnicodeDecodeError),
+            seeds=lambda: _addressed_files("body[pendulum]/inertial@pos[2]", "*.xml", "*.urdf"),
             words=(*_XML, *_NUMBERS), share=1.5,
         ),
-        Target(
-            name="toml", parse=_toml, errors=(LocationError, UnicodeDecodeError),
-            seeds=lambda: _addresses("settings.gravity[2]", "*.toml"),
+        FuzzTarget(
+            name="toml", parse=_parse_toml, errors=(LocationError, UnicodeDecodeError),
+            seeds=lambda: _addressed_files("settings.gravity[2]", "*.toml"),
             words=(*_TOML, *_NUMBERS), share=1.5,
         ),
-        Target(
-            name="python", parse=_python, errors=(LocationError, UnicodeDecodeError),
-            seeds=lambda: _addresses("MASS", "*.py"),
+        FuzzTarget(
+            name="python", parse=_parse_python, errors=(LocationError, UnicodeDecodeError),
+            seeds=lambda: _addressed_files("MASS", "*.py"),
             words=(*_MATHS, *_NUMBERS, "def ", "class ", "global ", "# coding: latin-1", "\f"),
         ),
-        Target(
-            name="urdf", parse=_urdf, errors=(EngineError,),
-            seeds=lambda: _files("*.urdf"), words=(*_XML, *_NUMBERS),
+        FuzzTarget(
+            name="urdf", parse=_parse_urdf, errors=(EngineError,),
+            seeds=lambda: _read_files("*.urdf"), words=(*_XML, *_NUMBERS),
         ),
-        Target(
-            name="new_urdf", parse=lambda data: _written(data, ".urdf"), errors=(NewError,),
-            seeds=lambda: _files("*.urdf"), words=(*_XML, *_NUMBERS), share=1.5,
+        FuzzTarget(
+            name="new_urdf", parse=lambda data: _write_system(data, ".urdf"), errors=(NewError,),
+            seeds=lambda: _read_files("*.urdf"), words=(*_XML, *_NUMBERS), share=1.5,
         ),
-        Target(
-            name="new_mjcf", parse=lambda data: _written(data, ".xml"), errors=(NewError,),
-            seeds=lambda: _files("*.xml"), words=(*_XML, *_NUMBERS), share=1.5,
+        FuzzTarget(
+            name="new_mjcf", parse=lambda data: _write_system(data, ".xml"), errors=(NewError,),
+            seeds=lambda: _read_files("*.xml"), words=(*_XML, *_NUMBERS), share=1.5,
         ),
-        Target(
-            name="results", parse=_results, errors=(ResultsError,),
+        FuzzTarget(
+            name="results", parse=_parse_results, errors=(ResultsError,),
             seeds=_results_seeds, words=('"', ":", "null", "[", "{", "NaN", *_NUMBERS), share=0.5,
         ),
-        Target(
-            name="baseline", parse=_baseline, errors=(BaselineFileError,),
+        FuzzTarget(
+            name="baseline", parse=_parse_baseline, errors=(BaselineFileError,),
             seeds=_baseline_seeds, words=('"', ":", "null", "[", "{", "NaN", *_NUMBERS), share=0.5,
         ),
-        Target(
-            name="notation", parse=_notation, errors=(DeclarationError,), bounded=False,
+        FuzzTarget(
+            name="notation", parse=_parse_notation, errors=(DeclarationError,), bounded=False,
             seeds=_notation_seeds, words=(*_MATHS, "f(", "'", "''", ", ", "theta", "m", "l"),
         ),
-        Target(
-            name="joints", parse=_joints, errors=(CompareError,),
+        FuzzTarget(
+            name="joints", parse=_parse_joints, errors=(CompareError,),
             seeds=_joints_seeds, words=("=", ",", "[joints]", *_TOML), share=0.5,
         ),
     )
 }  # fmt: skip
-"""Every parser by its name."""
+"""Every parser under attack, by its name."""

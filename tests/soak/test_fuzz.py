@@ -7,8 +7,8 @@ import pytest
 from physics_crosscheck.reference.dynamics.notation import readings
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation
-from soak.fuzz.minimize import smallest
-from soak.fuzz.target import Find, SlowError, Target, attack
+from soak.fuzz.minimize import minimize
+from soak.fuzz.target import FuzzFinding, FuzzTarget, SlowError, attack
 from soak.fuzz.targets import TARGETS
 
 FINDS = [
@@ -67,19 +67,19 @@ def raising(data: bytes) -> object:
     raise ValueError
 
 
-WRONG = Target(name="w", parse=raising, errors=(ValueError,), seeds=lambda: iter(()), words=())
+WRONG = FuzzTarget(name="w", parse=raising, errors=(ValueError,), seeds=lambda: iter(()), words=())
 
 
 def test_a_broken_contract_is_detected_and_minimized() -> None:
     assert attack(WRONG, b"yes") is None
     failure = attack(WRONG, b"yes and no and so on")
-    assert isinstance(failure, Find)
-    assert failure.place.startswith("KeyError")
-    assert smallest(WRONG, failure.input) == b"no"
+    assert isinstance(failure, FuzzFinding)
+    assert failure.location.startswith("KeyError")
+    assert minimize(WRONG, failure.input) == b"no"
 
 
 @pytest.mark.slow
 def test_a_slow_input_is_detected() -> None:
     failure = attack(WRONG, b"slow")
     assert failure is not None
-    assert failure.told.startswith(SlowError.__name__)
+    assert failure.message.startswith(SlowError.__name__)
