@@ -1,4 +1,4 @@
-"""Judge some entries and print one line of JSON for each: `python -m soak.corpus.chunk`.
+"""A process that judges entries and prints a line of JSON for each: `python -m soak.corpus.chunk`.
 
 The command reads names from standard input, one on each line. Arguments are options of `run`.
 `python -m soak.corpus` starts it in an empty working folder that also holds temporary files.

@@ -1,4 +1,4 @@
-"""Judge entries: run their commands in this process, and compare the results with requirements.
+"""The judge of entries, which runs their commands in this process and checks the requirements.
 
 Many folders of `run` share one run, as a user would run them. One folder must not affect the
 others. If such a run breaks a requirement as a whole, each of its entries runs again separately.

@@ -1,4 +1,4 @@
-"""Fuzz one parser in this process: `python -m soak.fuzz.one NAME SECONDS FINDS CORPUS`.
+"""A process that fuzzes one parser: `python -m soak.fuzz.one NAME SECONDS FINDS CORPUS`.
 
 `python -m soak.fuzz` starts this process. Atheris instruments the imports below, so that libFuzzer
 keeps mutations that reach new branches. A find is written to a file and not raised, so that the
