@@ -1,4 +1,4 @@
-"""A robot's arm of two joints, as a person would write it: for what is too long to read."""
+"""A robot arm with two joints, written by hand, whose equations are long."""
 
 from physics_crosscheck import (
     Constant,
@@ -28,18 +28,18 @@ def arm() -> System:
     )
     masses = _constant("shoulder_mass", 2.1, "kg"), _constant("link_mass", 1.3, "kg")
     x, y, z = (_constant(f"link_{n}", v, "m") for n, v in (("x", 0.03), ("y", 0.02), ("z", -0.2)))
-    reach, slant = _constant("reach", 0.05, "m"), _constant("slant", 0.25, "rad")
+    offset, slant = _constant("reach", 0.05, "m"), _constant("slant", 0.25, "rad")
     stiffness, g = _constant("stiffness", 3.5, "N*m/rad"), _constant("g", 9.81, "m/s^2")
     friction = _constant("friction", 0.4, "N*m*s/rad")
     turned = ground.hinge(pan, about=(0, 0, 1))
-    hung = turned.at(reach, 0, 0).turned((0, 1, 0), slant).hinge(lift, about=(1, 0, 0)).at(x, y, z)
+    hung = turned.at(offset, 0, 0).turned((0, 1, 0), slant).hinge(lift, about=(1, 0, 0)).at(x, y, z)
     torque = Input("torque", "N*m", "drives the link", on={lift: 1})
     return System(
         name="arm",
         title="Arm of two joints",
         source="a test",
         coordinates=(pan, lift),
-        constants=(*first, *second, *masses, x, y, z, reach, slant, stiffness, g, friction),
+        constants=(*first, *second, *masses, x, y, z, offset, slant, stiffness, g, friction),
         inputs=(torque,),
         outputs=(Output("lift", lift.q, "rad", "angle of the link"),),
         T=turned.kinetic(masses[0], first[:3], first[3:])

@@ -1,4 +1,4 @@
-"""The built-in models, beside their verdicts: those are `pytest --crosscheck models`."""
+"""Checks of the built-in models beyond their verdicts (`pytest --crosscheck models`)."""
 
 from __future__ import annotations
 
@@ -23,12 +23,11 @@ SIX = {
     "anchored_pair", "drum_pendulum", "free_pair", "mass_spring_damper", "simple_pendulum",
     "torsional_disc",
 }  # fmt: skip
-"""Those of the source: in every engine and format. One that is added may be in fewer."""
+"""Systems that have a model in every engine and format. Other systems may have fewer."""
 
 
 def sidecars(folder: Path) -> list[Sidecar]:
-    found = list(model_files(folder))
-    return [one for one in found if isinstance(one, Sidecar)]
+    return [one for one in model_files(folder) if isinstance(one, Sidecar)]
 
 
 def test_all_six_systems_run_in_all_four_pairings() -> None:
@@ -43,7 +42,7 @@ def test_all_six_systems_run_in_all_four_pairings() -> None:
     assert seen == {(name, *pairing) for name, pairing in itertools.product(SIX, pairings)}
 
 
-def test_make_test_runs_them_as_tests() -> None:
+def test_make_target_runs_builtin_models_with_required_engines() -> None:
     text = (Path(__file__).parents[2] / "Makefile").read_text()
     lines = text.replace("\\\n", "").splitlines()
     assert any("--crosscheck models" in line and "--require-engines" in line for line in lines)
@@ -51,25 +50,25 @@ def test_make_test_runs_them_as_tests() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["drum_pendulum", "free_pair"])
-def test_the_engines_linearizations_are_taylors(name: str) -> None:
+def test_engine_linearizations_match_the_equations(name: str) -> None:
     """Catch a wrong matrix about each equilibrium, with gears, and with springs of sidecars."""
     folder, prepared = builtin() / name, physics(name)
-    known = engines()
+    registered = engines()
     for sidecar in sidecars(folder):
         for engine in sidecar.engines:
-            if known[engine].version() is None:
+            if registered[engine].version() is None:
                 pytest.skip(f"{engine} is not installed")
-            found = run_linearizations(model_task(prepared, engine, sidecar))
-            assert len(found) == len(prepared.equilibria)
-            for one in found:
-                assert one.a_error is not None
-                assert one.a_error <= 1e-8
-                assert one.b_error is not None
-                assert one.b_error <= 1e-8
-                assert one.transfer_error is not None
-                assert one.transfer_error <= 1e-6
-                assert one.mode_similarity is not None
-                assert one.mode_similarity > 1 - 1e-9
+            results = run_linearizations(model_task(prepared, engine, sidecar))
+            assert len(results) == len(prepared.equilibria)
+            for result in results:
+                assert result.a_error is not None
+                assert result.a_error <= 1e-8
+                assert result.b_error is not None
+                assert result.b_error <= 1e-8
+                assert result.transfer_error is not None
+                assert result.transfer_error <= 1e-6
+                assert result.mode_similarity is not None
+                assert result.mode_similarity > 1 - 1e-9
 
 
 TOO_LARGE = CheckedStep(target=0.001, step=1e-4, measured=0.002)
@@ -89,7 +88,7 @@ TOO_LARGE = CheckedStep(target=0.001, step=1e-4, measured=0.002)
     (case(full_run=full_run(constraint_drift=0.1)), 1),
     (case(system="drum_pendulum", model="mujoco_rolling.xml"), 1),
 ])  # fmt: skip
-def test_more_than_agreement_is_demanded_of_them(
+def test_builtin_models_have_stricter_demands(
     pytestconfig: pytest.Config, fault: Case, count: int
 ) -> None:
     (demands,) = pytestconfig.hook.pytest_crosscheck_case(record=fault)

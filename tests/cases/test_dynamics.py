@@ -1,4 +1,4 @@
-"""What accelerations add to a verdict on motions."""
+"""Verdicts that combine accelerations with motions."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ AGREES = replace(MOTION, outcome=Outcome.AGREES, largest_uncertainty=1e-12, reas
 DIFFERS = replace(MOTION, outcome=Outcome.DIFFERS, reason="x ends the segment 1e-3 off")
 
 
-def told(off: float, *, complete: bool = True) -> AccelerationComparison:
-    """Accelerations of two coordinates at three states, one of which is off."""
+def comparison(off: float, *, complete: bool = True) -> AccelerationComparison:
+    """Return accelerations of two coordinates at three states, with one error."""
     defect = np.zeros((3, 2))
     defect[1, 1] = off
     return AccelerationComparison(
@@ -49,46 +49,47 @@ def told(off: float, *, complete: bool = True) -> AccelerationComparison:
     )
 
 
-def both(motion: CaseJudgement, dynamics: AccelerationComparison | None) -> CaseJudgement:
+def combined(motion: CaseJudgement, dynamics: AccelerationComparison | None) -> CaseJudgement:
     return with_dynamics(motion, dynamics, ("x", "phi"), 1e-9)
 
 
-def test_a_stiff_motion_is_decided_by_accelerations_at_every_state() -> None:
-    found = both(MOTION, told(0.0))
-    assert found.outcome is Outcome.AGREES
-    assert found.largest_uncertainty == 1e-14
-    assert found.reason == (
+def test_accelerations_decide_a_stiff_motion() -> None:
+    verdict = combined(MOTION, comparison(0.0))
+    assert verdict.outcome is Outcome.AGREES
+    assert verdict.largest_uncertainty == 1e-14
+    assert verdict.reason == (
         "its accelerations, at 3 states, match the equations to 1.0e-14 of the largest; its"
         " motions: the limit of x is known to 3.0e-08 at best"
     )
 
 
 @pytest.mark.parametrize(("motion", "dynamics"), [
-    (MOTION, None), (MOTION, told(0.0, complete=False)), (UNKNOWN, told(0.0)),
-    (AGREES, told(0.0)), (AGREES, told(1e-12)), (DIFFERS, told(0.0)), (DIFFERS, told(1.0)),
+    (MOTION, None), (MOTION, comparison(0.0, complete=False)), (UNKNOWN, comparison(0.0)),
+    (AGREES, comparison(0.0)), (AGREES, comparison(1e-12)),
+    (DIFFERS, comparison(0.0)), (DIFFERS, comparison(1.0)),
 ])  # fmt: skip
-def test_what_they_can_not_decide_is_left_to_the_motions(
+def test_motions_decide_when_accelerations_cannot(
     motion: CaseJudgement, dynamics: AccelerationComparison | None
 ) -> None:
-    """States of which nothing is told may hold what makes a motion rough; so may a step."""
-    assert both(motion, dynamics) is motion
+    """Cover roughness at states without accelerations, and within a step."""
+    assert combined(motion, dynamics) is motion
 
 
 @pytest.mark.parametrize("motion", [MOTION, UNKNOWN, AGREES])
-def test_accelerations_that_differ_differ(motion: CaseJudgement) -> None:
-    found = both(motion, told(1e-6))
-    assert found.outcome is Outcome.DIFFERS
-    assert found.component == "phi_ddot"
-    assert found.discrepancy == 1e-6
-    assert found.reason.startswith(
+def test_differing_accelerations_make_the_case_differ(motion: CaseJudgement) -> None:
+    verdict = combined(motion, comparison(1e-6))
+    assert verdict.outcome is Outcome.DIFFERS
+    assert verdict.component == "phi_ddot"
+    assert verdict.discrepancy == 1e-6
+    assert verdict.reason.startswith(
         "phi_ddot is off by 1.0e-06 of its largest value; the uncertainty is 1.0e-14;"
         " these of its forces differ: mass matrix; "
     )
     other = "all segments agree within 1.0e-12" if motion is AGREES else motion.reason
-    assert found.reason.endswith(other)
+    assert verdict.reason.endswith(other)
 
 
-def test_a_servo_that_no_step_resolves_is_resolved_without_one(tmp_path: Path) -> None:
+def test_accelerations_resolve_a_servo_that_no_step_resolves(tmp_path: Path) -> None:
     file = tmp_path / "servo.xml"
     file.write_text(SERVO.format(20))
     case = run_case(model_task(prepare_tree(file), "mujoco"))

@@ -28,7 +28,7 @@ MODELS = sorted(path.parent.name for path in EVENTS.glob("*/system.py"))
 
 
 prepared = cache(prepare)
-"""Prepares a folder once; nobody changes a folder that was prepared."""
+"""Prepares a folder once. Tests do not change a folder after preparing it."""
 
 
 def tasks(folder: Path, *engines: str, ideal: bool = False) -> Iterator[SystemTask]:
@@ -37,12 +37,12 @@ def tasks(folder: Path, *engines: str, ideal: bool = False) -> Iterator[SystemTa
     assert isinstance(target, PreparedSystem)
     for sidecar in model_files(folder):
         assert isinstance(sidecar, Sidecar)
-        for engine in (one for one in sidecar.engines if one in (engines or STANDING)):
+        for engine in (one for one in sidecar.engines if one in (engines or ENGINES)):
             for scenario in target.motions:
                 yield model_task(target, engine, sidecar, scenario=scenario)
 
 
-STANDING = "mujoco", "pybullet", "pymunk"
+ENGINES = "mujoco", "pybullet", "pymunk"
 
 
 @pytest.fixture(scope="module")
@@ -105,24 +105,24 @@ def test_a_built_in_motion_with_events_agrees(name: str) -> None:
         assert case.outcome.value == "AGREES", case.reason
 
 
-def test_the_page_has_every_motion_in_every_engine() -> None:
-    """Catch a model without its result, and a result without a model or a reason."""
+def test_docs_page_lists_every_motion_in_every_engine() -> None:
+    """Catch a model without a result, and a result without a model or a reason."""
     page = (EVENTS.parents[1] / "docs" / "method-events.md").read_text()
     rows = dict[str, list[tuple[str, str]]]()
     for line in page.splitlines():
         if line.startswith("| `") and line.count("|") == 6:
             name, _, *cells = (one.strip() for one in line.strip("|").split("|"))
-            rows.setdefault(name.split("`")[1], []).extend(zip(STANDING, cells, strict=True))
+            rows.setdefault(name.split("`")[1], []).extend(zip(ENGINES, cells, strict=True))
     assert sorted(rows) == MODELS
     for name, results in rows.items():
         files = (one for one in model_files(EVENTS / name) if isinstance(one, Sidecar))
-        there = {engine for one in files for engine in one.engines}
+        declared = {engine for one in files for engine in one.engines}
         for engine, cell in results:
-            assert cell.startswith("cannot: ") == (engine not in there), (name, engine, cell)
+            assert cell.startswith("cannot: ") == (engine not in declared), (name, engine, cell)
 
 
 @pytest.mark.slow
-def test_an_impact_that_depends_on_its_place_in_a_step_has_a_spread() -> None:
+def test_impact_that_depends_on_its_time_within_a_step_is_unresolved() -> None:
     (case,) = cases(EVENTS / "pendulum_stop", "pybullet")
     assert (case.outcome.value, case.kind) == ("UNRESOLVED", "not smooth")
     assert "no limit as the time step falls: after the event at t = 0.5782 s" in case.reason
@@ -147,7 +147,7 @@ def test_a_rebound_that_vanishes_with_the_step_differs(bounce: Path) -> None:
         ("saturated_servo", "mujoco.xml", 'range="-10 10"', 'range="-10 10.00001"', "mujoco"),
     ],
 )
-def test_a_fault_of_a_millionth_is_found(
+def test_fault_of_a_millionth_is_detected(
     tmp_path: Path, name: str, file: str, old: str, new: str, engine: str
 ) -> None:
     assert "DIFFERS" in outcomes(copy_of(name, tmp_path, file, old, new), engine)
@@ -161,7 +161,7 @@ def test_the_cause_of_a_wrong_restitution_is_named(bounce: Path, tmp_path: Path)
     assert cause(changed, "pymunk").subject == ("RESTITUTION",)
 
 
-def test_the_rigid_answer_differs_by_the_depth_of_a_soft_contact() -> None:
+def test_rigid_equations_differ_by_the_rest_depth_of_a_soft_contact() -> None:
     results = check(EVENTS / "soft_landing", engines=["mujoco"], ideal=True)
     assert {case.outcome.value for case in results.cases} == {"DIFFERS"}
     (model,) = results.models
@@ -180,7 +180,7 @@ def test_the_rigid_answer_differs_by_the_depth_of_a_soft_contact() -> None:
 
 
 @pytest.mark.slow
-def test_another_law_of_the_file_is_no_cause_of_a_rigid_difference(tmp_path: Path) -> None:
+def test_changed_soft_law_is_not_a_cause_with_rigid_equations(tmp_path: Path) -> None:
     changed = copy_of("soft_landing", tmp_path, "mujoco.xml", 'solref="0.02', 'solref="0.021')
     diagnosis = diagnose_model(next(tasks(changed, "mujoco", ideal=True)))
     assert "law" not in {one.kind for fit in diagnosis.explanations for one in fit.causes}

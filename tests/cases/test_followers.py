@@ -1,4 +1,4 @@
-"""Robots' files whose joints follow others: mimics and joint equalities."""
+"""Robot files whose joints follow others: mimics and joint equalities."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ ENGINES = [e.name for e in default_engines(".urdf") if e.version() is not None]
 
 
 @pytest.mark.parametrize("engine", [*ENGINES, "pinocchio"])
-def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
+def test_mimic_joints_agree(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
     prepared = prepare_tree(file, states=8)
@@ -60,13 +60,13 @@ def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
         assert judge(task).outcome is Outcome.DIFFERS, new
     if engine == "pinocchio":
         file.write_text(URDF)
-        let_go = judge(task.with_settings(hold_mimics=False))
-        assert let_go.outcome is Outcome.DIFFERS
-        assert (let_go.largest_discrepancy or 0) > 0.1
+        released = judge(task.with_settings(hold_mimics=False))
+        assert released.outcome is Outcome.DIFFERS
+        assert (released.largest_discrepancy or 0) > 0.1
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_mimic_that_an_engine_lost_differs(tmp_path: Path, engine: str) -> None:
+def test_mimic_missing_in_the_engine_differs(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
     task = model_task(prepare_tree(file, states=8), engine)
@@ -80,7 +80,7 @@ def test_a_mimic_that_an_engine_lost_differs(tmp_path: Path, engine: str) -> Non
 @pytest.mark.parametrize(
     ("other", "engine"), [('multiplier="2" offset="0.1"', "mujoco"), ('multiplier="0"', "pybullet")]
 )
-def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str, engine: str) -> None:
+def test_mimic_without_a_gear_is_reported_as_free(tmp_path: Path, other: str, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF.replace('joint="j3" multiplier="2"', f'joint="j3" {other}'))
     prepared = prepare_tree(file, states=8)
@@ -92,8 +92,8 @@ def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str, engine:
 @pytest.mark.parametrize(
     "integrator", [pytest.param("implicitfast", marks=pytest.mark.slow), "RK4"]
 )
-def test_straight_equalities_of_joints_are_held_and_agree(tmp_path: Path, integrator: str) -> None:
-    """References count; a joint may stand still; curves and points of bodies are left out."""
+def test_linear_joint_equalities_agree(tmp_path: Path, integrator: str) -> None:
+    """Cover joint references, a locked joint, and equalities that are left out."""
     file, engine = (
         tmp_path / "g.xml",
         next(e for e in engines_reading(".xml") if ".xml" in e.compiles),
@@ -109,8 +109,8 @@ def test_straight_equalities_of_joints_are_held_and_agree(tmp_path: Path, integr
     assert judge(task).outcome is Outcome.DIFFERS, new
 
 
-def test_as_many_follow_as_there_are(tmp_path: Path) -> None:
-    """A chain of forty, told in its order; one that would close a circle follows none."""
+def test_chain_of_forty_followers_is_compiled(tmp_path: Path) -> None:
+    """Compile a chain in order; a coupling that would close a loop is left out."""
     hinge = '<body pos="{0} 0 0"><joint name="a{0}" axis="0 1 0"/><geom size="0.1"/></body>'
     equality = '<joint joint1="a{0}" joint2="a{1}"/>'
     bodies = "".join(hinge.format(i) for i in range(41))
@@ -120,11 +120,11 @@ def test_as_many_follow_as_there_are(tmp_path: Path) -> None:
         next(e for e in engines_reading(".xml") if ".xml" in e.compiles),
     )
     file.write_text(f"<mujoco><worldbody>{bodies}</worldbody><equality>{chain}</equality></mujoco>")
-    found = engine.compiled(file)
-    assert [(one.follower, one.leader) for one in found.couplings] == [
+    model = engine.compiled(file)
+    assert [(one.follower, one.leader) for one in model.couplings] == [
         (i + 1, i) for i in range(40)
     ]
-    assert dict(found.besides)["equality constraints"] == 1
+    assert dict(model.besides)["equality constraints"] == 1
 
 
 FINGERS = """<mujoco><worldbody>
@@ -140,32 +140,32 @@ FINGERS = """<mujoco><worldbody>
 
 
 @pytest.mark.parametrize(
-    ("joints", "asked", "known"),
+    ("joints", "resolution", "bound"),
     [
-        # What a soft equality gives way by at the start is gone after a step only if it is stiff
-        # beside what the joints weigh, their armature included.
+        # The initial violation decays within one step only if the equality is stiff relative to
+        # the joints' inertia, including the armature.
         ('armature="0.1" damping="1" range="0 0.04"', 1e-9, 2e-10),
-        # It is as stiff as a step allows only if it could be stiffer, in steps of nanoseconds too.
+        # A step of nanoseconds still limits the stiffness of the equality.
         ('damping="3000"', 1e-5, 1e-5),
     ],
 )
-def test_fingers_are_held_from_the_first_step_on(
-    tmp_path: Path, joints: str, asked: float, known: float
+def test_soft_equality_of_fingers_agrees(
+    tmp_path: Path, joints: str, resolution: float, bound: float
 ) -> None:
     file = tmp_path / "fingers.xml"
     file.write_text(FINGERS.format(joints))
-    case = run_case(model_task(prepare_tree(file, states=8), "mujoco", resolution=asked))
+    case = run_case(model_task(prepare_tree(file, states=8), "mujoco", resolution=resolution))
     assert case.outcome is Outcome.AGREES, case.reason
     assert case.verdict is not None
-    assert (case.verdict.uncertainty or 1) < known
+    assert (case.verdict.uncertainty or 1) < bound
 
 
 HIDDEN = FINGERS.format('damping="3000" range="0 0.04"').replace("-100 ", "-1e5 ")
 HIDDEN = HIDDEN.replace("/></equality>", ' polycoef="0 1 0 0 0"/></equality>')
-"""Motions that settle in microseconds, of which a soft equality leaves seven digits."""
+"""Motions that settle in microseconds; a soft equality leaves seven of their digits."""
 
 
-def test_what_a_soft_equality_hides_of_motions_is_decided_by_accelerations(tmp_path: Path) -> None:
+def test_accelerations_decide_motions_hidden_by_a_soft_equality(tmp_path: Path) -> None:
     file = tmp_path / "fingers.xml"
     file.write_text(HIDDEN)
     case = run_case(model_task(prepare_tree(file, states=8), "mujoco"))
@@ -180,7 +180,7 @@ def test_what_a_soft_equality_hides_of_motions_is_decided_by_accelerations(tmp_p
     ('polycoef="0 1', 'polycoef="1e-10 1', "equalities"),
     ('damping="3000"', 'damping="3000.00003"', "forces odd in velocity"),
 ])  # fmt: skip
-def test_a_number_off_by_a_hundred_millionth_differs_all_the_same(
+def test_error_of_a_hundred_millionth_differs_behind_a_soft_equality(
     tmp_path: Path, old: str, new: str, term: str
 ) -> None:
     file = tmp_path / "fingers.xml"

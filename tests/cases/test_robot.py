@@ -1,4 +1,4 @@
-"""Robots' files alone: read, solved, and held against every engine that reads them."""
+"""Standalone robot files: read, solved, and compared with every engine that reads them."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from tests.robots.files import ADRIFT, TIPPED, UNLIMITED
 
 DATA = Path(pybullet_data.getDataPath())
 SUITE = (*(engine.name for engine in default_engines(".urdf")), "pinocchio")
-"""Engines that the project's own tests have installed."""
+"""Engines that the development environment installs."""
 
 ENGINES = [name for name in SUITE if engines()[name].version() is not None]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_sound_robot_agrees_to_ten_digits(engine: str) -> None:
+def test_correct_robot_agrees_to_ten_digits(engine: str) -> None:
     prepared = prepare_tree(DATA / "r2d2.urdf", states=8)
     case = run_case(model_task(prepared, engine))
     assert case.outcome is Outcome.AGREES, case.reason
@@ -46,16 +46,16 @@ def test_a_sound_robot_agrees_to_ten_digits(engine: str) -> None:
     assert any("collision geometry" in one for one in prepared.left_out)
 
 
-def test_a_sidecar_beside_a_file_alone_is_said_not_to_count(tmp_path: Path) -> None:
+def test_unused_sidecar_of_a_standalone_file_is_reported(tmp_path: Path) -> None:
     for name in ("alone.urdf", "with.urdf"):
         (tmp_path / name).write_text((DATA / "cartpole.urdf").read_text())
     (tmp_path / "with.urdf.toml").write_text("[settings]\nmotors = true\n")
-    said = [
+    remarks = [
         one
         for one in prepare_tree(tmp_path / "with.urdf", states=2).left_out
         if "with.urdf.toml" in one
     ]
-    assert len(said) == 1
+    assert len(remarks) == 1
     assert not any(
         ".toml" in one for one in prepare_tree(tmp_path / "alone.urdf", states=2).left_out
     )
@@ -85,7 +85,7 @@ def test_a_number_off_by_a_millionth_differs(
     assert "of its displacement at the end of the segment" in case.reason
 
 
-def test_what_an_engine_drops_differs_and_the_link_is_named(tmp_path: Path) -> None:
+def test_inertia_dropped_by_an_engine_differs_and_names_the_link(tmp_path: Path) -> None:
     """MuJoCo drops the moments of links without mass that it welds to others, PyBullet does not."""
     file = tmp_path / "tipped.urdf"
     file.write_text(TIPPED)
@@ -97,16 +97,16 @@ def test_what_an_engine_drops_differs_and_the_link_is_named(tmp_path: Path) -> N
     assert [one for one in messages if "'tip' has inertia" in one and "no mass" in one]
 
 
-def test_all_that_is_in_the_way_is_told_at_once() -> None:
-    with pytest.raises(RobotError) as caught:
+def test_all_problems_of_a_file_are_reported_together() -> None:
+    with pytest.raises(RobotError) as error:
         prepare_tree(DATA / "husky" / "husky.urdf")
-    told = str(caught.value)
-    assert told.count("husky.urdf:97: ") == 2
-    assert "rpy of <origin>" in told
-    assert "xyz of <origin>" in told
+    message = str(error.value)
+    assert message.count("husky.urdf:97: ") == 2
+    assert "rpy of <origin>" in message
+    assert "xyz of <origin>" in message
 
 
-def test_an_engine_that_makes_other_joints_is_refused_by_their_names(tmp_path: Path) -> None:
+def test_engine_with_different_joints_is_refused_with_their_names(tmp_path: Path) -> None:
     text = (DATA / "cartpole.urdf").read_text()
     file = tmp_path / "r.urdf"
     file.write_text(text)
@@ -122,7 +122,7 @@ def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
     return commands.crosscheck("run", *arguments, "--out", "out", "--jobs", "1", cwd=folder)
 
 
-def test_one_model_of_a_world_is_chosen_on_the_command_line(tmp_path: Path) -> None:
+def test_command_line_selects_one_model_of_a_world(tmp_path: Path) -> None:
     link = "<inertial><mass>{}</mass></inertial>"
     models = "".join(
         f"<model name='{name}'><link name='{name}'>{link.format(mass)}</link></model>"
@@ -140,7 +140,7 @@ def test_one_model_of_a_world_is_chosen_on_the_command_line(tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
+def test_command_line_runs_a_single_file(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())
     done = crosscheck(tmp_path, "arm.urdf", "--details")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -155,7 +155,7 @@ def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "index.html").is_file()
 
 
-def test_two_files_of_one_folder_are_two_systems_of_the_report(tmp_path: Path) -> None:
+def test_two_files_of_one_folder_are_two_systems_in_the_report(tmp_path: Path) -> None:
     (tmp_path / "one.urdf").write_text(UNLIMITED)
     (tmp_path / "two.urdf").write_text(UNLIMITED.replace('"unlimited"', '"free"'))
     done = crosscheck(tmp_path, "two.urdf", "one.urdf", "--engine", "mujoco")
@@ -168,7 +168,7 @@ def test_two_files_of_one_folder_are_two_systems_of_the_report(tmp_path: Path) -
     assert 'href="#system-unlimited"' in page
 
 
-def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> None:
+def test_unsupported_format_is_refused_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "arm.py").write_text("")
     done = crosscheck(tmp_path, "arm.py")
     assert done.returncode == 2
@@ -178,7 +178,7 @@ def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> 
     assert "Traceback" not in done.stderr
 
 
-def test_a_file_that_is_no_urdf_fails_by_its_name(tmp_path: Path) -> None:
+def test_invalid_urdf_fails_with_its_name(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text("<sdf/>")
     done = crosscheck(tmp_path, "arm.urdf")
     assert done.returncode == 3
@@ -188,7 +188,7 @@ def test_a_file_that_is_no_urdf_fails_by_its_name(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine: str) -> None:
+def test_floating_base_with_offset_and_rotated_center_of_mass(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "adrift.urdf"
     file.write_text(ADRIFT)
     prepared = prepare_tree(file, floating=True, states=8)
@@ -202,7 +202,7 @@ def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine
 
 
 @pytest.mark.slow
-def test_from_the_command_line_a_root_floats_where_it_is_said(tmp_path: Path) -> None:
+def test_command_line_option_floating_frees_the_root(tmp_path: Path) -> None:
     (tmp_path / "adrift.urdf").write_text(ADRIFT)
     chosen = [word for name in ENGINES for word in ("--engine", name)]
     done = crosscheck(tmp_path, "adrift.urdf", "--floating", *chosen)
@@ -212,7 +212,7 @@ def test_from_the_command_line_a_root_floats_where_it_is_said(tmp_path: Path) ->
     assert "2 joints, 2 links in 2 bodies" in done.stdout
 
 
-def test_a_missing_file_is_told_as_a_file_and_the_others_are_judged(tmp_path: Path) -> None:
+def test_missing_file_is_reported_and_other_files_run(tmp_path: Path) -> None:
     (tmp_path / "bad.urdf").write_text("<sdf/>")
     (tmp_path / "arm.urdf").write_text(UNLIMITED)
     (tmp_path / "arm.skel").write_text("<sdf/>")
@@ -231,13 +231,13 @@ def test_a_missing_file_is_told_as_a_file_and_the_others_are_judged(tmp_path: Pa
     assert [(case.model, case.outcome) for case in results.cases] == [
         ("bad.urdf", "FAILED"), ("arm.urdf", "AGREES"),
     ]  # fmt: skip
-    alone = crosscheck(tmp_path, "missing.urdf")
-    assert alone.returncode == 2
-    assert alone.stderr == "crosscheck: missing.urdf: there is no such file\n"
+    failed = crosscheck(tmp_path, "missing.urdf")
+    assert failed.returncode == 2
+    assert failed.stderr == "crosscheck: missing.urdf: there is no such file\n"
 
 
 @pytest.mark.slow
-def test_a_cause_and_the_numbers_that_count_are_told(tmp_path: Path) -> None:
+def test_cause_and_tested_numbers_are_reported(tmp_path: Path) -> None:
     """MuJoCo drops the moments of links without mass."""
     (tmp_path / "tipped.urdf").write_text(TIPPED)
     done = crosscheck(tmp_path, "tipped.urdf", "--engine", "mujoco")
@@ -246,7 +246,7 @@ def test_a_cause_and_the_numbers_that_count_are_told(tmp_path: Path) -> None:
     assert "cause: XC205 MuJoCo drops the inertia of massless links" in top
     assert "tipped.urdf:5 tip" in top
     assert "fix:   give the link a mass, or remove its inertia" in top
-    assert "the audit finds" not in done.stdout, "the cause says so already"
+    assert "the audit finds" not in done.stdout, "the cause already explains it"
     (model,) = read_results(tmp_path / "out" / "results.json").models
     assert model.diagnosis is not None
     assert model.diagnosis.explained
@@ -257,7 +257,7 @@ def test_a_cause_and_the_numbers_that_count_are_told(tmp_path: Path) -> None:
     assert f"{model.coverage.seen} of {model.coverage.numbers} numbers tested" in page
 
 
-def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> None:
+def test_strict_fails_if_a_file_has_unchecked_features(tmp_path: Path) -> None:
     limit = '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>'
     (tmp_path / "arm.urdf").write_text(UNLIMITED.replace("</joint>", f"{limit}</joint>"))
     arguments = ("arm.urdf", "--engine", "mujoco")
@@ -268,10 +268,10 @@ def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> 
     assert crosscheck(tmp_path, *arguments, "--strict").returncode == 0
 
 
-def test_what_one_engine_refuses_is_told_and_fails_where_no_other_judges_it_or_by_strict(
+def test_refusal_by_the_only_engine_fails_and_by_one_of_two_only_with_strict(
     tmp_path: Path,
 ) -> None:
-    """A revolute joint without `<limit>` is none for Pinocchio's parser."""
+    """Pinocchio's parser rejects a revolute joint without `<limit>`."""
     (tmp_path / "arm.urdf").write_text(UNLIMITED)
     both = ("arm.urdf", "--engine", "mujoco", "--engine", "pinocchio")
     done = crosscheck(tmp_path, *both)
@@ -283,8 +283,8 @@ def test_what_one_engine_refuses_is_told_and_fails_where_no_other_judges_it_or_b
     strict = crosscheck(tmp_path, *both, "--strict")
     assert strict.returncode == 3
     assert "--strict: unlimited/arm.urdf/states [pinocchio]: refused: " in strict.stderr
-    alone = crosscheck(tmp_path, "arm.urdf", "--engine", "pinocchio")
-    assert alone.returncode == 3
+    failed = crosscheck(tmp_path, "arm.urdf", "--engine", "pinocchio")
+    assert failed.returncode == 3
 
 
 SERVO = """<mujoco><worldbody><body pos="0 0 1"><joint name="stiff" axis="0 1 0" range="-60 60"/>
@@ -292,7 +292,7 @@ SERVO = """<mujoco><worldbody><body pos="0 0 1"><joint name="stiff" axis="0 1 0"
 <actuator><position joint="stiff" kp="2" kv="{}"/></actuator></mujoco>"""
 
 
-def test_one_that_settles_slower_is_resolved_by_weights_that_amplify_rounding_less(
+def test_slower_servo_is_resolved_with_weights_of_less_rounding(
     tmp_path: Path,
 ) -> None:
     file = tmp_path / "servo.xml"
@@ -304,8 +304,8 @@ def test_one_that_settles_slower_is_resolved_by_weights_that_amplify_rounding_le
     assert (case.verdict.largest_uncertainty or 1) < 1e-9
 
 
-def test_a_servo_that_settles_in_microseconds_is_resolved_by_another_order(tmp_path: Path) -> None:
-    """It moves by so little that last digits of its position, weighted for order 1, hide 1e-9."""
+def test_servo_that_settles_in_microseconds_is_resolved_with_rk4(tmp_path: Path) -> None:
+    """Change the order: weights for order 1 amplify the rounding of the position too much."""
     file = tmp_path / "servo.xml"
     file.write_text(SERVO.format(0.5))
     case = run_case(model_task(prepare_tree(file, states=8), "mujoco"))
@@ -318,7 +318,7 @@ def test_a_servo_that_settles_in_microseconds_is_resolved_by_another_order(tmp_p
     assert (case.verdict.largest_uncertainty or 1) < 1e-9
 
 
-def test_what_is_no_xml_fails_before_a_worker_process_is_started(
+def test_malformed_xml_fails_before_a_worker_process_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def started(*_: object) -> None:
@@ -351,9 +351,7 @@ def test_what_is_no_xml_fails_before_a_worker_process_is_started(
 
 
 @pytest.mark.workers
-def test_a_whole_file_is_parsed_by_the_workers_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_is_parsed_only_in_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parsed: list[str] = []
     file = tmp_path / "inner.urdf"
     file.write_text("<robot>\n  <link name='a'>\n</robot>\n")
@@ -366,7 +364,7 @@ def test_a_whole_file_is_parsed_by_the_workers_only(
     assert not parsed
 
 
-def test_what_an_engine_reads_though_it_is_no_xml_is_left_to_it(tmp_path: Path) -> None:
+def test_malformed_xml_is_left_to_an_engine_that_reads_it(tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
     file.write_text("before <mujoco/>")
     assert xml_problem(file, strict=False) == ""
@@ -375,7 +373,7 @@ def test_what_an_engine_reads_though_it_is_no_xml_is_left_to_it(tmp_path: Path) 
     )
 
 
-def test_source_for_xacro_is_refused_with_the_commands_that_help(
+def test_xacro_file_is_refused_with_commands_to_convert_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "xacrodoc", None)  # as without the extra
@@ -385,11 +383,11 @@ def test_source_for_xacro_is_refused_with_the_commands_that_help(
     assert "`xacro 'my arm.urdf.xacro' > 'my arm.urdf'`, and give 'my arm.urdf'" in done.stderr
 
 
-@pytest.mark.parametrize(("damping", "every"), [("0.1", False), ("0.1 0.3", True)])
-def test_where_a_force_grows_with_the_square_of_a_velocity_each_segment_shows_its_rounding(
-    tmp_path: Path, damping: str, every: bool
+@pytest.mark.parametrize(("damping", "every_segment"), [("0.1", False), ("0.1 0.3", True)])
+def test_quadratic_drag_measures_rounding_of_every_segment(
+    tmp_path: Path, damping: str, every_segment: bool
 ) -> None:
-    """Some have more rounding than others there, which a sample of them misses."""
+    """Rounding differs between segments, so a sample of them is not enough."""
     file = tmp_path / "drag.xml"
     file.write_text(
         f'<mujoco><worldbody><body><joint axis="0 1 0" name="j" damping="{damping}"/>'
@@ -397,10 +395,10 @@ def test_where_a_force_grows_with_the_square_of_a_velocity_each_segment_shows_it
         "</mujoco>"
     )
     task = model_task(prepare_tree(file), "mujoco")
-    found = follow(task).limits
+    limits = follow(task).limits
     starts = len(task.target.samples.start)
-    pairs = starts if every else starts // 4
-    assert found.steps == sum(found.rungs) * (starts + 2 * pairs)
+    pairs = starts if every_segment else starts // 4
+    assert limits.steps == sum(limits.rungs) * (starts + 2 * pairs)
 
 
 REPLACED = """<mujoco><compiler balanceinertia="true" boundmass="0.05" boundinertia="0.02"
@@ -421,19 +419,19 @@ SIGNS = """<robot name="r"><mujoco><compiler boundmass="0.5"/></mujoco>
 
 def findings(file: Path, text: str) -> dict[str, tuple[str, int | None]]:
     file.write_text(text)
-    found = prepare_tree(file, states=8).findings
+    reported = prepare_tree(file, states=8).findings
     return {
-        one.message: (one.severity, one.location.line if one.location else None) for one in found
+        one.message: (one.severity, one.location.line if one.location else None) for one in reported
     }
 
 
-def test_masses_that_the_compiler_replaces_are_reported_with_both_values_and_line(
+def test_masses_replaced_by_the_compiler_are_reported_with_both_values_and_line(
     tmp_path: Path,
 ) -> None:
-    found = findings(tmp_path / "r.xml", REPLACED)
+    reported = findings(tmp_path / "r.xml", REPLACED)
     replaced = {
         message.removeprefix("<compiler "): (severity, line)
-        for message, (severity, line) in found.items()
+        for message, (severity, line) in reported.items()
         if message.startswith("<compiler ")
     }
     assert replaced == {
@@ -446,28 +444,28 @@ def test_masses_that_the_compiler_replaces_are_reported_with_both_values_and_lin
     }
 
 
-def test_a_compiler_that_replaces_nothing_is_no_remark(tmp_path: Path) -> None:
+def test_compiler_that_replaces_nothing_is_not_reported(tmp_path: Path) -> None:
     text = re.sub(r'settotalmass="[^"]*"', "", REPLACED).replace('"0.05"', '"0.001"')
     text = text.replace('"0.02"', '"0.0002"').replace('"1 1 5"', '"1 1 1"')
     assert not [one for one in findings(tmp_path / "r.xml", text) if one.startswith("<compiler")]
 
 
 def test_negative_damping_stiffness_and_armature_are_reported_by_line(tmp_path: Path) -> None:
-    found = findings(tmp_path / "r.xml", REPLACED)
-    signs = {place for message, place in found.items() if "negative" in message}
+    reported = findings(tmp_path / "r.xml", REPLACED)
+    signs = {place for message, place in reported.items() if "negative" in message}
     assert signs == {("note", 3), ("finding", 5)}
-    assert len([message for message in found if "negative" in message]) == 3
+    assert len([message for message in reported if "negative" in message]) == 3
     assert findings(tmp_path / "r.urdf", SIGNS) == {
         "joint[j]/dynamics@damping is -0.5: negative damping adds energy to the motion. Write a"
         " positive number": ("finding", 5),
-        # Other engines read the mass as it is: in MuJoCo the file differs from its equations.
+        # Other engines use the mass of the file, so MuJoCo differs from the equations.
         "<compiler boundmass> replaces the mass of 1 body (a: 0.1 in the file, 0.5 in MuJoCo)":
             ("finding", 1),
     }  # fmt: skip
 
 
-def test_negative_damping_is_stepped_as_mujoco_does(tmp_path: Path) -> None:
-    """Without a positive damper anywhere, Euler's method takes none at the step's end."""
+def test_negative_damping_is_stepped_like_mujoco(tmp_path: Path) -> None:
+    """Cover a model without a positive damper, which MuJoCo's Euler method steps explicitly."""
     file = tmp_path / "r.xml"
     file.write_text(REPLACED)
     case = run_case(model_task(prepare_tree(file, states=8), "mujoco"))
@@ -476,7 +474,7 @@ def test_negative_damping_is_stepped_as_mujoco_does(tmp_path: Path) -> None:
     assert case.stepping.outcome is Outcome.AGREES
 
 
-def test_a_motion_from_rest_has_the_error_of_a_run_by_hand() -> None:
+def test_error_of_a_motion_from_rest_matches_a_manual_run() -> None:
     prepared = prepare_tree(DATA / "cartpole.urdf", motion=0.5, states=8)
     assert isinstance(prepared.rest, Motion)
     case = run_case(model_task(prepared, "mujoco"))
@@ -500,7 +498,7 @@ def test_a_motion_from_rest_has_the_error_of_a_run_by_hand() -> None:
     assert case.full_run.order == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_time_step_too_long_for_the_motion_is_a_reservation() -> None:
+def test_time_step_longer_than_the_motion_is_reported() -> None:
     prepared = prepare_tree(DATA / "cartpole.urdf", motion=0.003, states=8)
     case = run_case(model_task(prepared, "mujoco"))
     assert (case.outcome, case.full_run) == (Outcome.AGREES, None)

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks import acting_impulses as impulse_room
+from physics_crosscheck.harness.checks import acting_impulses as impulse_module
 from physics_crosscheck.harness.checks import audit as audit_run
-from physics_crosscheck.harness.checks import case as case_room
-from physics_crosscheck.harness.checks import planar_step as planar_room
-from physics_crosscheck.harness.checks import task as task_room
+from physics_crosscheck.harness.checks import case as case_module
+from physics_crosscheck.harness.checks import planar_step as planar_module
+from physics_crosscheck.harness.checks import task as task_module
 from physics_crosscheck.harness.checks.by_steps import suffices
 from physics_crosscheck.harness.checks.case import StepError, run_case, stepped_model
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import nonzero_scale
-from physics_crosscheck.harness.diagnosis import trial as diagnosis_room
+from physics_crosscheck.harness.diagnosis import trial as diagnosis_module
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.engines.protocol import Engine
@@ -32,7 +32,7 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.solving.solve import solve
 from tests.faults.known_folder import KNOWN_MODEL, SYSTEM, known_folder
 
-FREED = """
+EXTRA_COORDINATE = """
 names = ["x", "fall"]
 M = [[1.3, 0.0], [0.0, 0.7]]
 C = [[0.9, 0.0], [0.0, 0.0]]
@@ -46,14 +46,14 @@ HELD = 'engines = ["known"]\n[coordinates]\nfall = 0\n'
 
 
 @pytest.fixture(autouse=True)
-def known(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The known-answer engine is the one that there is."""
+def only_known_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Register the known-answer engine only."""
 
     def engines() -> dict[str, Engine]:
         return {"known": KnownEngine()}
 
-    for room in (task_room, planar_room, impulse_room, audit_run, diagnosis_room):
-        monkeypatch.setattr(room, "engines", engines)
+    for module in (task_module, planar_module, impulse_module, audit_run, diagnosis_module):
+        monkeypatch.setattr(module, "engines", engines)
 
 
 @pytest.fixture(scope="module")
@@ -63,68 +63,66 @@ def oscillator(tmp_path_factory: pytest.TempPathFactory) -> PreparedSystem:
     )
 
 
-def written(place: Path, text: str, sidecar: str = 'engines = ["known"]\n') -> Sidecar:
+def write_model(place: Path, text: str, sidecar: str = 'engines = ["known"]\n') -> Sidecar:
     (place / "one.known").write_text(text)
     (place / "one.known.toml").write_text(sidecar)
     return read_sidecar(place / "one.known.toml")
 
 
-def ran(prepared: PreparedSystem, sidecar: Sidecar, resolution: float = 1e-9) -> Case:
+def run(prepared: PreparedSystem, sidecar: Sidecar, resolution: float = 1e-9) -> Case:
     return run_case(model_task(prepared, "known", sidecar, scenario="free", resolution=resolution))
 
 
-def test_a_motion_that_is_not_finite_names_the_file(
+def test_error_of_a_diverging_motion_names_the_file(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    sidecar = written(tmp_path, KNOWN_MODEL.replace("47.0", "1e308"))
+    sidecar = write_model(tmp_path, KNOWN_MODEL.replace("47.0", "1e308"))
     with pytest.raises(BlownUpError, match=r"^.*one\.known: values that are not finite"):
-        ran(oscillator, sidecar)
+        run(oscillator, sidecar)
 
 
 @pytest.mark.parametrize("step", ["3.0", "1e30", "1e-9", "1e-300", "inf", "nan", "0.0", "-0.005"])
-def test_a_step_at_which_nothing_can_be_run_fails_and_names_the_file(
+def test_unusable_step_fails_and_names_the_file(
     oscillator: PreparedSystem, tmp_path: Path, step: str
 ) -> None:
-    sidecar = written(tmp_path, KNOWN_MODEL.replace("0.005", step))
-    with pytest.raises(StepError, match=r"one\.known: .*(step|dt).* set (one|a)") as told:
-        ran(oscillator, sidecar)
+    sidecar = write_model(tmp_path, KNOWN_MODEL.replace("0.005", step))
+    with pytest.raises(StepError, match=r"one\.known: .*(step|dt).* set (one|a)") as error:
+        run(oscillator, sidecar)
     if step == "1e-9":
-        assert "1e+09 steps" in str(told.value)
+        assert "1e+09 steps" in str(error.value)
 
 
-def test_a_step_that_follows_nothing_of_the_motion_fails(
-    oscillator: PreparedSystem, tmp_path: Path
-) -> None:
+def test_step_too_coarse_for_the_motion_fails(oscillator: PreparedSystem, tmp_path: Path) -> None:
     free = replace(oscillator.system.scenario("free"), duration=5.0)
     motion = solve(derive(oscillator.system), free)
     motion = replace(motion, scale=oscillator.motions["free"].scale)
-    sidecar = written(tmp_path, KNOWN_MODEL.replace("0.005", "2.0"))
+    sidecar = write_model(tmp_path, KNOWN_MODEL.replace("0.005", "2.0"))
     task = model_task(oscillator, "known", sidecar, scenario="free")
-    found = run_case(task.with_target(motions={"free": motion}))
-    assert found.outcome == "FAILED"
-    assert "too coarse" in found.reason
+    result = run_case(task.with_target(motions={"free": motion}))
+    assert result.outcome == "FAILED"
+    assert "too coarse" in result.reason
 
 
-def test_the_line_of_the_sidecar_is_named_where_the_step_stands_there(
+def test_place_of_a_step_set_in_the_sidecar_is_its_line(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    sidecar = written(tmp_path, KNOWN_MODEL, 'engines = ["known"]\n\n[settings]\nstep = 9\n')
-    assert str(case_room._place_of_step(model_task(oscillator, "known", sidecar))).endswith(
+    sidecar = write_model(tmp_path, KNOWN_MODEL, 'engines = ["known"]\n\n[settings]\nstep = 9\n')
+    assert str(case_module._place_of_step(model_task(oscillator, "known", sidecar))).endswith(
         "one.known.toml:4"
     )
 
 
-def test_one_freedom_too_many_differs_and_is_named(
+def test_extra_degree_of_freedom_differs_and_is_named(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    sidecar = written(tmp_path, FREED.format(pull=12.0, hold=0.0), HELD)
-    found = ran(oscillator, sidecar)
-    assert found.outcome == "DIFFERS"
-    assert "engine coordinate fall" in found.reason
-    assert "degree of freedom that the equations lack" in found.reason
-    assert found.verdict is not None
-    assert found.verdict.map_residual is not None
-    assert found.verdict.map_residual > 1e-3
+    sidecar = write_model(tmp_path, EXTRA_COORDINATE.format(pull=12.0, hold=0.0), HELD)
+    result = run(oscillator, sidecar)
+    assert result.outcome == "DIFFERS"
+    assert "engine coordinate fall" in result.reason
+    assert "degree of freedom that the equations lack" in result.reason
+    assert result.verdict is not None
+    assert result.verdict.map_residual is not None
+    assert result.verdict.map_residual > 1e-3
     (audited,) = (
         one
         for one in audit_run.audit_declared(model_task(oscillator, "known", sidecar)).findings
@@ -137,26 +135,30 @@ def test_one_freedom_too_many_differs_and_is_named(
     assert diagnosis.failure.endswith(": fall")
 
 
-def test_a_freedom_of_a_millionth_differs_and_one_that_nothing_moves_agrees(
+def test_extra_coordinate_differs_if_it_moves_and_agrees_at_rest(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    little = ran(oscillator, written(tmp_path, FREED.format(pull=1e-6, hold=0.0), HELD))
+    little = run(
+        oscillator, write_model(tmp_path, EXTRA_COORDINATE.format(pull=1e-6, hold=0.0), HELD)
+    )
     assert little.outcome == "DIFFERS"
-    still = ran(oscillator, written(tmp_path, FREED.format(pull=0.0, hold=5.0), HELD))
+    still = run(
+        oscillator, write_model(tmp_path, EXTRA_COORDINATE.format(pull=0.0, hold=5.0), HELD)
+    )
     assert still.outcome == "AGREES"
     assert still.verdict is not None
     assert still.verdict.map_residual == 0.0
 
 
 @pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])
-def test_what_differs_below_the_resolution_asked_agrees_and_says_so(
+def test_difference_below_the_resolution_agrees_with_a_remark(
     oscillator: PreparedSystem, tmp_path: Path, resolution: float, outcome: str
 ) -> None:
-    sidecar = written(tmp_path, KNOWN_MODEL + "[fault]\noff = 1e-10\n")
-    found = ran(oscillator, sidecar, resolution)
-    assert found.outcome == outcome
-    assert found.passes is (outcome == "AGREES")
-    assert ("below the requested resolution" in found.reason) is (outcome == "AGREES")
+    sidecar = write_model(tmp_path, KNOWN_MODEL + "[fault]\noff = 1e-10\n")
+    result = run(oscillator, sidecar, resolution)
+    assert result.outcome == outcome
+    assert result.passes is (outcome == "AGREES")
+    assert ("below the requested resolution" in result.reason) is (outcome == "AGREES")
 
 
 TWO = SYSTEM.replace(
@@ -171,17 +173,17 @@ TWO = SYSTEM.replace(
 )  # fmt: skip
 
 
-def test_a_coordinate_that_no_scenario_moves_is_measured_against_its_like(tmp_path: Path) -> None:
+def test_unmoved_coordinate_is_scaled_like_others_of_its_unit(tmp_path: Path) -> None:
     (tmp_path / "system.py").write_text(TWO)
     prepared = prepare_system(tmp_path, described=False)
     assert prepared.amplitude[1] == prepared.amplitude[0] > 0
-    sound = FREED.format(pull=0.0, hold=47.0).replace("fall", "y").replace("0.7", "1.3")
+    sound = EXTRA_COORDINATE.format(pull=0.0, hold=47.0).replace("fall", "y").replace("0.7", "1.3")
     text = sound.replace("C = [[0.9, 0.0], [0.0, 0.0]]", "C = [[0.9, 0.0], [0.0, 0.9]]")
-    found = ran(prepared, written(tmp_path, text))
-    assert (found.outcome, found.reason) == ("AGREES", "")
-    assert found.full_run is not None
-    assert found.full_run.global_error is not None
-    assert 0 < found.full_run.global_error < 1
+    result = run(prepared, write_model(tmp_path, text))
+    assert (result.outcome, result.reason) == ("AGREES", "")
+    assert result.full_run is not None
+    assert result.full_run.global_error is not None
+    assert 0 < result.full_run.global_error < 1
     task = model_task(prepared, "known", read_sidecar(tmp_path / "one.known.toml"))
     (linear,) = run_linearizations(task)
     assert linear.a_error is not None
@@ -198,27 +200,25 @@ def test_a_coordinate_that_no_scenario_moves_is_measured_against_its_like(tmp_pa
         ([0.3, 1e-9, 2.0, 0.1], [0.3, 1e-9, 2.0, 0.1]),
     ],
 )
-def test_what_rounding_alone_moves_has_no_size_of_its_own(
-    sizes: list[float], whole: list[float]
-) -> None:
+def test_amplitude_at_rounding_level_is_replaced(sizes: list[float], whole: list[float]) -> None:
     assert nonzero_scale(np.array(sizes)) == pytest.approx(whole, rel=1e-15)
 
 
-def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(
+def test_single_steps_decide_a_correct_case_and_skipped_checks_are_listed(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    sidecar = written(tmp_path, KNOWN_MODEL)
-    found = ran(oscillator, sidecar)
-    assert (found.outcome, found.reason) == ("AGREES", "")
-    assert found.verdict is not None
-    assert found.series is not None
-    assert (found.verdict.decided_by, found.verdict.rungs, found.verdict.order) == (
+    sidecar = write_model(tmp_path, KNOWN_MODEL)
+    result = run(oscillator, sidecar)
+    assert (result.outcome, result.reason) == ("AGREES", "")
+    assert result.verdict is not None
+    assert result.series is not None
+    assert (result.verdict.decided_by, result.verdict.rungs, result.verdict.order) == (
         "single steps", (), None,
     )  # fmt: skip
-    assert found.verdict.steps == 100 + 200  # states of the motion, and each step of 1 s
-    assert (found.verdict.largest_uncertainty or 1) < 1e-12
-    assert found.series.convergence is None
-    assert {one.check for one in found.skipped} == {
+    assert result.verdict.steps == 100 + 200  # states of the motion, and each step of 1 s
+    assert (result.verdict.largest_uncertainty or 1) < 1e-12
+    assert result.series.convergence is None
+    assert {one.check for one in result.skipped} == {
         "segments", "1000 steps", "finer full runs", "predicted time step",
     }  # fmt: skip
     whole = run_case(model_task(oscillator, "known", sidecar, scenario="free", thorough=True))
@@ -228,8 +228,8 @@ def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(
     assert whole.full_run.checked_step is not None
     assert whole.series is not None
     assert 0.0025 in whole.series.full_runs.h
-    assert found.full_run is not None
-    steps = [[one.step for one in run.steps_for] for run in (found.full_run, whole.full_run)]
+    assert result.full_run is not None
+    steps = [[one.step for one in run.steps_for] for run in (result.full_run, whole.full_run)]
     assert steps[0] == pytest.approx(steps[1], rel=0.03)
 
 
@@ -244,36 +244,36 @@ def test_single_steps_decide_a_sound_case_and_the_rest_is_listed_as_skipped(
         ("friction = 1e-7", "DIFFERS"),
     ],
 )
-def test_single_steps_leave_a_doubt_to_segments_and_full_runs(
+def test_doubtful_single_steps_are_decided_by_segments(
     oscillator: PreparedSystem, tmp_path: Path, fault: str, outcome: str
 ) -> None:
-    found = ran(oscillator, written(tmp_path, f"{KNOWN_MODEL}[fault]\n{fault}\n"))
-    assert found.verdict is not None
-    assert found.verdict.decided_by == "segments"
-    assert found.outcome == outcome, found.reason
-    assert "segments" not in {one.check for one in found.skipped}
+    result = run(oscillator, write_model(tmp_path, f"{KNOWN_MODEL}[fault]\n{fault}\n"))
+    assert result.verdict is not None
+    assert result.verdict.decided_by == "segments"
+    assert result.outcome == outcome, result.reason
+    assert "segments" not in {one.check for one in result.skipped}
 
 
-def test_one_step_of_a_full_run_that_breaks_the_rule_shows(
+def test_one_wrong_step_of_a_full_run_is_detected(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    task = model_task(oscillator, "known", written(tmp_path, KNOWN_MODEL), scenario="free")
+    task = model_task(oscillator, "known", write_model(tmp_path, KNOWN_MODEL), scenario="free")
     (model, coordinates), motion = task.load(), oscillator.motions["free"]
     power = oscillator.power()
     _, states, residuals = traced_run(model, coordinates, motion, power, model.step)
     states[113, 1] += 1e-10 * np.max(np.abs(np.diff(states[:, 1])))
     equations, held = oscillator.stepped, np.zeros((200, 1))
     assert equations is not None
-    found = compare_run(model, coordinates, equations, states, residuals, held, np.zeros(2))
-    assert np.flatnonzero(np.max(found.defect, axis=1) > 1e-11).tolist() == [112, 113]
+    comparison = compare_run(model, coordinates, equations, states, residuals, held, np.zeros(2))
+    assert np.flatnonzero(np.max(comparison.defect, axis=1) > 1e-11).tolist() == [112, 113]
     assert residuals.size == 0
 
 
-def test_a_rule_with_implicit_forces_decides_only_with_accelerations(
+def test_implicit_rule_needs_accelerations_to_decide(
     oscillator: PreparedSystem, tmp_path: Path
 ) -> None:
-    """A wrong mass and wrong forces could cancel in such a step at one length."""
-    task = model_task(oscillator, "known", written(tmp_path, KNOWN_MODEL), scenario="free")
+    """Rule out that a wrong mass and wrong forces cancel at one step length."""
+    task = model_task(oscillator, "known", write_model(tmp_path, KNOWN_MODEL), scenario="free")
     compared = stepped_model(task, *task.load())
     assert compared is not None
     fastest = oscillator.segments("free").fastest

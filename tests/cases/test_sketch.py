@@ -1,4 +1,4 @@
-"""The sketch of a system as plain data: trees of positions, the constants put in."""
+"""The sketch of a system as data: trees of positions with the constants inserted."""
 
 import math
 
@@ -22,8 +22,8 @@ def drum() -> System:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_built_in_sketches_show_every_coordinate_and_stay_together(name: str) -> None:
-    """The trees say what the expressions say, in any position."""
+def test_builtin_sketches_show_every_coordinate(name: str) -> None:
+    """Compare trees with their expressions at a random position."""
     system = load_system(builtin() / name)
     record = sketch_record(system)
     assert record is not None
@@ -37,19 +37,19 @@ def test_the_built_in_sketches_show_every_coordinate_and_stay_together(name: str
     for shape, declared in zip(record.shapes, system.sketch, strict=True):
         if shape.center is not None:
             assert not isinstance(declared, Link)
-            for found, expected in zip(shape.center, declared.at, strict=True):
+            for actual, expected in zip(shape.center, declared.at, strict=True):
                 exact = float(sp.sympify(expected).subs(values))
-                assert evaluate(found, q) == pytest.approx(exact, abs=1e-7)
+                assert evaluate(actual, q) == pytest.approx(exact, abs=1e-7)
     assert drawing(record, [c.name for c in system.coordinates]).description
 
 
-def test_a_tree_is_small_and_has_the_constants_in_it(drum: System) -> None:
+def test_tree_of_an_expression_contains_the_constants(drum: System) -> None:
     length = next(c for c in drum.constants if c.name == "l")
     theta = drum.coordinates[1]
     assert tree(length * sp.sin(theta.q), drum) == ["*", 0.6, ["sin", ["q", 1]]]
     assert tree(sp.pi / 2, drum) == pytest.approx(math.pi / 2)
 
 
-def test_a_strange_operation_in_a_sketch_is_refused() -> None:
+def test_unknown_operation_of_a_sketch_is_refused() -> None:
     with pytest.raises(ValueError, match="unknown operation 'exec'"):
         evaluate(["exec", 1.0], [0.0])

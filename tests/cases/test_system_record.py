@@ -1,4 +1,4 @@
-"""A system's record: whole, the same when it is read back, and fit for sympy to read."""
+"""The record of a system: complete, unchanged by JSON, and readable by SymPy."""
 
 from functools import cache
 
@@ -27,59 +27,59 @@ def names(system: System) -> dict[str, sp.Symbol]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_record_that_is_written_is_read_as_the_same(name: str) -> None:
+def test_record_round_trips_through_json(name: str) -> None:
     record = prepared(name).record
     assert record.folder == str(builtin() / name)
     assert record.seconds > 0
     assert msgspec.json.decode(msgspec.json.encode(record), type=records.SystemResult) == record
 
 
-def test_without_a_description_nothing_derived_is_recorded() -> None:
-    whole, brief = (
+def test_undescribed_record_has_no_derivation() -> None:
+    whole, undescribed = (
         prepared("free_pair").record,
         prepare_system(builtin() / "free_pair", described=False),
     )
-    assert brief.record.derivation is None
+    assert undescribed.record.derivation is None
     put_back = msgspec.structs.replace(
-        brief.record, derivation=whole.derivation, seconds=whole.seconds
+        undescribed.record, derivation=whole.derivation, seconds=whole.seconds
     )
     assert put_back == whole
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_text_of_the_equations_is_what_was_derived(name: str) -> None:
-    found = prepared(name)
-    derivation = found.record.derivation
+def test_text_of_the_equations_parses_to_the_derivation(name: str) -> None:
+    setup = prepared(name)
+    derivation = setup.record.derivation
     assert derivation is not None
-    read = names(found.system)
-    for formula, residual in zip(derivation.equations, derive(found.system).residual, strict=True):
+    read = names(setup.system)
+    for formula, residual in zip(derivation.equations, derive(setup.system).residual, strict=True):
         equation = sp.sympify(formula.text, locals=read)
         assert sp.expand(equation.lhs - equation.rhs - residual) == 0
-    (one,) = derivation.linearizations
-    equation = sp.sympify(one.formula.text, locals=read)
+    (linearization,) = derivation.linearizations
+    equation = sp.sympify(linearization.formula.text, locals=read)
     sides = sp.Matrix(equation.lhs) - sp.Matrix(equation.rhs)
-    at = dict.fromkeys(found.system.q, 0)
-    linear = derive(found.system).residual
-    assert at.keys() == set(found.system.q)
-    assert sp.expand(sides - linear) == sp.zeros(len(at), 1), "these equations are linear"
+    zeros = dict.fromkeys(setup.system.q, 0)
+    linear = derive(setup.system).residual
+    assert zeros.keys() == set(setup.system.q)
+    assert sp.expand(sides - linear) == sp.zeros(len(zeros), 1), "these equations are linear"
 
 
-def test_transfer_functions_are_shown_by_falling_powers() -> None:
+def test_transfer_functions_have_descending_powers() -> None:
     derivation = prepared("mass_spring_damper").record.derivation
     assert derivation is not None
-    (one,) = derivation.linearizations
-    (transfer,) = one.transfer_functions
+    (linearization,) = derivation.linearizations
+    (transfer,) = linearization.transfer_functions
     assert (transfer.output, transfer.input) == ("x", "f")
     assert transfer.formula.latex == r"\frac{1}{m \, s^{2} + c \, s + k}"
-    assert one.formula.latex == r"m \, \ddot{x} + c \, \dot{x} + k \, x = f"
-    assert np.array(one.matrices["K"]).shape == (1, 1)
+    assert linearization.formula.latex == r"m \, \ddot{x} + c \, \dot{x} + k \, x = f"
+    assert np.array(linearization.matrices["K"]).shape == (1, 1)
 
 
-def test_matrices_are_written_out_and_those_of_zeros_left_out() -> None:
+def test_zero_matrices_are_left_out_of_the_formula() -> None:
     derivation = prepared("free_pair").record.derivation
     assert derivation is not None
-    (one,) = derivation.linearizations
-    assert one.formula.latex.startswith(
+    (linearization,) = derivation.linearizations
+    assert linearization.formula.latex.startswith(
         r"\begin{bmatrix} m_{1} & 0 \\ 0 & m_{2} \end{bmatrix}"
         r" \begin{bmatrix} \ddot{x}_{1} \\ \ddot{x}_{2} \end{bmatrix} + "
     )
