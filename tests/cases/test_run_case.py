@@ -173,7 +173,7 @@ TWO = SYSTEM.replace(
 )  # fmt: skip
 
 
-def test_unmoved_coordinate_is_scaled_like_others_of_its_unit(tmp_path: Path) -> None:
+def test_unmoved_coordinate_is_scaled_like_the_others(tmp_path: Path) -> None:
     (tmp_path / "system.py").write_text(TWO)
     prepared = prepare_system(tmp_path, described=False)
     assert prepared.amplitude[1] == prepared.amplitude[0] > 0

@@ -33,7 +33,7 @@ def inertial(mass: str, moments: str, products: str = "0 0 0", origin: str = "")
 
 
 def read(folder: Path, *lines: str, floating: bool = False) -> Robot:
-    """A robot of these lines; the first of them is the file's second."""
+    """Read a robot with these lines; the first is the file's second."""
     return read_text(
         folder, "\n".join(['<robot name="written">', *lines, "</robot>"]), floating=floating
     )
@@ -55,14 +55,14 @@ def last(robot: Robot) -> TreeLink:
     return tree_of(robot).links[-1]
 
 
-def told(robot: Robot) -> dict[str, tuple[str, ...]]:
-    """What was left out, and where."""
+def left_out(robot: Robot) -> dict[str, tuple[str, ...]]:
+    """Return the elements that were left out, and where."""
     assert all(one.count >= len(one.where) for one in robot.left_out)
     return {one.what: one.where for one in robot.left_out}
 
 
-def in_the_way(robot: Robot) -> list[tuple[int, str]]:
-    """Lines and sentences."""
+def problems(robot: Robot) -> list[tuple[int, str]]:
+    """Return the line and sentence of each problem."""
     assert (robot.tree is None) == bool(robot.obstacles)
     return [(one.line, one.sentence) for one in robot.obstacles]
 

@@ -1,4 +1,4 @@
-"""An MJCF that is prepared once, and numbers made wrong in it: caught, and named by their line."""
+"""An MJCF that is prepared once, with wrong numbers to detect and to locate by line."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.diagnosis.test_robot import check_named
 
 STATES = 12
-"""Of a file: each of these robots has few numbers."""
+"""States of a file; a few suffice, since each of these robots has few numbers."""
 
 
 @dataclass(frozen=True)
-class Checked:
-    """A file, what its equations say, and how an engine is held against these."""
+class PreparedFile:
+    """A file, its equations, and the task that compares an engine with them."""
 
     file: Path
     prepared: PreparedTree
@@ -28,42 +28,42 @@ class Checked:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the equations do not have."""
+        """The elements of the file that the equations leave out."""
         return self.prepared.left_out
 
     def outcome(self, **settings: object) -> tuple[Outcome, str]:
-        """What a run says, and why; with other settings too."""
+        """Return outcome and reason of a run with these settings."""
         case = run_case(self.task.with_settings(**settings))
         return case.outcome, case.reason
 
     def accelerations(self) -> Outcome:
-        """What accelerations at the states say of the file."""
+        """Return the outcome of comparing accelerations at the states."""
         compared = stepped_model(self.task, *self.task.load())
         assert compared is not None
-        found = compared.accelerations(*self.prepared.states(self.task.scenario))
-        assert found is not None
-        return found.judgement.outcome
+        comparison = compared.accelerations(*self.prepared.states(self.task.scenario))
+        assert comparison is not None
+        return comparison.judgement.outcome
 
-    def differs(self, old: str, new: str) -> Outcome:
-        """What accelerations say of the file with another number."""
+    def outcome_with(self, old: str, new: str) -> Outcome:
+        """Return the outcome of comparing accelerations after a change of the file."""
         text = self._write(old, new)
         try:
             return self.accelerations()
         finally:
             self.file.write_text(text)
 
-    def is_named(self, old: str, new: str, address: str, line: int) -> None:
-        """Hold what is said of a wrong number against what was done; both texts are numbers."""
+    def assert_named(self, old: str, new: str, address: str, line: int) -> None:
+        """Check that the diagnosis names a wrong number; both texts are attributes of numbers."""
         words, others = old.split('"')[1].split(), new.split('"')[1].split()
         (which,) = [i for i, (a, b) in enumerate(zip(words, others, strict=True)) if a != b]
         text = self._write(old, new)
         try:
             assert judge(self.task).outcome is Outcome.DIFFERS
-            found = diagnose_robot(self.task, is_reference=False)
+            diagnosis = diagnose_robot(self.task, is_reference=False)
         finally:
             self.file.write_text(text)
         right, wrong = float(words[which]), float(others[which])
-        check_named(found, address, line, self.file.name, right, wrong)
+        check_named(diagnosis, address, line, self.file.name, right, wrong)
 
     def _write(self, old: str, new: str) -> str:
         text = self.file.read_text()
@@ -72,17 +72,17 @@ class Checked:
         return text
 
 
-def checked(folder: Path, text: str, engine: str = "") -> Checked:
-    """A file of that text."""
+def prepare_file(folder: Path, text: str, engine: str = "") -> PreparedFile:
+    """Write a file and prepare it."""
     file = folder / "model.xml"
     file.write_text(text)
     prepared = prepare_tree(file, states=STATES)
     name = engine or next(one.name for one in engines_reading(".xml") if one.version())
-    return Checked(file, prepared, model_task(prepared, name))
+    return PreparedFile(file, prepared, model_task(prepared, name))
 
 
 def tree_of(file: Path) -> Tree:
-    """Its tree."""
+    """Return the tree of a file."""
     from physics_crosscheck.harness.modelfiles.mjcf.read import read_compiled_robot
 
     tree = read_compiled_robot(file).tree

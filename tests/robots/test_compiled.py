@@ -1,4 +1,4 @@
-"""Files that an engine compiles, as trees of bodies: their equations are what the engine does."""
+"""Files that an engine compiles, as trees of bodies whose equations match the engine."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.robots.planted import Checked, checked
+from tests.robots.planted import PreparedFile, prepare_file
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
-SOUND = {"pusher_v5": 11, "swimmer": 5}
-"""Degrees of freedom of some of Gymnasium's; `campaigns.real_models` runs all."""
+ROBOTS = {"pusher_v5": 11, "swimmer": 5}
+"""Degrees of freedom of some robots of Gymnasium; `campaigns.real_models` runs all."""
 
 HARD = """<mujoco model="hard">
   <compiler angle="degree" eulerseq="zyx"/>
@@ -50,10 +50,10 @@ HARD = """<mujoco model="hard">
 """
 
 
-def written(folder: Path, more: str = "", **words: Any) -> Path:
-    given = {"integrator": "Euler", "density": 0, "gravcomp": 0, **words}
+def write_model(folder: Path, more: str = "", **changes: Any) -> Path:
+    options = {"integrator": "Euler", "density": 0, "gravcomp": 0, **changes}
     file = folder / "hard.xml"
-    file.write_text(HARD.format(more=more, **given))
+    file.write_text(HARD.format(more=more, **options))
     return file
 
 
@@ -65,16 +65,16 @@ def outcome(file: Path) -> tuple[Outcome, str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SOUND)
-def test_a_robot_that_others_wrote_agrees(name: str) -> None:
+@pytest.mark.parametrize("name", ROBOTS)
+def test_robot_of_gymnasium_agrees(name: str) -> None:
     file = ASSETS / f"{name}.xml"
     assert outcome(file) == (Outcome.AGREES, "")
-    assert len(prepare_tree(file, states=8).names) == SOUND[name]
+    assert len(prepare_tree(file, states=8).names) == ROBOTS[name]
 
 
-def test_whatever_a_format_resolves_agrees(tmp_path: Path) -> None:
-    """Anchors, references, several joints a body, welded bodies, tensors with products, shapes."""
-    file = written(tmp_path, integrator="RK4")
+def test_compiled_mjcf_agrees(tmp_path: Path) -> None:
+    """Cover anchors, references, several joints per body, welds, full tensors and shapes."""
+    file = write_model(tmp_path, integrator="RK4")
     assert outcome(file) == (Outcome.AGREES, "")
     prepared = prepare_tree(file, states=8)
     assert prepared.names == ("turn", "shift", "joint_2", "wave")
@@ -109,8 +109,8 @@ LOOSE = """<mujoco model="loose">
 
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicit"])
-def test_so_do_free_and_ball_joints(tmp_path: Path, integrator: str) -> None:
-    """A free root whose armature and dampers are its own, balls with anchors, one unnamed."""
+def test_free_and_ball_joints_agree(tmp_path: Path, integrator: str) -> None:
+    """Cover a free root with armature and dampers, and balls with anchors, one unnamed."""
     file = tmp_path / "loose.xml"
     file.write_text(LOOSE.format(integrator=integrator))
     assert outcome(file) == (Outcome.AGREES, "")
@@ -123,8 +123,8 @@ def test_so_do_free_and_ball_joints(tmp_path: Path, integrator: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def loose(tmp_path_factory: pytest.TempPathFactory) -> Checked:
-    return checked(tmp_path_factory.mktemp("loose"), LOOSE.format(integrator="RK4"))
+def loose(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
+    return prepare_file(tmp_path_factory.mktemp("loose"), LOOSE.format(integrator="RK4"))
 
 
 @pytest.mark.parametrize(("old", "new"), [
@@ -132,11 +132,13 @@ def loose(tmp_path_factory: pytest.TempPathFactory) -> Checked:
     ('pos="0.02 0.1 0"', 'pos="0.02 0.1000001 0"'),
     ('ball" damping="0.1"', 'ball" damping="0.1000001"'),
 ])  # fmt: skip
-def test_a_millionth_in_one_of_them_differs(loose: Checked, old: str, new: str) -> None:
-    assert loose.differs(old, new) is Outcome.DIFFERS
+def test_error_of_a_millionth_in_free_and_ball_joints_differs(
+    loose: PreparedFile, old: str, new: str
+) -> None:
+    assert loose.outcome_with(old, new) is Outcome.DIFFERS
 
 
-PULLING = """
+ACTUATED = """
   <tendon>
     <fixed name="rope" stiffness="30 20 10" damping="0.4 0.3 0.2" springlength="0.3" armature="0.2">
       <joint joint="turn" coef="0.7"/><joint joint="wave" coef="-1.2"/></fixed>
@@ -153,10 +155,10 @@ PULLING = """
 """
 
 
-def test_so_do_tendons_and_actuators_whose_inputs_are_held(tmp_path: Path) -> None:
-    """Polynomials, armatures, gears, servos of joints and tendons; muscles are left out."""
-    file = written(tmp_path, PULLING, gravcomp=0.6)
-    # A square of a velocity has a kink where it turns; its cube has none to speak of.
+def test_tendons_and_actuators_with_constant_inputs_agree(tmp_path: Path) -> None:
+    """Cover polynomials, armatures, gears, servos of joints and tendons, and a left-out muscle."""
+    file = write_model(tmp_path, ACTUATED, gravcomp=0.6)
+    # A force of v |v| has a kink at v = 0; a cubic force is smooth enough.
     cubic = 'class="soft"><joint damping="0.1 0 0.2"'
     file.write_text(file.read_text().replace('class="soft"><joint', cubic))
     assert outcome(file) == (Outcome.AGREES, "")
@@ -170,9 +172,9 @@ def test_so_do_tendons_and_actuators_whose_inputs_are_held(tmp_path: Path) -> No
 
 
 @pytest.fixture(scope="module")
-def pulling(tmp_path_factory: pytest.TempPathFactory) -> Checked:
+def actuated(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
     folder = tmp_path_factory.mktemp("pulling")
-    return checked(folder, written(folder, PULLING, gravcomp=0.6).read_text())
+    return prepare_file(folder, write_model(folder, ACTUATED, gravcomp=0.6).read_text())
 
 
 @pytest.mark.parametrize(("old", "new"), [
@@ -185,17 +187,19 @@ def pulling(tmp_path_factory: pytest.TempPathFactory) -> Checked:
     ('damping="0.7"', 'damping="0.7000007"'), ('armature="0.25"', 'armature="0.2500003"'),
     ('gravcomp="0.6"', 'gravcomp="0.6000006"'),
 ])  # fmt: skip
-def test_a_millionth_in_what_pulls_differs(pulling: Checked, old: str, new: str) -> None:
-    assert pulling.differs(old, new) is Outcome.DIFFERS
+def test_error_of_a_millionth_in_tendons_and_actuators_differs(
+    actuated: PreparedFile, old: str, new: str
+) -> None:
+    assert actuated.outcome_with(old, new) is Outcome.DIFFERS
 
 
 @pytest.mark.parametrize("flag", ["gravity", "spring", "actuation"])
-def test_what_a_file_switches_off_is_off(tmp_path: Path, flag: str) -> None:
-    file = written(tmp_path, PULLING, gravcomp=0.6)
+def test_disabled_forces_are_off(tmp_path: Path, flag: str) -> None:
+    file = write_model(tmp_path, ACTUATED, gravcomp=0.6)
     text = file.read_text()
     off = f'<option><flag {flag}="disable"/></option><default>'
-    found = checked(tmp_path, text.replace("<default>", off, 1))
-    assert found.accelerations() is Outcome.AGREES
+    prepared = prepare_file(tmp_path, text.replace("<default>", off, 1))
+    assert prepared.accelerations() is Outcome.AGREES
 
 
 COUPLED = """<mujoco><option><flag {}/></option>
@@ -213,55 +217,57 @@ COUPLED = """<mujoco><option><flag {}/></option>
     ('refsafe="disable" island="disable" warmstart="disable" limit="disable" frictionloss="disable"'
      ' contact="disable" invdiscrete="enable" energy="enable" override="enable"', "", 2),
 ])  # fmt: skip
-def test_equalities_that_are_off_hold_nothing_and_others_hold_under_any_flag(
+def test_equality_is_held_unless_it_is_disabled(
     tmp_path: Path, flags: str, active: str, count: int
 ) -> None:
-    found = checked(tmp_path, COUPLED.format(flags, active))
-    assert len(found.prepared.names) == count
+    model = prepare_file(tmp_path, COUPLED.format(flags, active))
+    assert len(model.prepared.names) == count
     if count == 3:
-        assert found.accelerations() is Outcome.AGREES
+        assert model.accelerations() is Outcome.AGREES
     else:
-        assert found.outcome() == (Outcome.AGREES, "")
+        assert model.outcome() == (Outcome.AGREES, "")
 
 
-MORE = {
+UNSUPPORTED = {
     "actuators of other laws or transmissions":
         '<actuator><muscle joint="turn" force="20" lengthrange="0.1 1"/></actuator>',
     "equality constraints": '<equality><connect body1="last" anchor="0 0 0"/></equality>',
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", MORE)
-def test_what_is_left_out_acts_on_nothing_and_is_told(tmp_path: Path, what: str) -> None:
-    found = checked(tmp_path, written(tmp_path, MORE[what]).read_text())
-    assert found.accelerations() is Outcome.AGREES
-    assert what in found.left_out
+@pytest.mark.parametrize("feature", UNSUPPORTED)
+def test_unsupported_elements_are_disabled_and_reported(tmp_path: Path, feature: str) -> None:
+    prepared = prepare_file(tmp_path, write_model(tmp_path, UNSUPPORTED[feature]).read_text())
+    assert prepared.accelerations() is Outcome.AGREES
+    assert feature in prepared.left_out
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("joints", [("turn", "wave"), ("wave", "turn")])
-def test_joints_with_dampers_follow_each_other(tmp_path: Path, joints: tuple[str, str]) -> None:
-    """Whichever is nearer to the world; Euler's implicit dampers would let go of the equality."""
-    one, other = joints
-    file = written(tmp_path, f'<equality><joint joint1="{one}" joint2="{other}"/></equality>')
-    found = checked(tmp_path, file.read_text())
-    assert found.outcome() == (Outcome.AGREES, "")
-    assert found.prepared.settings["couplings"] == [one]
+def test_damped_joint_follows_another(tmp_path: Path, joints: tuple[str, str]) -> None:
+    """Cover both orders; Euler's implicit damping would violate the equality."""
+    follower, leader = joints
+    file = write_model(
+        tmp_path, f'<equality><joint joint1="{follower}" joint2="{leader}"/></equality>'
+    )
+    model = prepare_file(tmp_path, file.read_text())
+    assert model.outcome() == (Outcome.AGREES, "")
+    assert model.prepared.settings["couplings"] == [follower]
 
 
-@pytest.mark.parametrize("given", [[1.0], "all", [1.0, "x", 2.0, 3.0, 4.0]])
-def test_controls_are_as_many_numbers_as_inputs(tmp_path: Path, given: object) -> None:
-    file = written(tmp_path, PULLING)
+@pytest.mark.parametrize("controls", [[1.0], "all", [1.0, "x", 2.0, 3.0, 4.0]])
+def test_controls_need_one_number_per_input(tmp_path: Path, controls: object) -> None:
+    file = write_model(tmp_path, ACTUATED)
     engine = compiler(".xml")
     assert engine is not None
     with pytest.raises(EngineError, match=r"controls is .*; expected 5 numbers"):
-        engine.load(ModelSpec(path=file, settings={"smooth": True, "controls": given}))
+        engine.load(ModelSpec(path=file, settings={"smooth": True, "controls": controls}))
 
 
-def test_with_it_they_do_act(tmp_path: Path) -> None:
-    """So that it is the settings that leave them out."""
-    more = MORE["equality constraints"]
-    file = written(tmp_path, more, gravcomp=0.5, density=1000)
+def test_couplings_setting_changes_the_motion(tmp_path: Path) -> None:
+    """Confirm that the setting, not the file, disables the equality."""
+    more = UNSUPPORTED["equality constraints"]
+    file = write_model(tmp_path, more, gravcomp=0.5, density=1000)
     engine = compiler(".xml")
     assert engine is not None
     loads = [{"smooth": True}, {"smooth": True, "couplings": False}]
@@ -273,7 +279,7 @@ def test_with_it_they_do_act(tmp_path: Path) -> None:
     assert np.max(np.abs(changes[0] - changes[1])) > 1e-3
 
 
-def test_all_that_is_not_covered_is_told_at_once_by_name(tmp_path: Path) -> None:
+def test_all_unsupported_features_are_reported_together(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(
         '<mujoco><worldbody><flexcomp type="grid" count="2 2 2" dim="3" name="f" radius="0.01" '
@@ -281,22 +287,22 @@ def test_all_that_is_not_covered_is_told_at_once_by_name(tmp_path: Path) -> None
     )
     robot = read_compiled_robot(file)
     assert robot.tree is None
-    told = [str(one) for one in robot.obstacles]
-    assert any("flexible bodies: not covered" in one for one in told)
-    assert any("it has no joint that moves" in one for one in told)
+    messages = [str(one) for one in robot.obstacles]
+    assert any("flexible bodies: not covered" in one for one in messages)
+    assert any("it has no joint that moves" in one for one in messages)
     with pytest.raises(RobotError, match=r"r\.xml: .*not covered"):
         prepare_tree(file, states=8)
 
 
-def test_gravity_compensation_of_actuators_that_are_off_is_not_covered(tmp_path: Path) -> None:
-    file = written(tmp_path, '<actuator><motor joint="wave"/></actuator>', gravcomp=0.6)
+def test_gravity_compensation_by_disabled_actuators_is_refused(tmp_path: Path) -> None:
+    file = write_model(tmp_path, '<actuator><motor joint="wave"/></actuator>', gravcomp=0.6)
     text = file.read_text().replace('name="wave"', 'name="wave" actuatorgravcomp="true"')
     file.write_text(text)
     assert not read_compiled_robot(file).obstacles
     off = '<option><flag actuation="disable"/></option><default>'
     file.write_text(text.replace("<default>", off, 1))
-    (one,) = read_compiled_robot(file).obstacles
-    assert "gravity compensation by actuators that are off: not covered" in str(one)
+    (problem,) = read_compiled_robot(file).obstacles
+    assert "gravity compensation by actuators that are off: not covered" in str(problem)
 
 
 MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 0.3 0 0 0 0.5 0 0 0 0.7"/></asset>
@@ -304,7 +310,7 @@ MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 0.3 0 0 0 0.5 0 0 0 0.7"
 </mujoco>"""
 
 
-def test_an_agreement_on_inertias_of_another_engine_has_a_reservation(tmp_path: Path) -> None:
+def test_agreement_on_compiled_inertias_has_a_reservation(tmp_path: Path) -> None:
     file = tmp_path / "meshed.xml"
     file.write_text(MESHED)
     case = run_case(model_task(prepare_tree(file, states=8), "pinocchio"))
@@ -312,15 +318,15 @@ def test_an_agreement_on_inertias_of_another_engine_has_a_reservation(tmp_path: 
     assert case.reason == "the inertia of 1 body is as MuJoCo compiles the file"
 
 
-def test_a_file_that_is_not_compiled_is_told_with_its_name(tmp_path: Path) -> None:
+def test_compile_error_names_the_file(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text('<mujoco><worldbody><body><joint type="screw"/></body></worldbody></mujoco>')
-    (one,) = read_compiled_robot(file).obstacles
-    assert "r.xml" in str(one)
-    assert "screw" in str(one)
+    (problem,) = read_compiled_robot(file).obstacles
+    assert "r.xml" in str(problem)
+    assert "screw" in str(problem)
 
 
-def test_a_file_without_a_joint_is_told(tmp_path: Path) -> None:
+def test_file_without_a_joint_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
     assert [one.sentence for one in read_compiled_robot(file).obstacles] == [
@@ -328,10 +334,10 @@ def test_a_file_without_a_joint_is_told(tmp_path: Path) -> None:
     ]
 
 
-def test_an_obstacle_is_in_the_file_that_it_stands_in_though_another_includes_it(
+def test_problem_in_an_included_file_is_located_in_that_file(
     tmp_path: Path,
 ) -> None:
-    """And its sentence is whole: it has a colon of its own."""
+    """Cover a file name with a colon."""
     (tmp_path / "part: 7.xml").write_text(
         "<mujocoinclude>\n<body><joint/>\n"
         '<geom size="0.1" mass="nan" kind="x"/></body>\n</mujocoinclude>'
@@ -339,10 +345,10 @@ def test_an_obstacle_is_in_the_file_that_it_stands_in_though_another_includes_it
     main = tmp_path / "main.xml"
     main.write_text('<mujoco><worldbody><include file="part: 7.xml"/></worldbody></mujoco>')
     robot = read_compiled_robot(main)
-    (found,) = robot.obstacles
-    assert (found.file.name, found.line) == ("part: 7.xml", 3)
-    assert found.sentence == "<geom mass> has 'nan'; expected a finite number"
+    (problem,) = robot.obstacles
+    assert (problem.file.name, problem.line) == ("part: 7.xml", 3)
+    assert problem.sentence == "<geom mass> has 'nan'; expected a finite number"
     with pytest.raises(RobotError) as error:
         robot_system(robot)
     (where,) = failure_of(error.value).locations
-    assert (where.file, where.line) == (str(found.file), 3)
+    assert (where.file, where.line) == (str(problem.file), 3)

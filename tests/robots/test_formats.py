@@ -31,7 +31,7 @@ def test_a_registered_format_is_read_by_its_package(
     assert str(readers.robot_numbers(file, {})) == "toy"
 
 
-def test_a_file_that_others_include_is_no_robot(tmp_path: Path) -> None:
+def test_include_file_is_not_listed_as_a_robot(tmp_path: Path) -> None:
     for name, root in (("arm", "mujoco"), ("part", "mujocoinclude"), ("page", "html")):
         (tmp_path / f"{name}.xml").write_text(f"<{root}></{root}>")
     assert robots_below(tmp_path) == [tmp_path / "arm.xml"]

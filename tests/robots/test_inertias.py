@@ -1,4 +1,4 @@
-"""Inertias that no body can have are told by link and line."""
+"""Physically impossible inertias are reported by link and line."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ from tests.robots.files import inertial, joint, link, read, tree_of
         ("1", "1e300 1e300 3e300", "0 0 0", ["triangle"]),
     ],
 )
-def test_the_rules_of_bodies(
+def test_impossible_inertias_are_reported(
     tmp_path: Path, mass: str, moments: str, products: str, kinds: list[str]
 ) -> None:
     turned = '<origin xyz="1 2 3" rpy="0.3 0.4 0.5"/>'
     body = link("odd", inertial(mass, moments, products, turned))
     robot = read(tmp_path, link("base"), "<!-- a\ncomment -->", body)
-    found = impossible_inertias(robot)
-    assert [one.kind for one in found] == kinds
-    assert {(one.link, one.line) for one in found} <= {("odd", 5)}
-    for one in found:
-        assert str(one).startswith(f"{tmp_path / 'robot.urdf'}:5: link 'odd' has ")
-        assert one.remedy
+    issues = impossible_inertias(robot)
+    assert [issue.kind for issue in issues] == kinds
+    assert {(issue.link, issue.line) for issue in issues} <= {("odd", 5)}
+    for issue in issues:
+        assert str(issue).startswith(f"{tmp_path / 'robot.urdf'}:5: link 'odd' has ")
+        assert issue.remedy
 
 
-def test_what_rounding_leaves_of_a_point_mass_is_none(tmp_path: Path) -> None:
-    """As iCub's head has it: brought to its center of mass from where its moments were 0.01."""
+def test_rounding_of_a_point_mass_is_accepted(tmp_path: Path) -> None:
+    """Cover a tensor shifted to the center of mass, as in the file of iCub's head."""
     robot = read(tmp_path, link("head", inertial("1.3", "0 0 0", "0 2.4e-18 0", FAR)))
     assert impossible_inertias(robot) == ()
     near = read(tmp_path, link("head", inertial("1.3", "0 0 0", "0 2.4e-18 0")))
@@ -58,22 +58,22 @@ def test_what_rounding_leaves_of_a_point_mass_is_none(tmp_path: Path) -> None:
 FAR = '<origin xyz="0.02 -0.11 0"/>'
 
 
-def test_what_is_impossible_is_no_obstacle_while_there_are_accelerations(tmp_path: Path) -> None:
+def test_impossible_inertia_still_makes_a_tree(tmp_path: Path) -> None:
     body = link("odd", inertial("1", "1 1 3"))
     robot = read(tmp_path, link("base"), body, joint("j", "base", "odd"))
     assert tree_of(robot).nv == 1
-    (found,) = impossible_inertias(robot)
-    assert found.sentence == "link 'odd' has the principal moments of inertia 1, 1 and 3 kg m^2"
+    (issue,) = impossible_inertias(robot)
+    assert issue.sentence == "link 'odd' has the principal moments of inertia 1, 1 and 3 kg m^2"
 
 
-def test_a_negative_mass_that_no_position_outweighs_is_in_the_way(tmp_path: Path) -> None:
+def test_dominant_negative_mass_makes_no_tree(tmp_path: Path) -> None:
     body = link("odd", inertial("-1", "0 0 0", origin='<origin xyz="0 1 0"/>'))
     robot = read(tmp_path, link("base"), body, joint("j", "base", "odd"))
     assert robot.tree is None
     assert [one.kind for one in impossible_inertias(robot)] == ["negative mass"]
 
 
-def test_numbers_that_are_not_finite_are_told(tmp_path: Path) -> None:
+def test_inertia_that_is_not_finite_is_reported(tmp_path: Path) -> None:
     huge = RigidBody(name="x", parent=None, mass=1.0, inertia=(1.7e308,) * 6, inertia_rpy=(1, 1, 1))
     part = LinkPart(link=huge, line=3)
     none = np.zeros(0)

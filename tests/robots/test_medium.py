@@ -1,4 +1,4 @@
-"""An MJCF's medium is in its equations: the drag of boxes; that of ellipsoids is left out."""
+"""The medium of an MJCF: equations include the drag of boxes, but not of ellipsoids."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.fluid import Immersion
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
-from tests.robots.planted import Checked, checked, tree_of
+from tests.robots.planted import PreparedFile, prepare_file, tree_of
 
 EEL = """<mujoco model="eel">
   <compiler angle="radian"/>
@@ -34,17 +34,17 @@ EEL = """<mujoco model="eel">
 
 
 @pytest.fixture(scope="module")
-def eel(tmp_path_factory: pytest.TempPathFactory) -> Checked:
-    return checked(tmp_path_factory.mktemp("eel"), EEL)
+def eel(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
+    return prepare_file(tmp_path_factory.mktemp("eel"), EEL)
 
 
-def test_bodies_in_a_wind_agree(eel: Checked) -> None:
-    """Welded ones as boxes of their own, and one whose axes follow from products."""
+def test_bodies_in_a_wind_agree(eel: PreparedFile) -> None:
+    """Cover a welded body with its separate box, and a box with products of inertia."""
     assert eel.outcome(integrator="implicit") == (Outcome.AGREES, "")
     assert not [one for one in eel.left_out if "medium" in one]
 
 
-def test_forces_are_those_that_the_engine_tells(eel: Checked) -> None:
+def test_fluid_forces_match_the_engine(eel: PreparedFile) -> None:
     tree = tree_of(eel.file)
     model = mujoco.MjModel.from_xml_path(str(eel.file))
     data = mujoco.MjData(model)
@@ -54,33 +54,32 @@ def test_forces_are_those_that_the_engine_tells(eel: Checked) -> None:
         data.qpos[:] = MinimalCoordinates(tree).positions(rng.normal(size=(4, 1)))[:, 0]
         data.qvel[:] = rng.normal(size=4)
         mujoco.mj_forward(model, data)
-        own = immersion.forces(data.qpos.copy(), data.qvel.copy())
-        assert own == pytest.approx(data.qfrc_fluid, rel=1e-12, abs=1e-14)
+        forces = immersion.forces(data.qpos.copy(), data.qvel.copy())
+        assert forces == pytest.approx(data.qfrc_fluid, rel=1e-12, abs=1e-14)
 
 
-def test_a_millionth_in_it_differs(eel: Checked) -> None:
-    assert eel.differs('density="30"', 'density="30.00003"') is Outcome.DIFFERS
-    assert eel.differs('viscosity="0.2"', 'viscosity="0.2000004"') is Outcome.DIFFERS
+def test_error_of_a_millionth_in_the_medium_differs(eel: PreparedFile) -> None:
+    assert eel.outcome_with('density="30"', 'density="30.00003"') is Outcome.DIFFERS
+    assert eel.outcome_with('viscosity="0.2"', 'viscosity="0.2000004"') is Outcome.DIFFERS
 
 
 @pytest.mark.slow
-def test_a_millionth_in_a_wind_is_named(eel: Checked) -> None:
-    eel.is_named('wind="0.5 -0.3 0.2"', 'wind="0.5 -0.3000006 0.2"', "mujoco/option@wind[1]", 3)
+def test_error_of_a_millionth_in_a_wind_is_named(eel: PreparedFile) -> None:
+    eel.assert_named('wind="0.5 -0.3 0.2"', 'wind="0.5 -0.3000006 0.2"', "mujoco/option@wind[1]", 3)
 
 
-def test_of_ellipsoids_it_is_left_out_and_told(tmp_path: Path) -> None:
-    """Their bodies are no boxes either."""
+def test_ellipsoid_drag_is_left_out_and_reported(tmp_path: Path) -> None:
+    """Confirm that bodies with ellipsoids do not get the drag of boxes."""
     shaped = EEL.replace(' density="500"', ' density="500" fluidshape="ellipsoid"')
-    found = checked(tmp_path, shaped)
-    assert found.accelerations() is Outcome.AGREES
-    assert "ellipsoids in a medium" in found.left_out
-    assert len(tree_of(found.file).immersed) == 2
+    prepared = prepare_file(tmp_path, shaped)
+    assert prepared.accelerations() is Outcome.AGREES
+    assert "ellipsoids in a medium" in prepared.left_out
+    assert len(tree_of(prepared.file).immersed) == 2
 
 
-def test_flags_switch_it_off_together(tmp_path: Path) -> None:
-    """And so they do gravity compensation."""
+def test_spring_and_damper_flags_disable_drag_and_gravity_compensation(tmp_path: Path) -> None:
     flags = '<option><flag spring="disable" damper="disable"/></option><worldbody>'
     text = EEL.replace("<worldbody>", flags).replace('"tail"', '"tail" gravcomp="0.5"')
-    found = checked(tmp_path, text)
-    assert found.accelerations() is Outcome.AGREES
-    assert tree_of(found.file).fluid is None
+    prepared = prepare_file(tmp_path, text)
+    assert prepared.accelerations() is Outcome.AGREES
+    assert tree_of(prepared.file).fluid is None

@@ -1,4 +1,4 @@
-"""Numbers of robots' files: all found where they stand, and the trees that others of them make."""
+"""Numbers of robot files: their places, and the trees that changed numbers make."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ URDF = "\n".join(
 
 
 def by_address(numbers: Numbers) -> dict[str, int]:
-    found = {one.address: i for i, one in enumerate(numbers.numerals)}
-    assert len(found) == len(numbers.numerals)
-    return found
+    indices = {one.address: i for i, one in enumerate(numbers.numerals)}
+    assert len(indices) == len(numbers.numerals)
+    return indices
 
 
-def same(one: Tree | None, other: Tree | None) -> bool:
-    assert one is not None
+def same(tree: Tree | None, other: Tree | None) -> bool:
+    assert tree is not None
     assert other is not None
     return all(
         np.array_equal(getattr(a, name), getattr(b, name))
-        for a, b in zip(one.links, other.links, strict=True)
+        for a, b in zip(tree.links, other.links, strict=True)
         for name in ("position", "rotation", "axis", "mass", "center", "inertia", "damping",
                      "stiffness", "rest", "armature")
     )  # fmt: skip
@@ -54,7 +54,7 @@ def same(one: Tree | None, other: Tree | None) -> bool:
     "link[welded]/inertial/origin@xyz[0]",
     "joint[b]/dynamics@damping", "gazebo[b]/springStiffness",
 ])  # fmt: skip
-def test_a_tree_of_another_number_is_that_of_the_file_with_it(tmp_path: Path, address: str) -> None:
+def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path, address: str) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(URDF)
     numbers = robot_numbers(file, {})
@@ -67,25 +67,25 @@ def test_a_tree_of_another_number_is_that_of_the_file_with_it(tmp_path: Path, ad
     (text,) = numbers.texts({index: 0.125}).values()
     file.write_bytes(text)
     assert same(changed, read_robot(file).tree)
-    assert same(numbers.tree({}), before), "what was changed stays so for a while alone"
+    assert same(numbers.tree({}), before), "the change is temporary"
 
 
-def test_numbers_are_told_where_they_stand_and_with_a_size(tmp_path: Path) -> None:
+def test_numbers_have_line_value_and_scale(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(URDF)
     numbers = robot_numbers(file, {})
-    known = by_address(numbers)
-    one = numbers.numerals[known["joint[a]/origin@xyz[2]"]]
-    assert (one.line, one.value, one.scale) == (3, 0.25, 0.25)
-    assert file.read_bytes()[one.start : one.end] == b"0.25"
-    assert numbers.numerals[known["joint[a]/origin@xyz[0]"]].scale == 0.25
-    assert numbers.numerals[known["link[one]/inertial/inertia@ixy"]].scale == 0.3
-    effort = known["joint[b]/limit@effort"]
+    indices = by_address(numbers)
+    entry = numbers.numerals[indices["joint[a]/origin@xyz[2]"]]
+    assert (entry.line, entry.value, entry.scale) == (3, 0.25, 0.25)
+    assert file.read_bytes()[entry.start : entry.end] == b"0.25"
+    assert numbers.numerals[indices["joint[a]/origin@xyz[0]"]].scale == 0.25
+    assert numbers.numerals[indices["link[one]/inertial/inertia@ixy"]].scale == 0.3
+    effort = indices["joint[b]/limit@effort"]
     assert numbers.numerals[effort].value == 7
     assert effort not in numbers.relevant_numbers
 
 
-def test_a_number_that_makes_no_tree_makes_none(tmp_path: Path) -> None:
+def test_invalid_number_makes_no_tree(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(URDF)
     numbers = robot_numbers(file, {})
@@ -107,22 +107,22 @@ LIMBS = """<mujocoinclude><worldbody><body><joint name="a" axis="0 1 0" armature
 """
 
 
-def test_an_mjcf_has_the_numbers_of_what_it_includes(tmp_path: Path) -> None:
+def test_mjcf_has_the_numbers_of_included_files(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF)
     (tmp_path / "limbs.xml").write_text(LIMBS)
     numbers = robot_numbers(file, {})
-    known = by_address(numbers)
-    said = {numbers.numerals[i].address for i in numbers.relevant_numbers}
+    indices = by_address(numbers)
+    addresses = {numbers.numerals[i].address for i in numbers.relevant_numbers}
     assert {
         "mujoco/default/joint@damping", "mujoco/default/geom@density", "joint[a]@armature",
         "geom[light]@mass", "geom[light]@pos[2]", "mujoco/option@gravity[2]",
-    } <= said  # fmt: skip
-    assert not said & {"mujoco/option@timestep", "mujoco/default/geom@rgba[0]"}
-    assert not [one for one in said if "friction" in one]
+    } <= addresses  # fmt: skip
+    assert not addresses & {"mujoco/option@timestep", "mujoco/default/geom@rgba[0]"}
+    assert not [one for one in addresses if "friction" in one]
     before = numbers.tree({})
     for address in ("mujoco/default/joint@damping", "geom[light]@mass"):
-        index = known[address]
+        index = indices[address]
         changed = numbers.tree({index: 0.4})
         assert not same(changed, before)
         other = tmp_path / address.split("[")[0].replace("/", "_")
@@ -133,12 +133,12 @@ def test_an_mjcf_has_the_numbers_of_what_it_includes(tmp_path: Path) -> None:
         assert (tmp_path / "limbs.xml").read_text() == LIMBS
 
 
-def chain(compiler: str, joint_one: str) -> str:
+def chain(compiler: str, joint_attributes: str) -> str:
     bodies = ""
     for k in reversed(range(5)):
-        own = joint_one if k == 1 else 'damping="0.2"'
+        extra = joint_attributes if k == 1 else 'damping="0.2"'
         bodies = (
-            f'<body name="b{k}" pos="0 0.{k} 0.3"><joint name="j{k}" axis="0 1 0.{k}" {own}/>'
+            f'<body name="b{k}" pos="0 0.{k} 0.3"><joint name="j{k}" axis="0 1 0.{k}" {extra}/>'
             f'<inertial pos="0 0.01 0.1" mass="1.{k}" diaginertia="0.01 0.02 0.025"/>'
             f"{bodies}</body>"
         )
@@ -146,18 +146,22 @@ def chain(compiler: str, joint_one: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("compiler", "joint_one", "share"),
+    ("compiler", "joint_attributes", "share"),
     [("", "", 0.7), ('settotalmass="7"', "", 2.0), ("", 'springdamper="0.3 1"', 2.0)],
     ids=["bodies alone", "total mass", "spring of the whole inertia"],
 )
-def test_numbers_of_bodies_are_compiled_together_only_where_each_changes_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiler: str, joint_one: str, share: float
+def test_only_independent_numbers_of_bodies_are_compiled_together(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    compiler: str,
+    joint_attributes: str,
+    share: float,
 ) -> None:
     """Catch a number that changes other bodies too, and a compilation for each number."""
     pytest.importorskip("mujoco")
     file = tmp_path / "r.xml"
-    file.write_text(chain(compiler, joint_one))
-    alone, together = robot_numbers(file, {}), robot_numbers(file, {})
+    file.write_text(chain(compiler, joint_attributes))
+    single, together = robot_numbers(file, {}), robot_numbers(file, {})
     compiled, count = CompiledNumbers._compile, list[int]()
 
     def counted(self: CompiledNumbers, values: Mapping[int, float]) -> CompiledTree | None:
@@ -169,5 +173,5 @@ def test_numbers_of_bodies_are_compiled_together_only_where_each_changes_its_own
     assert len(numbers) > 40
     assert len(count) < share * len(numbers)
     for i in numbers:
-        value = alone.numerals[i].value + NUDGE * alone.numerals[i].scale
-        assert same(together.tree({i: value}), alone.tree({i: value}))
+        value = single.numerals[i].value + NUDGE * single.numerals[i].scale
+        assert same(together.tree({i: value}), single.tree({i: value}))

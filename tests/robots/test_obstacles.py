@@ -1,4 +1,4 @@
-"""What is in the way of a tree: all of it at once, each with its line and a remedy."""
+"""Problems that prevent a tree: all are reported together, with their lines and remedies."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import pytest
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
 from tests.robots.files import (
     BODY,
-    in_the_way,
     inertial,
     joint,
+    left_out,
     link,
+    problems,
     read,
     read_text,
-    told,
     tree_of,
 )
 
 BASE, A, B = link("base", ""), link("a"), link("b")
 
 
-def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None:
+def test_all_problems_are_reported_with_their_lines(tmp_path: Path) -> None:
     robot = read(
         tmp_path,
         BASE,
@@ -38,7 +38,7 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
         joint("s", "c", "alone"),
         "<joint/>",
     )
-    assert in_the_way(robot) == [
+    assert problems(robot) == [
         (3, "value of <mass> of link 'a' is '2 kg'; expected a finite number"),
         (4, "a second link is called 'a'"),
         (5, "joint 'p' is planar, which is not covered"),
@@ -109,17 +109,19 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
          "the masses of link 'b' and of the links fixed to it add up to zero, with a negative one"),
     ],
 )  # fmt: skip
-def test_an_obstacle(tmp_path: Path, lines: tuple[str, ...], line: int, sentence: str) -> None:
-    assert in_the_way(read(tmp_path, *lines)) == [(line, sentence)]
+def test_problem_is_reported_with_its_line(
+    tmp_path: Path, lines: tuple[str, ...], line: int, sentence: str
+) -> None:
+    assert problems(read(tmp_path, *lines)) == [(line, sentence)]
 
 
 @pytest.mark.parametrize(
     "text", ["0,5 0 0", "0.1,0,0", "0.1 ,0 ,0", "0 0", "0 0 0 0", "nan 0 0", "1e999 0 0"]
 )
-def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) -> None:
+def test_ambiguous_numbers_are_refused(tmp_path: Path, text: str) -> None:
     robot = read(tmp_path, BASE, A, joint("j", "base", "a", f'<origin xyz="{text}"/>'))
     sentence = f"xyz of <origin> of joint 'j' is {text!r}; expected 3 finite numbers"
-    assert in_the_way(robot) == [(4, sentence)]
+    assert problems(robot) == [(4, sentence)]
 
 
 @pytest.mark.parametrize(
@@ -138,18 +140,20 @@ def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) 
         (b"\x89PNG\r\n\x1a\n", 1, "not XML at column 1: not well-formed (invalid token)"),
     ],
 )
-def test_what_is_no_urdf(tmp_path: Path, text: str | bytes, line: int, sentence: str) -> None:
-    assert (line, sentence) in in_the_way(read_text(tmp_path, text))
+def test_invalid_urdf_is_refused(
+    tmp_path: Path, text: str | bytes, line: int, sentence: str
+) -> None:
+    assert (line, sentence) in problems(read_text(tmp_path, text))
 
 
-def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_file_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "none.urdf", tmp_path):
         robot = read_urdf_robot(path)
         assert [one.line for one in robot.obstacles] == [0]
         assert str(robot.obstacles[0]).startswith(f"{path}: can't be read: ")
 
 
-def test_joints_that_move_no_inertia_are_held_while_others_move(tmp_path: Path) -> None:
+def test_joints_that_move_no_inertia_are_held_still(tmp_path: Path) -> None:
     lines = [
         BASE,
         A,
@@ -160,52 +164,52 @@ def test_joints_that_move_no_inertia_are_held_while_others_move(tmp_path: Path) 
         joint("spin", "a", "point"),
     ]
     robot = read(tmp_path, *lines)
-    assert in_the_way(robot) == []
+    assert problems(robot) == []
     assert robot.held == ("pan", "spin")
     assert [one.name for one in tree_of(robot).links] == ["j"]
-    assert tree_of(robot).links[0].mass == 3  # that of the point
-    assert told(robot)["joints that move nothing with inertia (held still)"] == ("pan", "spin")
+    assert tree_of(robot).links[0].mass == 3  # the mass of the link 'point'
+    assert left_out(robot)["joints that move nothing with inertia (held still)"] == ("pan", "spin")
     after = joint("z", "base", "hand", '<mimic joint="pan"/>')
     robot = read(tmp_path, *lines, link("hand", ""), after)
     assert (robot.held, tree_of(robot).couplings) == (("pan", "spin", "z"), ())
     follower = joint("k", "base", "b", '<mimic joint="pan"/>')
     led = read(tmp_path, *lines, link("b"), follower)
-    assert in_the_way(led) == [
+    assert problems(led) == [
         (6, "joint 'pan' moves nothing with inertia, so its acceleration is undefined"),
     ]
 
 
-def test_a_file_without_any_inertia_is_told_so_once(tmp_path: Path) -> None:
+def test_file_without_inertia_is_reported_once(tmp_path: Path) -> None:
     bare = [link(name, "") for name in "abc"]
     robot = read(tmp_path, *bare, joint("j", "a", "b"), joint("k", "b", "c"))
     sentence = (
         "none of its 2 joints moves anything with inertia: the file describes kinematics only"
     )
-    assert in_the_way(robot) == [(1, sentence)]
+    assert problems(robot) == [(1, sentence)]
 
 
-def test_joints_that_move_no_inertia_together_are_in_the_way(tmp_path: Path) -> None:
+def test_combined_motion_without_inertia_is_refused(tmp_path: Path) -> None:
     chain = [BASE, link("a", ""), B, joint("j", "base", "a")]
     robot = read(tmp_path, *chain, joint("k", "a", "b", '<origin xyz="2 0 0"/>'))
-    assert in_the_way(robot) == [
+    assert problems(robot) == [
         (5, "a combined motion of the joints 'j', 'k' moves nothing with inertia, so their"
             " accelerations are undefined"),
     ]  # fmt: skip
     across = read(tmp_path, *chain, joint("k", "a", "b", '<axis xyz="0 1 0"/>'))
-    assert in_the_way(across) == []
+    assert problems(across) == []
 
 
-def test_a_root_without_mass_moves_freely_only_with_what_it_carries(tmp_path: Path) -> None:
-    assert in_the_way(read(tmp_path, BASE, A, joint("j", "base", "a"), floating=True)) == [
+def test_massless_root_floats_only_with_a_welded_mass(tmp_path: Path) -> None:
+    assert problems(read(tmp_path, BASE, A, joint("j", "base", "a"), floating=True)) == [
         (2, "a combined motion of the joints 'base', 'j' moves nothing with inertia, so their"
             " accelerations are undefined"),
     ]  # fmt: skip
     welded = joint("j", "base", "a", kind="fixed")
-    assert in_the_way(read(tmp_path, BASE, A, welded, floating=True)) == []
+    assert problems(read(tmp_path, BASE, A, welded, floating=True)) == []
 
 
-def test_tiny_inertias_are_inertias(tmp_path: Path) -> None:
+def test_tiny_inertias_are_accepted(tmp_path: Path) -> None:
     tiny = link("b", inertial("1e-12", "1e-20 1e-20 1e-20"))
     robot = read(tmp_path, BASE, A, joint("j", "base", "a"), tiny,
                  joint("k", "a", "b", '<origin xyz="5 0 0"/>'))  # fmt: skip
-    assert in_the_way(robot) == []
+    assert problems(robot) == []

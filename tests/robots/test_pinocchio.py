@@ -1,4 +1,4 @@
-"""People's robots, read here and by another library: the same equations to the last digits."""
+"""Public robots, read here and by Pinocchio: the equations agree to rounding."""
 
 from __future__ import annotations
 
@@ -56,87 +56,85 @@ def tree_of(robot: Robot) -> Tree:
     return robot.tree
 
 
-def their_state(
+def pinocchio_state(
     model: pinocchio.Model, tree: Tree, q: Array, v: Array
 ) -> tuple[Array, Array, list[int]]:
-    """Positions and velocities in their order, and where each of our velocities stands in theirs.
+    """Return positions, velocities and the indices of our velocities in Pinocchio's order.
 
-    Theirs of a continuous joint is a cosine and a sine; of a free one the real part comes last,
-    and the linear velocity first.
+    Pinocchio stores the cosine and sine of a continuous joint. Its free joint has the real part
+    last, and the linear velocity first.
     """
-    theirs, order = np.zeros(model.nq), list[int]()
+    positions, order = np.zeros(model.nq), list[int]()
     for link, here in zip(tree.links, tree.positions, strict=True):
         name = "root_joint" if link.kind == "free" else link.name
-        one, own = model.joints[model.getJointId(name)], q[here]
+        joint, position = model.joints[model.getJointId(name)], q[here]
         if link.kind == "free":
-            own = np.concatenate([own[:3], own[4:], own[3:4]])
-        elif one.nq == 2:
-            own = np.concatenate([np.cos(own), np.sin(own)])
-        theirs[one.idx_q : one.idx_q + one.nq] = own
-        rows = list(range(one.idx_v, one.idx_v + one.nv))
+            position = np.concatenate([position[:3], position[4:], position[3:4]])
+        elif joint.nq == 2:
+            position = np.concatenate([np.cos(position), np.sin(position)])
+        positions[joint.idx_q : joint.idx_q + joint.nq] = position
+        rows = list(range(joint.idx_v, joint.idx_v + joint.nv))
         order += [*rows[3:], *rows[:3]] if link.kind == "free" else rows
     velocity = np.zeros(model.nv)
     velocity[order] = v
-    return theirs, velocity, order
+    return positions, velocity, order
 
 
 def differences(model: pinocchio.Model, tree: Tree) -> Array:
-    """Largest of mass matrix, nonlinear effects and accelerations, relative, at a few states.
+    """Return the largest relative errors of mass matrix, nonlinear effects and accelerations.
 
-    Nonlinear effects relative to what velocities and weights make before they cancel.
+    Nonlinear effects are relative to the terms of velocities and weights before they cancel.
     """
     model.gravity.linear = tree.gravity
     data, ours, random = model.createData(), Dynamics(tree), np.random.default_rng(5)
     weight = 9.81 * sum(link.mass for link in tree.links) / 10
-    found = []
+    errors = []
     for _ in range(5):
         q, v, u = (random.normal(size=n) for n in (tree.nq, tree.nv, tree.nv))
         for link, here in zip(tree.links, tree.positions, strict=True):
             if link.kind == "free":
                 q[here.start + 3 : here.stop] /= np.linalg.norm(q[here.start + 3 : here.stop])
-        at, velocity, order = their_state(model, tree, q, v)
-        upper = np.triu(pinocchio.crba(model, data, at))
+        positions, velocity, order = pinocchio_state(model, tree, q, v)
+        upper = np.triu(pinocchio.crba(model, data, positions))
         mass = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
-        effects = pinocchio.nonLinearEffects(model, data, at, velocity)[order]
+        effects = pinocchio.nonLinearEffects(model, data, positions, velocity)[order]
         force = np.zeros(model.nv)
-        left = [np.repeat(link.damping, there.stop - there.start)
+        damping = [np.repeat(link.damping, there.stop - there.start)
                 for link, there in zip(tree.links, tree.velocities, strict=True)]  # fmt: skip
-        force[order] = u - np.concatenate(left) * v - ours.springs(q)
-        acceleration = pinocchio.aba(model, data, at, velocity, force)[order]
+        force[order] = u - np.concatenate(damping) * v - ours.springs(q)
+        acceleration = pinocchio.aba(model, data, positions, velocity, force)[order]
         size = max(np.abs(effects).max(), np.abs(mass).max() * (v @ v), weight)
-        found.append([
+        errors.append([
             np.abs(ours.recursion.mass(q) - mass).max() / np.abs(mass).max(),
             np.abs(ours.recursion.bias(q, v) - effects).max() / size,
             np.abs(ours.acceleration(q, v, u) - acceleration).max() / np.abs(acceleration).max(),
         ])  # fmt: skip
-    worst: Array = np.max(found, axis=0)
+    worst: Array = np.max(errors, axis=0)
     return worst
 
 
 @pytest.mark.parametrize(
-    ("name", "freedoms"),
+    ("name", "dof"),
     [pytest.param(*one, marks=() if one[0] in QUICK else pytest.mark.slow)
      for one in ROBOTS.items()],
 )  # fmt: skip
-def test_a_robot_of_people_has_the_equations_that_another_library_reads(
-    name: str, freedoms: int
-) -> None:
+def test_equations_of_a_public_robot_match_pinocchio(name: str, dof: int) -> None:
     tree = tree_of(read_urdf_robot(FOLDER / name))
     model = pinocchio.buildModelFromUrdf(str(FOLDER / name))
-    assert tree.nv == model.nv == freedoms
+    assert tree.nv == model.nv == dof
     assert {link.name for link in tree.links} == set(model.names) - {"universe"}
     assert differences(model, tree).max() < CLOSE
 
 
-def test_commas_that_the_other_library_refuses_are_read_as_blanks(tmp_path: Path) -> None:
+def test_commas_are_read_as_blanks(tmp_path: Path) -> None:
     file = FOLDER / "bicycle/bike.urdf"
     tree = tree_of(read_urdf_robot(file))
-    path = tmp_path / "mended.urdf"
+    path = tmp_path / "blanks.urdf"
     path.write_text(re.sub(r"(?<=\d), ", " ", file.read_text()))
     assert differences(pinocchio.buildModelFromUrdf(str(path)), tree).max() < CLOSE
 
 
-def test_a_limit_that_both_libraries_refuse_is_named_with_its_line() -> None:
+def test_invalid_limit_is_reported_with_its_line() -> None:
     robot = read_urdf_robot(FOLDER / "biped/biped2d_pybullet.urdf")
     assert {one.line for one in robot.obstacles} == {115, 146, 177, 208}
     assert "'-1.57.'; expected a finite number" in robot.obstacles[0].sentence
@@ -147,7 +145,7 @@ def test_a_limit_that_both_libraries_refuse_is_named_with_its_line() -> None:
 @pytest.mark.parametrize(
     "name", ["a1/a1.urdf", "mini_cheetah/mini_cheetah.urdf", "quadruped/minitaur.urdf", "r2d2.urdf"]
 )
-def test_a_robot_on_a_free_joint_has_them_too(name: str) -> None:
+def test_equations_of_a_floating_robot_match_pinocchio(name: str) -> None:
     tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
     model = pinocchio.buildModelFromUrdf(str(FOLDER / name), pinocchio.JointModelFreeFlyer())
     assert tree.nv == model.nv
@@ -159,8 +157,8 @@ ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 COMPILED = sorted(path.name for path in ASSETS.glob("*.xml"))
 
 
-def rebuilt(tree: Tree) -> pinocchio.Model:
-    """The same bodies and joints, put together by the other library."""
+def rebuild(tree: Tree) -> pinocchio.Model:
+    """Build the same bodies and joints with Pinocchio."""
     model = pinocchio.Model()
     kinds = {
         "hinge": pinocchio.JointModelRevoluteUnaligned,
@@ -180,7 +178,7 @@ def rebuilt(tree: Tree) -> pinocchio.Model:
 
 
 @pytest.mark.parametrize("name", COMPILED)
-def test_bodies_that_are_compiled_move_as_another_library_says(name: str) -> None:
+def test_equations_of_a_compiled_robot_match_pinocchio(name: str) -> None:
     tree = tree_of(read_compiled_robot(ASSETS / name))
     plain = replace(
         tree,
@@ -189,11 +187,11 @@ def test_bodies_that_are_compiled_move_as_another_library_says(name: str) -> Non
         couplings=(),
         fluid=None,
     )
-    assert differences(rebuilt(plain), plain).max() < CLOSE
+    assert differences(rebuild(plain), plain).max() < CLOSE
 
 
 @pytest.mark.parametrize("name", ["a1/a1.urdf", "laikago/laikago.urdf", "quadruped/minitaur.urdf"])
-def test_so_do_robots_whose_roots_float(name: str) -> None:
+def test_equations_of_a_floating_quadruped_match_pinocchio(name: str) -> None:
     tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
     model = pinocchio.buildModelFromUrdf(str(FOLDER / name), pinocchio.JointModelFreeFlyer())
     assert differences(model, tree).max() < CLOSE

@@ -1,4 +1,4 @@
-"""SDFormat files as trees of bodies: frames by the format's pose semantics, and what is refused."""
+"""SDFormat files as trees of bodies: frames by the format's pose semantics, and refused files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
-from tests.robots.files import in_the_way, told, tree_of
+from tests.robots.files import left_out, problems, tree_of
 
 TENSOR = "<ixx>0.1</ixx><iyy>0.2</iyy><izz>0.15</izz><ixy>0.01</ixy><ixz>0.02</ixz><iyz>0.03</iyz>"
 INERTIAL = (
@@ -37,7 +37,7 @@ def joint(inner: str = "", xyz: str = "<xyz>0.2 -1 0.3</xyz>", pose: str = "") -
 
 
 def read(folder: Path, *lines: str, version: str = "1.9", world: str = "") -> Robot:
-    """A model of these lines, the first of which is the file's second."""
+    """Read a model with these lines; the first is the file's second."""
     model = "\n".join(
         ["<model name='m'><pose>0.3 -0.2 0.1 0.2 0.1 -0.3</pose>", *lines, "</model>"]
     )
@@ -47,11 +47,11 @@ def read(folder: Path, *lines: str, version: str = "1.9", world: str = "") -> Ro
     return read_robot(path)
 
 
-def auto(geometry: str, beside: str = "", within: str = "") -> str:
-    """A link whose inertia follows from one shape."""
+def auto(geometry: str, density: str = "", within: str = "") -> str:
+    """Return a link whose inertia follows from one shape."""
     return (
         f'<link name="arm"><pose>0.4 0.1 0.2 -0.3 0.5 0.1</pose><inertial auto="true">{within}'
-        f'</inertial><collision name="c"><pose>0.1 0.2 0.3 0.4 0.5 0.6</pose>{beside}'
+        f'</inertial><collision name="c"><pose>0.1 0.2 0.3 0.4 0.5 0.6</pose>{density}'
         f"<geometry>{geometry}</geometry></collision></link>"
     )
 
@@ -66,11 +66,11 @@ ARM_THERE = place("0.4 0.1 0.2 -0.3 0.5 0.1")
 LATER = "<pose>0.05 0.1 0 0.2 0.1 0.3</pose>"
 
 
-def axis(tree: Tree, at: float = 0.0) -> np.ndarray:
-    """Of its one joint, in the world, (3,)."""
-    (pose,) = Recursion(tree).poses(np.array([[at]]))
-    found: np.ndarray = pose.rotation[..., 0] @ tree.links[0].axis
-    return found
+def axis(tree: Tree, angle: float = 0.0) -> np.ndarray:
+    """Return the axis of the only joint in the world frame, (3,)."""
+    (pose,) = Recursion(tree).poses(np.array([[angle]]))
+    direction: np.ndarray = pose.rotation[..., 0] @ tree.links[0].axis
+    return direction
 
 
 @pytest.mark.parametrize(("version", "xyz", "frame"), [
@@ -81,7 +81,7 @@ def axis(tree: Tree, at: float = 0.0) -> np.ndarray:
     ("1.9", '<xyz expressed_in="__model__">0.2 -1 0.3</xyz>', "model"),
     ("1.9", '<xyz expressed_in="arm">0.2 -1 0.3</xyz>', "arm"),
 ])  # fmt: skip
-def test_an_axis_is_told_in_the_frame_that_the_version_or_the_file_says(
+def test_axis_frame_depends_on_version_and_attributes(
     version: str, xyz: str, frame: str, tmp_path: Path
 ) -> None:
     arm = MODEL.compose(ARM_THERE)
@@ -89,12 +89,12 @@ def test_an_axis_is_told_in_the_frame_that_the_version_or_the_file_says(
         frame
     ]
     tree = tree_of(read(tmp_path, BASE, ARM, WELD, joint(xyz=xyz, pose=LATER), version=version))
-    told_axis = np.array([0.2, -1.0, 0.3])
-    wanted = turn.rotation @ told_axis / np.linalg.norm(told_axis)
-    assert axis(tree) == pytest.approx(wanted, abs=1e-15)
+    components = np.array([0.2, -1.0, 0.3])
+    expected = turn.rotation @ components / np.linalg.norm(components)
+    assert axis(tree) == pytest.approx(expected, abs=1e-15)
 
 
-def test_a_joint_turns_about_its_own_origin_and_inertials_are_turned(tmp_path: Path) -> None:
+def test_joint_origin_and_inertial_rotation(tmp_path: Path) -> None:
     tree = tree_of(read(tmp_path, BASE, ARM, WELD, joint(pose=LATER)))
     (link,) = tree.links
     (pose,) = Recursion(tree).poses(np.zeros((1, 1)))
@@ -106,10 +106,10 @@ def test_a_joint_turns_about_its_own_origin_and_inertials_are_turned(tmp_path: P
     assert link.center == pytest.approx([0.05, 0.1, -0.5], abs=1e-15)
 
 
-def same(one: Tree, other: Tree) -> bool:
+def same(tree: Tree, other: Tree) -> bool:
     return all(
         np.allclose(getattr(a, name), getattr(b, name), atol=1e-14)
-        for a, b in zip(one.links, other.links, strict=True)
+        for a, b in zip(tree.links, other.links, strict=True)
         for name in ("position", "rotation", "axis", "mass", "center", "inertia", "damping")
     )
 
@@ -122,26 +122,24 @@ def same(one: Tree, other: Tree) -> bool:
     # Angles in degrees, and a quaternion.
     ("", '<link name="arm"><pose degrees="true">0.4 0.1 0.2 -17.188733853924695 28.64788975654116'
      f' 5.729577951308232</pose>{INERTIAL}</link>', joint(pose=LATER)),
-    # A joint's place told in the model's frame: the arm's and the joint's in the arm's.
+    # The pose of a joint relative to its child link.
     ("", ARM, joint(pose='<pose relative_to="arm">0.05 0.1 0 0.2 0.1 0.3</pose>')),
     # A frame for the child, and one for the parent.
     ('<frame name="f" attached_to="arm"/><frame name="g" attached_to="base"/>', ARM,
      joint(pose=LATER).replace(">arm<", ">f<").replace(">base<", ">g<")),
 ])  # fmt: skip
-def test_poses_mean_the_same_however_they_are_told(
-    lines: tuple[str, str, str], tmp_path: Path
-) -> None:
+def test_equivalent_poses_make_the_same_tree(lines: tuple[str, str, str], tmp_path: Path) -> None:
     plain = tree_of(read(tmp_path, BASE, ARM, WELD, joint(pose=LATER)))
     assert same(tree_of(read(tmp_path, BASE, WELD, *lines)), plain)
 
 
 def test_a_quaternion_has_its_real_part_last(tmp_path: Path) -> None:
     half = np.sqrt(0.5)
-    told_so = f'<pose rotation_format="quat_xyzw">0.4 0.1 0.2 {half} 0 0 {half}</pose>'
+    pose = f'<pose rotation_format="quat_xyzw">0.4 0.1 0.2 {half} 0 0 {half}</pose>'
     quarter = ARM.replace("-0.3 0.5 0.1", f"{np.pi / 2} 0 0")
-    one = tree_of(read(tmp_path, BASE, WELD, quarter, joint()))
-    arm = f'<link name="arm">{told_so}{INERTIAL}</link>'
-    assert same(tree_of(read(tmp_path, BASE, WELD, arm, joint())), one)
+    expected = tree_of(read(tmp_path, BASE, WELD, quarter, joint()))
+    arm = f'<link name="arm">{pose}{INERTIAL}</link>'
+    assert same(tree_of(read(tmp_path, BASE, WELD, arm, joint())), expected)
 
 
 def test_springs_dampers_limits_gravity_and_the_world_are_read(tmp_path: Path) -> None:
@@ -158,10 +156,10 @@ def test_springs_dampers_limits_gravity_and_the_world_are_read(tmp_path: Path) -
     assert (robot.limits[0][0], robot.limits[1][0]) == (-1.0, np.inf)
     assert robot.stated == {"gravity": [0.1, 0.0, -3.7], "step": 0.004}
     assert tree_of(robot).gravity.tolist() == [0.1, 0.0, -3.7]
-    assert {"dry friction", "limits of position"} <= set(told(robot))
+    assert {"dry friction", "limits of position"} <= set(left_out(robot))
 
 
-def test_what_nothing_holds_floats_and_no_inertial_is_the_formats_one(tmp_path: Path) -> None:
+def test_unattached_base_floats_with_the_default_inertia(tmp_path: Path) -> None:
     robot = read(tmp_path, '<link name="base"/>', ARM, joint())
     free, _ = tree_of(robot).links
     assert robot.floats
@@ -182,7 +180,7 @@ def test_only_limits_of_the_file_are_reported(tmp_path: Path, limit: str, bounds
     assert ranges == ([f"q is limited to {bounds}"] if bounds else [])
 
 
-def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Path) -> None:
+def test_mimic_is_a_coupling_unless_it_has_an_offset(tmp_path: Path) -> None:
     mimic = '<mimic joint="q"><multiplier>0.5</multiplier>{}</mimic>'
     more = joint().replace('"q"', '"k"').replace(">arm<", ">tip<").replace(">base<", ">arm<")
     lines = (BASE, ARM, ARM.replace('"arm"', '"tip"'), WELD, joint())
@@ -192,10 +190,10 @@ def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Pat
     free = mimic.format("<offset>0.1</offset>")
     robot = read(tmp_path, *lines, more.replace("</axis>", free + "</axis>"))
     assert not tree_of(robot).couplings
-    assert told(robot)["mimic without a gear: the joint is free"] == ("k",)
+    assert left_out(robot)["mimic without a gear: the joint is free"] == ("k",)
 
 
-@pytest.mark.parametrize(("lines", "line", "said"), [
+@pytest.mark.parametrize(("lines", "line", "message"), [
     ((BASE, ARM, joint(), "<include/>"), 5, "<include> is not covered"),
     ((BASE, ARM, joint(), "<model name='n'/>"), 5, "<model> is not covered"),
     ((BASE, ARM, joint().replace("revolute", "screw")), 4, "joint 'q' is of type 'screw'"),
@@ -223,14 +221,14 @@ def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Pat
     ((BASE, ARM.replace("<pose>", '<pose relative_to="arm">', 1), joint()), 3,
      "is defined in itself"),
 ])  # fmt: skip
-def test_what_makes_no_tree_is_told_with_its_line(
-    lines: tuple[str, ...], line: int, said: str, tmp_path: Path
+def test_problem_is_reported_with_its_line(
+    lines: tuple[str, ...], line: int, message: str, tmp_path: Path
 ) -> None:
-    found = in_the_way(read(tmp_path, *lines))
-    assert any(where == line and said in sentence for where, sentence in found), found
+    reported = problems(read(tmp_path, *lines))
+    assert any(where == line and message in sentence for where, sentence in reported), reported
 
 
-def test_a_tree_of_other_numbers_is_that_of_the_file_with_them(tmp_path: Path) -> None:
+def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path) -> None:
     read(tmp_path, BASE, ARM, WELD, joint(pose=LATER))
     file = tmp_path / "robot.sdf"
     numbers = robot_numbers(file, {})
@@ -250,7 +248,7 @@ def test_a_tree_of_other_numbers_is_that_of_the_file_with_them(tmp_path: Path) -
     assert named["sdf@version"] not in numbers.relevant_numbers
 
 
-def test_such_files_are_robots(tmp_path: Path) -> None:
+def test_sdf_files_are_listed_as_robots(tmp_path: Path) -> None:
     read(tmp_path, BASE, ARM, WELD, joint())
     assert robot_files([str(tmp_path / "robot.sdf")]).files == [tmp_path / "robot.sdf"]
 
@@ -270,7 +268,7 @@ def test_such_files_are_robots(tmp_path: Path) -> None:
 def test_an_automatic_inertia_follows_from_the_shape_and_its_density(
     geometry: str, mass: float, moments: tuple[float, ...], tmp_path: Path
 ) -> None:
-    """Masses as libsdformat 15 computes them; moments by textbook formulas."""
+    """Compare masses with libsdformat 15, and moments with textbook formulas."""
     lines = (BASE, WELD, joint(), auto(geometry, "<density>700</density>"))
     (link,) = tree_of(read(tmp_path, *lines)).links
     assert link.mass == pytest.approx(mass, rel=1e-14)
@@ -296,7 +294,7 @@ def test_a_stated_mass_scales_the_densities_of_several_shapes(tmp_path: Path) ->
     assert mass_and_center(f"{light}<mass>5</mass>") == pytest.approx((5, 0.3 * 500 / total))
 
 
-def test_numbers_of_shapes_are_those_of_the_tree_where_an_inertia_follows_from_them(
+def test_shape_numbers_are_relevant_only_with_an_automatic_inertia(
     tmp_path: Path,
 ) -> None:
     shaped = BASE.replace(
@@ -317,7 +315,7 @@ STATIC = "<model name='ground'><static>true</static><link name='l'/></model>"
 SECOND = "<model name='second'><link name='l'><inertial><mass>7</mass></inertial></link></model>"
 
 
-def test_what_stands_in_a_world_beside_the_model_is_left_out_by_its_name(tmp_path: Path) -> None:
+def test_other_elements_of_a_world_are_reported_as_left_out(tmp_path: Path) -> None:
     world = (
         f"{STATIC}<include><uri>model://sun</uri></include><wind/><light name='s' kind='a'/>"
         "<physics name='p' type='ode'><max_step_size>0.002</max_step_size><ode/></physics>"
@@ -327,7 +325,7 @@ def test_what_stands_in_a_world_beside_the_model_is_left_out_by_its_name(tmp_pat
     base = BASE.replace("</link>", f"{sensor}{shape}</link>").replace("<pose>", "<pose odd='1'>", 1)
     robot = read(tmp_path, base, ARM, WELD, joint(), "<enable_wind>1</enable_wind>", world=world)
     tree_of(robot)
-    assert told(robot) == {
+    assert left_out(robot) == {
         "collision geometry": ("base",),
         "odd of <pose>": ("base",),
         "<sensor> of <link>": ("base",),
@@ -339,29 +337,29 @@ def test_what_stands_in_a_world_beside_the_model_is_left_out_by_its_name(tmp_pat
     }
 
 
-def test_of_several_models_that_move_one_is_chosen_by_its_name(tmp_path: Path) -> None:
+def test_one_of_several_moving_models_is_selected_by_name(tmp_path: Path) -> None:
     read(tmp_path, BASE, ARM, WELD, joint(), world=f"{STATIC}{SECOND}")
     file = tmp_path / "robot.sdf"
-    ((line, sentence),) = in_the_way(read_robot(file))
+    ((line, sentence),) = problems(read_robot(file))
     assert (line, sentence) == (1, "it has 2 models that move: 'second', 'm'")
     second = read_robot(file, model="second")
     assert [one.mass for one in tree_of(second).links] == [7.0]
     assert second.stated == {"model": "second"}
-    assert told(second)["another model that moves"] == ("m",)
+    assert left_out(second)["another model that moves"] == ("m",)
     assert [one.name for one in tree_of(read_robot(file, model="m")).links] == ["q"]
-    ((_, sentence),) = in_the_way(read_robot(file, model="ground"))
+    ((_, sentence),) = problems(read_robot(file, model="ground"))
     assert sentence == "it has no moving model of the name 'ground'"
-    own = robot_numbers(file, {"model": "second"})
-    assert [one.value for one in own.numerals] == [1.9, 7.0]
+    numbers = robot_numbers(file, {"model": "second"})
+    assert [one.value for one in numbers.numerals] == [1.9, 7.0]
 
 
-def test_models_of_other_files_and_joints_between_models_make_no_tree(tmp_path: Path) -> None:
+def test_included_models_and_joints_between_models_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "robot.sdf"
     include = "<include><uri>model://arm</uri></include>"
     file.write_text(f"<sdf version='1.9'>\n<world name='w'>{STATIC}\n{include}</world></sdf>")
-    ((line, sentence),) = in_the_way(read_robot(file))
+    ((line, sentence),) = problems(read_robot(file))
     assert (line, sentence.split(",")[0]) == (3, "<include> is not covered")
-    beside = "<joint name='j' type='fixed'><parent>m</parent><child>second</child></joint>"
-    read(tmp_path, BASE, ARM, WELD, joint(), world=f"{SECOND}{beside}")
-    ((line, sentence),) = in_the_way(read_robot(file, model="m"))
+    between = "<joint name='j' type='fixed'><parent>m</parent><child>second</child></joint>"
+    read(tmp_path, BASE, ARM, WELD, joint(), world=f"{SECOND}{between}")
+    ((line, sentence),) = problems(read_robot(file, model="m"))
     assert sentence == "a <joint> between models is not covered"

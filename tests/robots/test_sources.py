@@ -1,4 +1,4 @@
-"""Sources for xacro, and robots by name: their files, and lines of the sources."""
+"""Xacro sources and robots by name: their files, and the lines of the sources."""
 
 from pathlib import Path
 
@@ -64,7 +64,7 @@ def test_a_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> Non
     assert line.strip().startswith("<limit")
 
 
-def test_a_wrong_source_is_an_error_with_xacros_reason(package: Path) -> None:
+def test_xacro_error_is_reported_with_its_reason(package: Path) -> None:
     pytest.importorskip("xacrodoc")
     source = package / "urdf" / "arm.urdf.xacro"
     source.write_text(ARM.replace("xacro:rod name", "xacro:bar name"))
@@ -78,7 +78,7 @@ def test_expanding_twice_gives_the_same_file(package: Path) -> None:
     assert expand(source) == expand(source)
 
 
-def test_a_mesh_of_a_package_is_located_above_the_file_and_in_the_environment(
+def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     package: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     mesh = package / "meshes" / "rod.stl"
@@ -111,6 +111,6 @@ def test_a_robot_comes_from_the_cache_without_network(
         source_file("robot:pandda")
 
 
-def test_a_path_is_its_own_source(tmp_path: Path) -> None:
+def test_plain_path_has_no_source(tmp_path: Path) -> None:
     assert source_file(str(tmp_path / "arm.urdf")) is None
     assert source_file("simple_pendulum") is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.robots.planted import Checked, checked, tree_of
+from tests.robots.planted import PreparedFile, prepare_file, tree_of
 
 TIED = """<mujoco model="tied">
   <compiler angle="radian"/>
@@ -43,32 +43,32 @@ TIED = """<mujoco model="tied">
 
 
 @pytest.fixture(scope="module")
-def tied(tmp_path_factory: pytest.TempPathFactory) -> Checked:
-    return checked(tmp_path_factory.mktemp("tied"), TIED)
+def tied(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
+    return prepare_file(tmp_path_factory.mktemp("tied"), TIED)
 
 
-def test_joints_follow_by_tendons(tied: Checked) -> None:
-    """Of each equality that joint which has the largest say, and neither follows yet nor leads."""
+def test_joint_follows_others_through_tendons(tied: PreparedFile) -> None:
+    """Choose the joint with the largest coefficient that does not follow or lead another yet."""
     tree = tree_of(tied.file)
     names = [link.name for link in tree.links]
-    found = {
+    couplings = {
         names[one.follower]: {names[i]: share for i, share in one.leaders} for one in tree.couplings
     }
-    assert found["extend"] == pytest.approx({"yaw": 0.5 / 1.4, "lift": -1.2 / 1.4, "nod": -0.2})
-    assert list(found) == ["extend"]
+    assert couplings["extend"] == pytest.approx({"yaw": 0.5 / 1.4, "lift": -1.2 / 1.4, "nod": -0.2})
+    assert list(couplings) == ["extend"]
     assert tied.outcome() == (Outcome.AGREES, "")
     assert tied.left_out == ("how MuJoCo compiles the file",)
 
 
-def test_a_millionth_in_them_differs(tied: Checked) -> None:
+def test_error_of_a_millionth_in_tied_tendons_differs(tied: PreparedFile) -> None:
     for old, new in (
         ('"0.1 0.7 0 0 0"', '"0.1000001 0.7 0 0 0"'), ('coef="-1.2"', 'coef="-1.200002"'),
     ):  # fmt: skip
-        assert tied.differs(old, new) is Outcome.DIFFERS, new
+        assert tied.outcome_with(old, new) is Outcome.DIFFERS, new
 
 
-def test_one_that_is_curved_is_left_out_and_told(tmp_path: Path) -> None:
+def test_nonlinear_equality_is_left_out_and_reported(tmp_path: Path) -> None:
     text = TIED.replace("0.1 0.7 0 0 0", "0.1 0.7 0.2 0 0")
-    found = checked(tmp_path, text)
-    assert "equality constraints" in found.left_out
-    assert found.outcome() == (Outcome.AGREES, "")
+    prepared = prepare_file(tmp_path, text)
+    assert "equality constraints" in prepared.left_out
+    assert prepared.outcome() == (Outcome.AGREES, "")

@@ -1,4 +1,4 @@
-"""What a URDF means: frames, welded links, what is missing, and what is left out."""
+"""URDF semantics: frames, welded links, defaults, and elements that are left out."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from tests.robots.files import BODY, inertial, joint, last, link, read, read_text, told, tree_of
+from tests.robots.files import BODY, inertial, joint, last, left_out, link, read, read_text, tree_of
 
-THREE = [link("base", ""), link("a"), link("b")]
+LINKS = [link("base", ""), link("a"), link("b")]
 
 
-def test_roll_pitch_and_yaw_turn_about_axes_that_stand_still(tmp_path: Path) -> None:
+def test_roll_pitch_yaw_rotate_about_fixed_axes(tmp_path: Path) -> None:
     origin = '<origin xyz="1 2 3" rpy="0.3 -0.7 1.9"/>'
-    found = last(read(tmp_path, link("base", ""), link("a"), joint("j", "base", "a", origin)))
+    body = last(read(tmp_path, link("base", ""), link("a"), joint("j", "base", "a", origin)))
     expected = Rotation.from_euler("xyz", [0.3, -0.7, 1.9]).as_matrix()
-    assert found.rotation == pytest.approx(expected, abs=1e-15)
-    assert found.position == pytest.approx([1, 2, 3])
+    assert body.rotation == pytest.approx(expected, abs=1e-15)
+    assert body.position == pytest.approx([1, 2, 3])
 
 
-def test_the_axes_of_an_inertia_turn_with_its_origin(tmp_path: Path) -> None:
+def test_inertia_is_rotated_by_its_origin(tmp_path: Path) -> None:
     turned = inertial("2", "1 2 2.5", origin='<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>')
-    found = last(read(tmp_path, link("base", ""), link("a", turned), joint("j", "base", "a")))
-    assert np.diag(found.inertia) == pytest.approx([2, 1, 2.5])
-    assert found.center == pytest.approx([1, 0, 0])
+    body = last(read(tmp_path, link("base", ""), link("a", turned), joint("j", "base", "a")))
+    assert np.diag(body.inertia) == pytest.approx([2, 1, 2.5])
+    assert body.center == pytest.approx([1, 0, 0])
 
 
-def test_an_axis_is_a_direction_and_x_where_none_is_told(tmp_path: Path) -> None:
+def test_axis_is_normalized_and_defaults_to_x(tmp_path: Path) -> None:
     tree = tree_of(
         read(
             tmp_path,
-            *THREE,
+            *LINKS,
             joint("p", "base", "a", '<axis xyz="0 3e-200 -4e-200"/>', "prismatic"),
             joint("q", "a", "b"),
         )
@@ -51,7 +51,7 @@ RIGHT = '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'
 
 
 def test_links_on_fixed_joints_are_one_body(tmp_path: Path) -> None:
-    """Two masses of 2 kg, 2 m apart along x: Steiner adds 2 kg m^2 each about y and z."""
+    """Add 2 kg m^2 about y and z for each of two masses of 2 kg, 2 m apart along x (Steiner)."""
     light = inertial("2", "0.5 0.5 0.5")
     robot = read(
         tmp_path,
@@ -76,7 +76,7 @@ def test_links_on_fixed_joints_are_one_body(tmp_path: Path) -> None:
     assert tree.links[1].position == pytest.approx([2.5, 0, 0])
 
 
-def test_links_come_depth_first_in_the_order_of_the_joints(tmp_path: Path) -> None:
+def test_links_are_depth_first_in_the_order_of_the_joints(tmp_path: Path) -> None:
     names = ["base", "a", "b", "c", "d"]
     tree = tree_of(
         read(
@@ -92,7 +92,7 @@ def test_links_come_depth_first_in_the_order_of_the_joints(tmp_path: Path) -> No
         ("to_c", -1), ("to_a", -1), ("to_b", 1), ("to_d", 2)]  # fmt: skip
 
 
-def test_what_is_not_told_is_nothing(tmp_path: Path) -> None:
+def test_missing_numbers_are_zero(tmp_path: Path) -> None:
     robot = read(tmp_path, link("base", ""), link("a", ""), joint("j", "base", "a"), link("b"),
                  joint("k", "a", "b", '<origin rpy="0 1 0"/>'))  # fmt: skip
     carrier, body = tree_of(robot).links
@@ -107,7 +107,7 @@ def test_what_is_not_told_is_nothing(tmp_path: Path) -> None:
     assert tree_of(empty).nv == 1
 
 
-def test_a_root_moves_freely_where_it_is_asked_for(tmp_path: Path) -> None:
+def test_root_floats_on_request(tmp_path: Path) -> None:
     lines = [link("base"), link("a"), joint("base", "base", "a")]
     tree = tree_of(read(tmp_path, *lines, floating=True))
     assert [(one.name, one.kind, one.mass) for one in tree.links] == [
@@ -117,23 +117,23 @@ def test_a_root_moves_freely_where_it_is_asked_for(tmp_path: Path) -> None:
     assert tree_of(read(tmp_path, *lines)).nv == 1
 
 
-def test_joints_that_move_more_ways(tmp_path: Path) -> None:
+def test_floating_and_spherical_joints(tmp_path: Path) -> None:
     damped = '<dynamics damping="3"/>'
     robot = read(
         tmp_path,
-        *THREE,
+        *LINKS,
         joint("f", "base", "a", damped, "floating"),
         joint("s", "a", "b", damped, "spherical"),
     )
     free, ball = tree_of(robot).links
     assert (free.kind, free.damping, ball.kind, ball.damping) == ("free", 0, "ball", 3)
-    assert told(robot) == {"damping of a floating joint": ("f",)}
+    assert left_out(robot) == {"damping of a floating joint": ("f",)}
     assert robot.home == pytest.approx([0] * 9)
     assert np.isinf(robot.limits).all()
 
 
-def test_what_floats_beside_a_root_that_stands_still_counts_from_the_world(tmp_path: Path) -> None:
-    """Wherever its `<origin>` is, as MuJoCo has it."""
+def test_floating_link_of_a_fixed_root_starts_at_the_world_origin(tmp_path: Path) -> None:
+    """Ignore its `<origin>`, as MuJoCo does."""
     place = '<origin xyz="0.3 0.2 0.5" rpy="0.3 0.2 0.1"/>'
     lines = (link("root", ""), link("fly"), link("tail"))
     joints = (
@@ -152,13 +152,13 @@ def test_what_floats_beside_a_root_that_stands_still_counts_from_the_world(tmp_p
 
 
 def test_a_root_link_named_world_never_floats(tmp_path: Path) -> None:
-    """A free joint on it moves another frame in each engine, so a correct file would fail."""
+    """Avoid false failures: engines disagree about the frame that a free joint there moves."""
     place = '<origin xyz="0 0.5 1" rpy="0.2 0 0"/>'
     lines = (link("world", ""), link("a"), link("b"), joint("w", "world", "a", place, "fixed"))
     robot = read(tmp_path, *lines, joint("j", "a", "b"), floating=True)
     assert not robot.floats
     assert [one.name for one in tree_of(robot).links] == ["j"]
-    assert told(robot)["a free joint of the world"] == ("world",)
+    assert left_out(robot)["a free joint of the world"] == ("world",)
     task = model_task(prepare_tree(robot.file, floating=True, states=8), "mujoco")
     case = run_case(task)
     assert (case.outcome, case.reason) == (Outcome.AGREES, "")
@@ -171,8 +171,8 @@ OPTIONS = {
 
 
 @pytest.mark.parametrize("option", OPTIONS)
-def test_what_an_engine_is_asked_to_make_of_inertias_differs(tmp_path: Path, option: str) -> None:
-    """They are not the file's own numbers then; what changes none of them agrees."""
+def test_compiler_options_that_change_inertias_differ(tmp_path: Path, option: str) -> None:
+    """Expect agreement only for options that keep the inertias of the file."""
     box = '<geometry><box size="0.1 0.2 0.3"/></geometry>'
     shapes = f"<collision>{box}</collision><visual>{box}</visual></link>"
     odd = 'ixx="0.05"' if "balance" in option else 'ixx="0.3"'
@@ -183,21 +183,21 @@ def test_what_an_engine_is_asked_to_make_of_inertias_differs(tmp_path: Path, opt
     )  # fmt: skip
     case = run_case(model_task(prepare_tree(robot.file, states=8), "mujoco"))
     assert case.outcome is (Outcome.AGREES if OPTIONS[option] else Outcome.DIFFERS)
-    assert "<mujoco>" in told(robot)
+    assert "<mujoco>" in left_out(robot)
 
 
-def test_springs_are_those_of_gazebo(tmp_path: Path) -> None:
+def test_gazebo_springs_are_read(tmp_path: Path) -> None:
     spring = "<springStiffness>{}</springStiffness><springReference>0.2</springReference>"
     robot = read(
         tmp_path,
-        *THREE,
+        *LINKS,
         joint("j", "base", "a"),
         joint("s", "a", "b", kind="fixed"),
         f'<gazebo reference="j">{spring.format(" 7 ")}</gazebo>',
     )
-    found = tree_of(robot).links[0]
-    assert (found.stiffness, found.rest) == (7, (0.2,))
-    assert told(robot) == {}
+    hinge = tree_of(robot).links[0]
+    assert (hinge.stiffness, hinge.rest) == (7, (0.2,))
+    assert left_out(robot) == {}
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_springs_are_those_of_gazebo(tmp_path: Path) -> None:
         ("", "revolute", (-np.inf, np.inf), 0),
     ],
 )
-def test_limits_and_where_a_robot_is_at_home(
+def test_limits_and_home_position(
     tmp_path: Path, limit: str, kind: str, bounds: tuple[float, float], home: float
 ) -> None:
     robot = read(tmp_path, link("base", ""), link("a"), joint("j", "base", "a", limit, kind))
@@ -220,7 +220,7 @@ def test_limits_and_where_a_robot_is_at_home(
     assert robot.home == pytest.approx([home])
 
 
-def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
+def test_left_out_elements_are_reported(tmp_path: Path) -> None:
     shape = '<collision><geometry><mesh filename="package://a/b.stl"/></geometry></collision>'
     looks = '<visual><geometry><mesh filename="../../no/where.dae"/></geometry></visual>'
     limit = '<limit lower="-1" upper="1." effort="3" velocity="0"/>'
@@ -242,7 +242,7 @@ def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
         "<loop_joint/>",
     )
     assert (tree_of(robot).nv, tree_of(robot).dof) == (3, 2)
-    assert told(robot) == {
+    assert left_out(robot) == {
         "dry friction": ("j",),
         "limits of position": ("j",),
         "limits of effort": ("j",),
@@ -281,11 +281,11 @@ WHOLE = f'<robot name="r">{link("base", "")}{link("a")}{joint("j", "base", "a")}
         WHOLE.replace('<mass value="2"/>', '<mass value=" 2 "/><mass value="2"/>'),
     ],
 )  # fmt: skip
-def test_what_engines_read_over_is_no_reason_to_refuse(tmp_path: Path, text: str | bytes) -> None:
-    found = last(read_text(tmp_path, text))
-    assert (found.mass, *found.center) == (2, 0, 0, -0.5)
+def test_flaws_that_engines_ignore_are_accepted(tmp_path: Path, text: str | bytes) -> None:
+    body = last(read_text(tmp_path, text))
+    assert (body.mass, *body.center) == (2, 0, 0, -0.5)
 
 
-def test_a_file_with_bytes_of_no_encoding_keeps_its_names_apart(tmp_path: Path) -> None:
+def test_undecodable_bytes_in_names_are_kept(tmp_path: Path) -> None:
     text = WHOLE.replace('"a"', '"\u00e4"').encode("latin-1")
     assert read_text(tmp_path, text).bodies == (("\u00e4",),)

@@ -1,4 +1,4 @@
-"""What pulls otherwise than along hinges and slides: springs of balls, forces on frames, cords."""
+"""Forces beyond hinges and slides: springs of balls, forces on sites, spatial tendons."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.robots.planted import Checked, checked
+from tests.robots.planted import PreparedFile, prepare_file
 
-BUSHES = """<mujoco model="bushes">
+BUSHINGS = """<mujoco model="bushes">
   <compiler angle="radian"/>
   <option gravity="0 1 -9" integrator="RK4"/>
   <worldbody>
@@ -35,23 +35,23 @@ BUSHES = """<mujoco model="bushes">
 
 
 @pytest.fixture(scope="module")
-def bushes(tmp_path_factory: pytest.TempPathFactory) -> Checked:
-    return checked(tmp_path_factory.mktemp("bushes"), BUSHES)
+def bushings(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
+    return prepare_file(tmp_path_factory.mktemp("bushes"), BUSHINGS)
 
 
-def test_springs_and_motors_of_balls_and_free_joints_agree(bushes: Checked) -> None:
-    assert bushes.outcome(integrator="implicitfast") == (Outcome.AGREES, "")
-    assert bushes.left_out == ("how MuJoCo compiles the file",)
+def test_springs_and_motors_of_balls_and_free_joints_agree(bushings: PreparedFile) -> None:
+    assert bushings.outcome(integrator="implicitfast") == (Outcome.AGREES, "")
+    assert bushings.left_out == ("how MuJoCo compiles the file",)
 
 
-def test_a_millionth_in_balls_differs(bushes: Checked) -> None:
+def test_error_of_a_millionth_in_ball_joints_differs(bushings: PreparedFile) -> None:
     for old, new in (
         ('"0.4 -0.8 0.6"', '"0.4 -0.800001 0.6"'), ('stiffness="60"', 'stiffness="60.00006"'),
         ('"7 3 2"', '"7 3.000003 2"'), ('"0.1 0 0.03"', '"0.1 0 0.03003"'),
         ('-0.5 0.3 0.2', '-0.5 0.3000005 0.2'), ('"0.5 0.1 -0.2"', '"0.5 0.1000005 -0.2"'),
         ('kv="0.2"', 'kv="0.2000004"'), ('"0.1 -2 -0.3"', '"0.1 -2.000002 -0.3"'),
     ):  # fmt: skip
-        assert bushes.differs(old, new) is Outcome.DIFFERS, new
+        assert bushings.outcome_with(old, new) is Outcome.DIFFERS, new
 
 
 FRAMES = """<mujoco model="frames">
@@ -92,26 +92,26 @@ FRAMES = """<mujoco model="frames">
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory: pytest.TempPathFactory) -> Checked:
-    return checked(tmp_path_factory.mktemp("frames"), FRAMES)
+def frames(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
+    return prepare_file(tmp_path_factory.mktemp("frames"), FRAMES)
 
 
-def test_forces_on_sites_and_motors_with_a_state_agree(frames: Checked) -> None:
+def test_forces_on_sites_and_motors_with_a_state_agree(frames: PreparedFile) -> None:
     assert frames.outcome(integrator="Euler") == (Outcome.AGREES, "")
     assert "actuators of other laws or transmissions" in frames.left_out
 
 
-def test_a_millionth_in_frames_differs(frames: Checked) -> None:
+def test_error_of_a_millionth_in_site_forces_differs(frames: PreparedFile) -> None:
     for old, new in (
         ('"3 1 -2 0 0 0"', '"3 1 -2.000002 0 0 0"'), ('gainprm="3"', 'gainprm="3.000003"'),
         ("0.5 0.3 0.1 0.2", "0.5 0.3000005 0.1 0.2"), ("0.7 0.3 -0.4", "0.7 0.3000005 -0.4"),
         ('"0.2 0.1 0.3"', '"0.2 0.1000003 0.3"'), ('"0.3 -0.2 0.4"', '"0.3 -0.2000003 0.4"'),
         ('"0.3 0 -0.2"', '"0.3 0 -0.2000005"'), ('gainprm="4"', 'gainprm="4.000004"'),
     ):  # fmt: skip
-        assert frames.differs(old, new) is Outcome.DIFFERS, new
+        assert frames.outcome_with(old, new) is Outcome.DIFFERS, new
 
 
-CORDS = """<mujoco model="cords">
+TENDONS = """<mujoco model="cords">
   <compiler angle="radian"/>
   <option gravity="0 1 -9" integrator="RK4"/>
   <worldbody>
@@ -140,32 +140,32 @@ CORDS = """<mujoco model="cords">
 
 
 @pytest.fixture(scope="module")
-def cords(tmp_path_factory: pytest.TempPathFactory) -> Checked:
-    return checked(tmp_path_factory.mktemp("cords"), CORDS)
+def tendons(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
+    return prepare_file(tmp_path_factory.mktemp("cords"), TENDONS)
 
 
-def test_tendons_through_space_agree(cords: Checked) -> None:
-    """With pulleys, dampers that turn, and springs with play: no segment passes an end of it."""
-    assert cords.outcome() == (Outcome.AGREES, "")
-    assert cords.left_out == ("how MuJoCo compiles the file",)
+def test_spatial_tendons_agree(tendons: PreparedFile) -> None:
+    """Cover pulleys, nonlinear dampers, and springs with a dead band that no segment leaves."""
+    assert tendons.outcome() == (Outcome.AGREES, "")
+    assert tendons.left_out == ("how MuJoCo compiles the file",)
 
 
 @pytest.mark.slow
-def test_a_millionth_in_cords_is_named(cords: Checked) -> None:
-    cords.is_named('divisor="2.5"', 'divisor="2.500003"', "spatial[rope]/pulley@divisor", 20)
+def test_error_of_a_millionth_in_a_spatial_tendon_is_named(tendons: PreparedFile) -> None:
+    tendons.assert_named('divisor="2.5"', 'divisor="2.500003"', "spatial[rope]/pulley@divisor", 20)
 
 
-def test_a_millionth_in_others_of_cords_differs(cords: Checked) -> None:
+def test_error_of_a_millionth_in_spatial_tendons_differs(tendons: PreparedFile) -> None:
     for old, new in (
         ('springlength="0.3 0.9"', 'springlength="0.3 0.9000005"'),
         ('"40 5 3"', '"40 5.000005 3"'), ('"0.4 0.1"', '"0.4 0.1000003"'),
         ('gear="1.5"', 'gear="1.500002"'),
         ('"0.1 0.2 0.3"/><site', '"0.1 0.2000002 0.3"/><site'), ('kp="12"', 'kp="12.00001"'),
     ):  # fmt: skip
-        assert cords.differs(old, new) is Outcome.DIFFERS, new
+        assert tendons.outcome_with(old, new) is Outcome.DIFFERS, new
 
 
-MORE = {
+UNSUPPORTED = {
     "tendons around shapes that pull":
         '<spatial stiffness="3"><site site="hook"/><geom geom="drum"/><site site="a"/></spatial>',
     "armatures along tendons in space":
@@ -173,10 +173,10 @@ MORE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", MORE)
-def test_what_is_left_out_acts_on_nothing_and_is_told(tmp_path: Path, what: str) -> None:
-    text = CORDS.replace("</tendon>", MORE[what] + "</tendon>")
+@pytest.mark.parametrize("feature", UNSUPPORTED)
+def test_unsupported_tendons_are_disabled_and_reported(tmp_path: Path, feature: str) -> None:
+    text = TENDONS.replace("</tendon>", UNSUPPORTED[feature] + "</tendon>")
     drum = '<geom name="drum" type="sphere" size="0.1" pos="0.4 0.1 1" contype="0"/>'
-    found = checked(tmp_path, text.replace("<worldbody>", f"<worldbody>{drum}"))
-    assert found.accelerations() is Outcome.AGREES
-    assert what in found.left_out
+    prepared = prepare_file(tmp_path, text.replace("<worldbody>", f"<worldbody>{drum}"))
+    assert prepared.accelerations() is Outcome.AGREES
+    assert feature in prepared.left_out
