@@ -1,4 +1,4 @@
-"""Faults in the built-in models: named from motions alone, through the real command."""
+"""Faults in the built-in models: the command names them from motions alone."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "file", "engine", "old", "new", "cause", "wanted"), [
+@pytest.mark.parametrize(("name", "file", "engine", "old", "new", "cause", "expected"), [
     ("anchored_pair", "robot.urdf.toml", "mujoco", "damping = 1.1", "damping = 1.16",
      "sidecar:spring[0].damping", 1.1),
 ])  # fmt: skip
-def test_the_wrong_literal_is_named_with_file_line_and_value(
+def test_wrong_literal_is_named_with_file_line_and_value(
     folder: Callable[[str], Path],
     tmp_path: Path,
     name: str,
@@ -40,7 +40,7 @@ def test_the_wrong_literal_is_named_with_file_line_and_value(
     old: str,
     new: str,
     cause: str,
-    wanted: float,
+    expected: float,
 ) -> None:
     path = folder(name) / file
     text = path.read_text()
@@ -51,8 +51,8 @@ def test_the_wrong_literal_is_named_with_file_line_and_value(
     done = crosscheck(*words, cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     model = file.removesuffix(".toml")
-    found = read_results(tmp_path / "out" / "results.json")
-    diagnosis = next(m.diagnosis for m in found.models if m.model == model)
+    results = read_results(tmp_path / "out" / "results.json")
+    diagnosis = next(m.diagnosis for m in results.models if m.model == model)
     assert diagnosis is not None
     first = diagnosis.explanations[0]
     assert diagnosis.explained
@@ -61,7 +61,7 @@ def test_the_wrong_literal_is_named_with_file_line_and_value(
         e.causes for e in diagnosis.explanations if [str(c) for c in e.causes] == [cause]
     )
     assert [(one.file, one.line) for one in named.locations] == [(file, line)]
-    assert named.estimate == pytest.approx(wanted, abs=0.01 * abs(float_of(new) - wanted))
+    assert named.estimate == pytest.approx(expected, abs=0.01 * abs(float_of(new) - expected))
     top = " ".join(" ".join(done.stdout.splitlines()[:8]).split())
     assert f"FAIL {name}/{model} [{engine}]" in top
     assert "cause: " in top
@@ -76,7 +76,7 @@ def float_of(text: str) -> float:
 
 
 @pytest.mark.slow
-def test_run_exits_1_for_a_literal_that_no_motion_depends_on(
+def test_run_exits_1_for_a_wrong_literal_without_effect_on_motion(
     folder: Callable[[str], Path], tmp_path: Path
 ) -> None:
     path = folder("mass_spring_damper") / "mujoco.xml"

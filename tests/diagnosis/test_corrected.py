@@ -1,4 +1,4 @@
-"""The motion corrected with the value that a diagnosis found."""
+"""Motions corrected with the value of a diagnosis."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from tests.physics import physics
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TrialModel]:
-    """A mass on a spring that is one per cent too stiff in its file."""
+def trial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TrialModel]:
+    """Yield a mass on a spring that is one percent too stiff in its file."""
     pytest.importorskip("mujoco")
     folder = tmp_path_factory.mktemp("planted") / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
@@ -38,12 +38,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TrialModel]:
         yield trial
 
 
-def corrected(
-    whole: TrialModel, cause: str, fault: float, explained: bool = True
+def correct(
+    trial: TrialModel, cause: str, fault: float, explained: bool = True
 ) -> CorrectedMotion | None:
-    """The motion corrected as if a diagnosis had named one cause and its fault."""
-    (index,) = (i for i, h in enumerate(whole.hypotheses) if str(h.id) == cause)
-    hypothesis = whole.hypotheses[index]
+    """Correct the motion as if a diagnosis had named one cause with its fault."""
+    (index,) = (i for i, h in enumerate(trial.hypotheses) if str(h.id) == cause)
+    hypothesis = trial.hypotheses[index]
     estimate = hypothesis.value + hypothesis.correction * fault
     fit = Fit(
         members=(index,),
@@ -53,60 +53,61 @@ def corrected(
         standard_errors=(1e-9,),
         remaining=1e-10,
     )
-    return correct_motion(whole, whole.task.target.motions, Ranking((fit,), explained, 1e-9))
+    return correct_motion(trial, trial.task.target.motions, Ranking((fit,), explained, 1e-9))
 
 
-def found_in(motion: CorrectedMotion | None) -> CorrectedMotion:
+def required(motion: CorrectedMotion | None) -> CorrectedMotion:
     assert motion is not None
     return motion
 
 
-@pytest.mark.parametrize(("cause", "estimate", "what"), [
+@pytest.mark.parametrize(("cause", "estimate", "changed"), [
     ("k", 47.47, "equations"),
     ("joint[x]@stiffness", 47.0, "file"),
 ])  # fmt: skip
-def test_the_right_value_explains_the_motion_in_every_scenario(
-    whole: TrialModel, cause: str, estimate: float, what: str
+def test_correct_value_explains_the_motion_in_every_scenario(
+    trial: TrialModel, cause: str, estimate: float, changed: str
 ) -> None:
-    found = found_in(corrected(whole, cause, 0.47))
-    assert [one.estimate for one in found.causes] == [pytest.approx(estimate)]
-    assert [str(one) for one in found.causes] == [cause]
-    assert found.put_into == what
-    assert [one.scenario for one in found.scenarios] == list(whole.task.target.motions)
-    for one in found.scenarios:
-        assert np.max(np.abs(np.array(one.before))) > 1e-3
-        assert np.max(np.abs(np.array(one.after))) < 1e-9
-        # The equations with the file's spring: another motion. The file with the equations' spring:
-        # theirs, but for the step.
-        reference = whole.task.target.motions[one.scenario].states_at(np.array(one.t))
-        apart = np.max(np.abs(np.array(one.corrected).T - reference)) / np.max(np.abs(reference))
-        assert 0.005 < apart < 0.3 if what == "equations" else apart < 0.02
+    motion = required(correct(trial, cause, 0.47))
+    assert [one.estimate for one in motion.causes] == [pytest.approx(estimate)]
+    assert [str(one) for one in motion.causes] == [cause]
+    assert motion.put_into == changed
+    assert [one.scenario for one in motion.scenarios] == list(trial.task.target.motions)
+    for scenario in motion.scenarios:
+        assert np.max(np.abs(np.array(scenario.before))) > 1e-3
+        assert np.max(np.abs(np.array(scenario.after))) < 1e-9
+        # Corrected equations have the file's spring, so their motion differs from the reference.
+        # A corrected file has the equations' spring, so only the time step makes a difference.
+        reference = trial.task.target.motions[scenario.scenario].states_at(np.array(scenario.t))
+        gap = np.array(scenario.corrected).T - reference
+        gap = np.max(np.abs(gap)) / np.max(np.abs(reference))
+        assert 0.005 < gap < 0.3 if changed == "equations" else gap < 0.02
 
 
-def test_a_wrong_value_does_not(whole: TrialModel) -> None:
-    found = found_in(corrected(whole, "k", -1.0))
-    assert all(np.max(np.abs(np.array(one.after))) > 1e-3 for one in found.scenarios)
+def test_wrong_value_does_not_explain_the_motion(trial: TrialModel) -> None:
+    motion = required(correct(trial, "k", -1.0))
+    assert all(np.max(np.abs(np.array(one.after))) > 1e-3 for one in motion.scenarios)
 
 
-def test_the_corrected_motion_obeys_the_equations_with_breaks_of_the_input(
-    whole: TrialModel,
+def test_corrected_motion_follows_steps_of_the_input(
+    trial: TrialModel,
 ) -> None:
-    """Nothing moved: the reference comes back, a step of force in it."""
-    found = found_in(corrected(whole, "k", 0.0))
-    for one in found.scenarios:
-        reference = whole.task.target.motions[one.scenario].states_at(np.array(one.t)).T
+    """Expect the reference, with a step of force, when no value changes."""
+    motion = required(correct(trial, "k", 0.0))
+    for scenario in motion.scenarios:
+        reference = trial.task.target.motions[scenario.scenario].states_at(np.array(scenario.t)).T
         # Times have six digits: rounded by 5e-5 s, at up to 6 rad/s.
-        states = np.array(one.corrected, dtype=float)
+        states = np.array(scenario.corrected, dtype=float)
         np.testing.assert_allclose(states, reference, atol=3e-4 * np.max(np.abs(reference)))
-        assert len(one.t) == 240
+        assert len(scenario.t) == 240
 
 
-def test_the_zero_of_a_joint_is_moved_in_the_corrected_motion(whole: TrialModel) -> None:
-    found = found_in(corrected(whole, "zero of x", 0.02))
-    assert found.put_into == "file"
-    free = next(one for one in found.scenarios if one.scenario == "free")
+def test_corrected_motion_shifts_the_zero_of_a_joint(trial: TrialModel) -> None:
+    motion = required(correct(trial, "zero of x", 0.02))
+    assert motion.put_into == "file"
+    free = next(one for one in motion.scenarios if one.scenario == "free")
     assert abs(float(np.array(free.corrected)[0, -1])) == pytest.approx(0.02, rel=0.1)
 
 
-def test_what_nothing_explains_is_not_corrected(whole: TrialModel) -> None:
-    assert corrected(whole, "k", 0.47, explained=False) is None
+def test_unexplained_motion_is_not_corrected(trial: TrialModel) -> None:
+    assert correct(trial, "k", 0.47, explained=False) is None

@@ -1,4 +1,4 @@
-"""The ranking of causes, on made-up sensitivities where the truth is known."""
+"""The ranking of causes, with synthetic sensitivities and known faults."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ class Cause:
     shift: Callable[[float], Array]
 
 
-def named(name: str, kind: CauseKind = "constant", rank: int = 2) -> Hypothesis:
-    one = CauseId(kind=kind, subject=(name,))
-    return Hypothesis(id=one, value=2.0, size=1.0, rank=rank)
+def hypothesis(name: str, kind: CauseKind = "constant", rank: int = 2) -> Hypothesis:
+    identity = CauseId(kind=kind, subject=(name,))
+    return Hypothesis(id=identity, value=2.0, size=1.0, rank=rank)
 
 
 def cause(
     index: int, kind: CauseKind = "constant", curve: float = 0.0, shape: Array | None = None
 ) -> Cause:
-    """A cause whose effect is b s + curve b^2 s', with s' another shape."""
+    """Return a cause with the effect b s + curve b^2 s', where s' is s rolled."""
     row = SHAPES[index] if shape is None else shape
 
     def shift(fault: float) -> Array:
         moved: Array = fault * row + curve * fault**2 * np.roll(row, 7)
         return moved
 
-    return Cause(named(f"cause {index}", kind, 0 if kind == "literal" else 2), shift)
+    return Cause(hypothesis(f"cause {index}", kind, 0 if kind == "literal" else 2), shift)
 
 
 @dataclass(frozen=True)
-class MadeUp:
-    """A problem whose faults add up, but for a bend where two meet."""
+class SyntheticProblem:
+    """A problem whose faults add up."""
 
     whole: Array
     causes: list[Cause]
@@ -55,27 +55,27 @@ class MadeUp:
         return [c.hypothesis for c in self.causes]
 
     def defect(self, faults: Mapping[int, float]) -> Array:
-        left = self.whole.copy()
+        residual = self.whole.copy()
         for i, fault in faults.items():
-            left -= self.causes[i].shift(fault)
-        return left
+            residual -= self.causes[i].shift(fault)
+        return residual
 
-    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
+    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
         step = 1e-6
 
-        def at(i: int, delta: float) -> Array:
+        def shifted(i: int, delta: float) -> Array:
             return self.defect({**faults, i: faults.get(i, 0.0) + delta})
 
         return np.array(
             [
-                (at(i, -step) - at(i, step)) / (2 * step)
-                for i in (range(len(self.causes)) if of is None else of)
+                (shifted(i, -step) - shifted(i, step)) / (2 * step)
+                for i in (range(len(self.causes)) if indices is None else indices)
             ]
         )
 
 
-def ask(defect: Array, causes: list[Cause], noise: float = 1e-10) -> Ranking:
-    return diagnose(MadeUp(defect, causes), np.full(N, noise))
+def rank(defect: Array, causes: list[Cause], noise: float = 1e-10) -> Ranking:
+    return diagnose(SyntheticProblem(defect, causes), np.full(N, noise))
 
 
 def noisy(defect: Array, noise: float = 1e-11) -> Array:
@@ -87,106 +87,106 @@ def names(fit: Fit) -> list[str]:
 
 
 @pytest.mark.parametrize("fault", [1e-6, 1e-3, 0.05, -0.5])
-def test_the_one_wrong_number_is_first_with_its_value(fault: float) -> None:
+def test_single_wrong_number_is_ranked_first_with_its_value(fault: float) -> None:
     causes = [cause(i, curve=0.5) for i in range(6)]
-    found = ask(noisy(causes[3].shift(fault)), causes)
-    first = found.fits[0]
-    assert found.explained
+    ranking = rank(noisy(causes[3].shift(fault)), causes)
+    first = ranking.fits[0]
+    assert ranking.explained
     assert names(first) == ["cause 3"]
     assert first.estimates[0] == pytest.approx(2.0 + fault, abs=abs(fault) * 1e-4)
     assert first.remaining < 1e-4
     assert first.tied_with == ()
-    assert found.fits[1].remaining > 0.5
+    assert ranking.fits[1].remaining > 0.5
 
 
-def test_the_estimate_lies_within_some_standard_errors() -> None:
+def test_standard_error_of_the_estimate_is_realistic() -> None:
     causes = [cause(i) for i in range(6)]
     misses = []
     for _ in range(40):
-        found = ask(noisy(causes[1].shift(1e-3), noise=1e-6), causes, noise=1e-6)
-        first = found.fits[0]
+        ranking = rank(noisy(causes[1].shift(1e-3), noise=1e-6), causes, noise=1e-6)
+        first = ranking.fits[0]
         misses.append((first.estimates[0] - 2.001) / first.standard_errors[0])
     assert 0.2 < np.std(misses) < 1.5
 
 
-def test_causes_that_no_data_tell_apart_are_tied_and_the_literal_leads() -> None:
+def test_indistinguishable_causes_are_tied_and_the_literal_is_first() -> None:
     causes = [cause(i) for i in range(5)]
     causes.append(cause(5, kind="literal", shape=3 * SHAPES[2]))
-    found = ask(noisy(causes[2].shift(1e-3)), causes)
-    first = found.fits[0]
+    ranking = rank(noisy(causes[2].shift(1e-3)), causes)
+    first = ranking.fits[0]
     assert names(first) == ["cause 5"]
     assert [str(one) for one in first.tied_with] == ["cause 2"]
-    assert first.causes[0] in found.fits[1].tied_with
+    assert first.causes[0] in ranking.fits[1].tied_with
 
 
 @pytest.mark.parametrize("noise", [1e-12, 1e-11, 1e-10])
-def test_numbers_of_one_sum_are_in_the_order_of_the_file_whatever_the_rounding(
+def test_tied_literals_are_in_file_order_for_any_rounding(
     noise: float,
 ) -> None:
-    """Engines round differently, so the smallest remainder names another number in each."""
+    """Prevent that rounding, which differs between engines, decides the order."""
     shapes = [SHAPES[2], 2 * SHAPES[2], -3 * SHAPES[2]]
     causes = [cause(i, kind="literal", shape=shape) for i, shape in enumerate(shapes)]
     for _ in range(10):
-        found = ask(noisy(1e-3 * SHAPES[2], noise), causes)
-        assert [names(fit) for fit in found.fits] == [["cause 0"], ["cause 1"], ["cause 2"]]
-        assert [str(one) for one in found.fits[0].tied_with] == ["cause 1", "cause 2"]
+        ranking = rank(noisy(1e-3 * SHAPES[2], noise), causes)
+        assert [names(fit) for fit in ranking.fits] == [["cause 0"], ["cause 1"], ["cause 2"]]
+        assert [str(one) for one in ranking.fits[0].tied_with] == ["cause 1", "cause 2"]
 
 
-def test_of_equal_causes_the_one_whose_estimate_is_its_bound_value_is_first() -> None:
+def test_tied_cause_with_an_estimate_at_its_bound_value_is_first() -> None:
     shapes = [SHAPES[2], 2 * SHAPES[2], -3 * SHAPES[2]]
     causes = [cause(i, kind="literal", shape=shape) for i, shape in enumerate(shapes)]
     for i, expected in enumerate((2.0, 2.0 + 0.5e-3, 2.1)):  # right, wrong, wrong by more
         bound = replace(causes[i].hypothesis, expected=expected)
         causes[i] = replace(causes[i], hypothesis=bound)
-    found = ask(noisy(1e-3 * SHAPES[2]), causes)
-    assert names(found.fits[0]) == ["cause 1"]
-    assert found.fits[0].estimates[0] == pytest.approx(2.0005, abs=1e-9)
+    ranking = rank(noisy(1e-3 * SHAPES[2]), causes)
+    assert names(ranking.fits[0]) == ["cause 1"]
+    assert ranking.fits[0].estimates[0] == pytest.approx(2.0005, abs=1e-9)
 
 
-def test_an_equal_cause_that_bends_is_fitted_too_though_another_is_straight() -> None:
-    def bent(fault: float) -> Array:
+def test_nonlinear_cause_is_fitted_despite_a_tied_linear_cause() -> None:
+    def nonlinear(fault: float) -> Array:
         moved: Array = fault * SHAPES[2] + fault * (fault - 0.01) * SHAPES[5]
         return moved
 
     causes = [cause(i) for i in range(5)]
-    causes.append(Cause(named("bent", "literal", 0), bent))
-    found = ask(noisy(causes[2].shift(0.01)), causes)
-    assert names(found.fits[0]) == ["bent"]
-    assert all(f.remaining < 1e-6 for f in found.fits[:2])
+    causes.append(Cause(hypothesis("bent", "literal", 0), nonlinear))
+    ranking = rank(noisy(causes[2].shift(0.01)), causes)
+    assert names(ranking.fits[0]) == ["bent"]
+    assert all(f.remaining < 1e-6 for f in ranking.fits[:2])
 
 
-def test_two_faults_at_once_are_named_as_a_pair() -> None:
+def test_two_simultaneous_faults_are_named_as_a_pair() -> None:
     causes = [cause(i, curve=0.1) for i in range(6)]
-    found = ask(noisy(causes[0].shift(1e-4) + causes[4].shift(1e-2)), causes)
-    first = found.fits[0]
-    assert found.explained
+    ranking = rank(noisy(causes[0].shift(1e-4) + causes[4].shift(1e-2)), causes)
+    first = ranking.fits[0]
+    assert ranking.explained
     assert set(names(first)) == {"cause 0", "cause 4"}
     values = dict(zip(names(first), first.estimates, strict=True))
     assert values["cause 0"] == pytest.approx(2.0001, abs=1e-6)
     assert values["cause 4"] == pytest.approx(2.01, abs=1e-6)
 
 
-def test_what_nothing_explains_is_told_as_that() -> None:
+def test_unexplained_defect_is_reported_as_unexplained() -> None:
     causes = [cause(i) for i in range(5)]
-    found = ask(noisy(1e-3 * SHAPES[5]), causes)
-    assert not found.explained
-    assert found.fits[0].remaining > 0.5
+    ranking = rank(noisy(1e-3 * SHAPES[5]), causes)
+    assert not ranking.explained
+    assert ranking.fits[0].remaining > 0.5
 
 
-def test_a_cause_is_named_where_the_bound_of_the_errors_is_as_large_as_what_it_does() -> None:
+def test_cause_is_named_if_the_uncertainty_is_as_large_as_its_effect() -> None:
     causes = [cause(i) for i in range(4)]
-    ranking = ask(noisy(1e-9 * SHAPES[2]), causes, noise=1e-9)
+    ranking = rank(noisy(1e-9 * SHAPES[2]), causes, noise=1e-9)
     assert ranking.floor == pytest.approx(1.0, rel=0.1)
     assert ranking.explained
     assert names(ranking.fits[0]) == ["cause 2"]
     assert not ranking.fits[0].tied_with
-    nothing = ask(noisy(np.zeros(N), 1e-9), causes, noise=1e-9)
+    nothing = rank(noisy(np.zeros(N), 1e-9), causes, noise=1e-9)
     assert not nothing.explained
 
 
 @dataclass(frozen=True)
-class Counted(MadeUp):
-    """One that counts the models that are tried."""
+class CountingProblem(SyntheticProblem):
+    """A problem that records the models that are tried."""
 
     tried: list[int] = field(default_factory=list)
 
@@ -195,47 +195,47 @@ class Counted(MadeUp):
             self.tried.append(len(faults))
         return super().defect(faults)
 
-    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
-        return MadeUp(self.whole, self.causes).slopes(faults, of)
+    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
+        return SyntheticProblem(self.whole, self.causes).slopes(faults, indices)
 
 
-def test_a_fit_that_gains_nothing_ends() -> None:
-    """Bent causes go on moving for as long as they are let."""
-    problem = Counted(0.1 * RNG.standard_normal(N), [cause(i, curve=0.5) for i in range(6)])
+def test_fit_without_progress_stops() -> None:
+    """Cover nonlinear causes, whose estimates would keep changing."""
+    problem = CountingProblem(0.1 * RNG.standard_normal(N), [cause(i, curve=0.5) for i in range(6)])
     assert not diagnose(problem, np.full(N, 1e-10)).explained
     assert len(problem.tried) < 60
 
 
-def test_what_falls_far_behind_a_cause_that_explains_all_is_tried_on_no_model() -> None:
-    problem = Counted(1e-3 * SHAPES[0], [cause(i) for i in range(6)])
+def test_causes_far_behind_a_full_explanation_are_not_tried() -> None:
+    problem = CountingProblem(1e-3 * SHAPES[0], [cause(i) for i in range(6)])
     assert diagnose(problem, np.full(N, 1e-10)).explained
     assert len(problem.tried) <= 3
 
 
-def test_a_cause_without_any_effect_is_never_named() -> None:
+def test_cause_without_effect_is_never_named() -> None:
     causes = [cause(i) for i in range(5)]
     causes.append(cause(5, shape=np.zeros(N)))
-    found = ask(noisy(causes[0].shift(1e-3)), causes)
-    assert all("cause 5" not in names(fit) for fit in found.fits)
+    ranking = rank(noisy(causes[0].shift(1e-3)), causes)
+    assert all("cause 5" not in names(fit) for fit in ranking.fits)
 
 
-def test_a_cause_that_has_no_effect_once_it_is_repaired_is_still_named() -> None:
+def test_saturating_cause_is_still_named() -> None:
     def saturated(fault: float) -> Array:
-        moved: Array = min(fault, 1e-2) * SHAPES[0]  # a number beyond which nothing changes
+        moved: Array = min(fault, 1e-2) * SHAPES[0]  # no effect beyond 1e-2
         return moved
 
-    causes = [Cause(named("saturated"), saturated), *(cause(i) for i in range(1, 6))]
-    beside = np.sign(SHAPES[0] @ SHAPES[1]) * 1e-4  # the fit goes beyond, where nothing changes
-    found = ask(noisy(causes[0].shift(1e-2) + causes[1].shift(beside)), causes)
-    assert all(np.isfinite(fit.remaining) for fit in found.fits)
-    assert set(names(found.fits[0])) >= {"saturated"}
+    causes = [Cause(hypothesis("saturated"), saturated), *(cause(i) for i in range(1, 6))]
+    second_fault = np.sign(SHAPES[0] @ SHAPES[1]) * 1e-4  # the fit overshoots into saturation
+    ranking = rank(noisy(causes[0].shift(1e-2) + causes[1].shift(second_fault)), causes)
+    assert all(np.isfinite(fit.remaining) for fit in ranking.fits)
+    assert set(names(ranking.fits[0])) >= {"saturated"}
 
 
-def test_causes_are_told_apart_by_their_kind_too_and_never_by_their_words() -> None:
+def test_causes_with_equal_names_are_distinguished_by_kind() -> None:
     causes = [cause(i) for i in range(5)]
-    causes[3] = Cause(named("nut and bolt"), causes[3].shift)
+    causes[3] = Cause(hypothesis("nut and bolt"), causes[3].shift)
     causes.append(cause(5, kind="literal", shape=3 * SHAPES[3]))
-    causes[5] = Cause(named("nut and bolt", "literal", 0), causes[5].shift)
-    first = ask(noisy(causes[3].shift(1e-3)), causes).fits[0]
+    causes[5] = Cause(hypothesis("nut and bolt", "literal", 0), causes[5].shift)
+    first = rank(noisy(causes[3].shift(1e-3)), causes).fits[0]
     assert first.causes == (CauseId(kind="literal", subject=("nut and bolt",)),)
     assert first.tied_with == (CauseId(kind="constant", subject=("nut and bolt",)),)

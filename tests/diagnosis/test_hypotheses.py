@@ -1,4 +1,4 @@
-"""What might be wrong with a model, and what trying it does."""
+"""Hypotheses about a wrong model, and the effect of trying them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture
 def opened(tmp_path: Path) -> Open:
-    """A trial model of the pendulum's MJCF with texts replaced."""
+    """Return a function that opens a trial model of the pendulum with texts replaced."""
 
     def open_(*edits: tuple[str, str]) -> AbstractContextManager[tuple[TrialModel, Array]]:
         folder = tmp_path / "copy"
@@ -46,53 +46,53 @@ def opened(tmp_path: Path) -> Open:
     return open_
 
 
-def index(whole: TrialModel, cause: str) -> int:
-    return [str(h.id) for h in whole.hypotheses].index(cause)
+def index(trial: TrialModel, cause: str) -> int:
+    return [str(h.id) for h in trial.hypotheses].index(cause)
 
 
-def test_a_number_left_in_is_a_candidate_with_its_line_and_looks_are_none(opened: Open) -> None:
-    with opened(('axis="0 -1 0"', 'axis="0 -1 0" armature="0.01"')) as (whole, _):
-        left_in = whole.hypotheses[index(whole, "joint[theta]@armature")]
-        assert left_in.id.kind == "unbound literal"
-        assert left_in.value == 0.01
-        assert [line.file for line in left_in.where] == ["mujoco.xml"]
-        assert not any(word in str(h.id) for h in whole.hypotheses for word in ("geom", "rgba"))
+def test_unbound_number_is_a_candidate_but_visual_geometry_is_not(opened: Open) -> None:
+    with opened(('axis="0 -1 0"', 'axis="0 -1 0" armature="0.01"')) as (trial, _):
+        candidate = trial.hypotheses[index(trial, "joint[theta]@armature")]
+        assert candidate.id.kind == "unbound literal"
+        assert candidate.value == 0.01
+        assert [line.file for line in candidate.where] == ["mujoco.xml"]
+        assert not any(word in str(h.id) for h in trial.hypotheses for word in ("geom", "rgba"))
 
 
-def test_literals_of_one_expression_move_together(opened: Open) -> None:
-    with opened() as (whole, _):
-        both = index(whole, "body[pendulum]/inertial@mass")
-        moved = whole.candidates[both].perturbation.literals
+def test_literals_of_one_expression_change_together(opened: Open) -> None:
+    with opened() as (trial, _):
+        both = index(trial, "body[pendulum]/inertial@mass")
+        moved = trial.candidates[both].perturbation.literals
         assert moved == {"body[pendulum]/inertial@mass": -1.0}
-        groups = [h for h in whole.hypotheses if h.id.kind == "literals"]
+        groups = [h for h in trial.hypotheses if h.id.kind == "literals"]
         assert all(len(h.id.subject) > 1 for h in groups)
 
 
-def test_faults_are_repaired_together_exactly(opened: Open) -> None:
+def test_two_faults_are_repaired_exactly(opened: Open) -> None:
     edits = (('pos="0 0 -0.75"', 'pos="0 0 -0.9"'), ("-9.81", "-9.0"))
-    with opened(*edits) as (whole, uncertainty):
-        length = index(whole, "body[pendulum]/inertial@pos[2]")
-        gravity = index(whole, "option@gravity[2]")
-        alone = whole.defect({length: -0.15})
-        both = whole.defect({length: -0.15, gravity: 0.81})
-        assert np.max(np.abs(alone)) > 1e-3
+    with opened(*edits) as (trial, uncertainty):
+        length = index(trial, "body[pendulum]/inertial@pos[2]")
+        gravity = index(trial, "option@gravity[2]")
+        single = trial.defect({length: -0.15})
+        both = trial.defect({length: -0.15, gravity: 0.81})
+        assert np.max(np.abs(single)) > 1e-3
         assert np.all(np.abs(both) <= np.maximum(uncertainty, 1e-11))
 
 
-def test_a_slope_is_the_change_of_the_defect_near_any_faults(opened: Open) -> None:
-    with opened(("-9.81", "-9.5")) as (whole, _):
-        gravity = index(whole, "option@gravity[2]")
-        mass = index(whole, "m")
+def test_slopes_match_finite_differences(opened: Open) -> None:
+    with opened(("-9.81", "-9.5")) as (trial, _):
+        gravity = index(trial, "option@gravity[2]")
+        mass = index(trial, "m")
         for faults in ({}, {gravity: 0.31}):
-            slopes = whole.slopes(faults, [gravity, mass])
+            slopes = trial.slopes(faults, [gravity, mass])
             for row, cause in zip(slopes, (gravity, mass), strict=True):
                 step = 1e-5
-                ahead = whole.defect({**faults, cause: faults.get(cause, 0.0) + step})
-                wanted = (whole.defect(faults) - ahead) / step
-                assert np.linalg.norm(row - wanted) < 1e-3 * np.linalg.norm(wanted)
+                perturbed = trial.defect({**faults, cause: faults.get(cause, 0.0) + step})
+                expected = (trial.defect(faults) - perturbed) / step
+                assert np.linalg.norm(row - expected) < 1e-3 * np.linalg.norm(expected)
 
 
-def test_a_literal_is_not_moved_across_zero(opened: Open) -> None:
-    with opened() as (whole, _):
-        mass = index(whole, "body[pendulum]/inertial@mass")
-        assert np.min(np.abs(whole.defect({mass: 1.0}))) > 1e5
+def test_literal_does_not_change_its_sign(opened: Open) -> None:
+    with opened() as (trial, _):
+        mass = index(trial, "body[pendulum]/inertial@mass")
+        assert np.min(np.abs(trial.defect({mass: 1.0}))) > 1e5

@@ -1,4 +1,4 @@
-"""The name of every cause, as a person reads it."""
+"""The phrase of every cause, as reports show it."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from physics_crosscheck.reference.solving.variants import variants
 PHRASES: dict[str, dict[str, list[str]]] = json.loads(
     (Path(__file__).parent / "phrases.json").read_text()
 )
-"""By system and kind: those of all its models in all engines."""
+"""Phrases by system and kind, of all models in all engines."""
 
-TERMS = {
+MISSING_TERMS = {
     "inertia": "inertia on {}",
     "damping": "damping on {}",
     "quadratic damping": "quadratic damping on {}",
@@ -32,26 +32,26 @@ TERMS = {
     "spring": "spring on {}",
     "offset force": "offset force on {}",
 }
-"""Those of the terms that the equations may lack, on each coordinate of every system."""
+"""Phrases of terms that the equations may lack, for each coordinate of a system."""
 
 
 @pytest.mark.skipif(
     any(engine.version() is None for engine in engines().values()), reason="an engine is missing"
 )
 @pytest.mark.parametrize("name", PHRASES)
-def test_every_hypothesis_of_a_built_in_system_has_its_name(name: str) -> None:
+def test_every_hypothesis_of_a_builtin_system_has_its_phrase(name: str) -> None:
     system = load_system(builtin() / name)
     free = variants(derive(system), np.ones(2 * len(system.coordinates)))
-    found: dict[str, set[str]] = defaultdict(set)
+    actual: dict[str, set[str]] = defaultdict(set)
     for sidecar in model_files(builtin() / name):
         assert isinstance(sidecar, Sidecar)
         for engine in sidecar.engines:
             candidates = everything(system, sidecar, *load(system, sidecar, engine), free)
             names = [candidate.hypothesis.id for candidate in candidates]
             assert len(set(names)) == len(names)
-            for one in names:
-                found[one.kind].add(str(one))
+            for identity in names:
+                actual[identity.kind].add(str(identity))
     expected = {kind: set(phrases) for kind, phrases in PHRASES[name].items()}
-    for kind, phrase in TERMS.items():
+    for kind, phrase in MISSING_TERMS.items():
         expected[kind] = {phrase.format(c.name) for c in system.coordinates}
-    assert found == expected
+    assert actual == expected

@@ -1,4 +1,4 @@
-"""No false alarm: sound models at random constants."""
+"""Correct models at random constants cause no false alarm."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from physics_crosscheck.harness.records.outcome import Outcome
 def test_no_model_differs_at_random_constants() -> None:
     """Take a third of the models; `campaigns.random_draws` takes all."""
     results = campaign(9, 11)
-    for judged, what in results:
+    for judged, draw in results:
         verdict = judged.verdict
-        assert verdict.outcome in (Outcome.AGREES, Outcome.UNRESOLVED), (what, verdict.reason)
+        assert verdict.outcome in (Outcome.AGREES, Outcome.UNRESOLVED), (draw, verdict.reason)
         if verdict.outcome is Outcome.UNRESOLVED:
-            assert verdict.discrepancy <= verdict.uncertainty, what
+            assert verdict.discrepancy <= verdict.uncertainty, draw
         for place, ratios in judged.ratios.items():
-            assert np.all(ratios <= 1), (place, what)
+            assert np.all(ratios <= 1), (place, draw)
     agree = sum(judged.verdict.outcome is Outcome.AGREES for judged, _ in results)
     assert agree >= 8
 
@@ -33,8 +33,8 @@ def pairing(system: str, file: str) -> Pairing:
 
 
 @pytest.mark.slow
-def test_rounding_by_a_soft_equality_is_no_difference(tmp_path: Path) -> None:
-    """At a draw where it was once taken for one."""
+def test_rounding_by_a_soft_equality_agrees(tmp_path: Path) -> None:
+    """Repeat a draw that was once a false alarm."""
     constants = {
         "M": 5.025847260289418, "r": 0.3277818917406811, "m": 0.34242181644830977,
         "l": 1.7176538454649595, "k": 63.93883253127701, "g": 8.22086977310767,
@@ -45,10 +45,10 @@ def test_rounding_by_a_soft_equality_is_no_difference(tmp_path: Path) -> None:
         assert np.max(ratios) < 0.5, place
 
 
-def test_a_pendulum_that_has_turned_nineteen_times_is_known_to_nine_digits(
+def test_pendulum_after_nineteen_turns_agrees(
     tmp_path: Path,
 ) -> None:
-    # Its angle is large and its turning quick, but neither makes a force of the angle's last digit.
+    # The angle and its velocity are large, but the rounding of the angle affects no force.
     constants = {"m": 0.21712384607983154, "l": 0.41014006587510676, "g": 6.854633582428014}
     chosen = pairing("simple_pendulum", "robot.urdf")
     judged = judge_at(chosen, constants, "driven", tmp_path)

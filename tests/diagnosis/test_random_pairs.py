@@ -1,4 +1,4 @@
-"""Two literals wrong at once, as the script draws them."""
+"""Two literals wrong at once, drawn by `campaigns.random_pairs`."""
 
 import pytest
 

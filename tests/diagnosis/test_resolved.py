@@ -1,4 +1,4 @@
-"""Which ends a diagnosis stands on, where they are known to different digits."""
+"""Diagnoses from ends with different uncertainties."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 @dataclass(frozen=True)
 class Linear:
-    """A discrepancy, and what units of some faults do to it, (H, N)."""
+    """A discrepancy, (N,), and the effects of unit faults, (H, N)."""
 
-    found: Array
+    discrepancy: Array
     rows: Array
 
     @property
@@ -28,23 +28,23 @@ class Linear:
         ]
 
     def defect(self, faults: Mapping[int, float]) -> Array:
-        left: Array = self.found - sum(by * self.rows[i] for i, by in faults.items())
-        return left
+        residual: Array = self.discrepancy - sum(by * self.rows[i] for i, by in faults.items())
+        return residual
 
-    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
-        return self.rows if of is None else self.rows[list(of)]
+    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
+        return self.rows if indices is None else self.rows[list(indices)]
 
 
-def test_ends_that_are_known_best_do_not_count_alone_where_nothing_shows_at_them() -> None:
-    """A slow component is known to 1e-13 and moved by no fault; a soft one drowns the others."""
+def test_precise_ends_without_effect_do_not_decide_the_diagnosis() -> None:
+    """Combine a precise component without effect with one of large uncertainty."""
     random = np.random.default_rng(2)
-    best, bad = slice(0, 30), slice(90, 120)
+    precise, imprecise = slice(0, 30), slice(90, 120)
     rows = random.normal(size=(6, 120))
-    rows[:, best] = 1e-9 * random.normal(size=(6, 30))
+    rows[:, precise] = 1e-9 * random.normal(size=(6, 30))
     uncertainty = np.full(120, 2e-9)
-    uncertainty[best], uncertainty[bad] = 1e-12, 3e-6
-    found = 1e-7 * rows[4] + 0.1 * uncertainty * random.normal(size=120)
-    ranking = diagnose(Linear(found, rows), uncertainty)
+    uncertainty[precise], uncertainty[imprecise] = 1e-12, 3e-6
+    discrepancy = 1e-7 * rows[4] + 0.1 * uncertainty * random.normal(size=120)
+    ranking = diagnose(Linear(discrepancy, rows), uncertainty)
     assert ranking.explained
     assert ranking.fits[0].members == (4,)
     assert abs(ranking.fits[0].faults[0] / 1e-7 - 1) < 1e-2

@@ -1,4 +1,4 @@
-"""Robots' files with a number made wrong: caught, and named with its line and its right value."""
+"""Robot files with a wrong number: detected, and named with its line and correct value."""
 
 from __future__ import annotations
 
@@ -78,16 +78,16 @@ LIMBS = """<mujocoinclude><worldbody>
 """
 
 
-def plain(text: str) -> str:
-    """Axes along one coordinate, and no products of inertia."""
+def simplify(text: str) -> str:
+    """Return the text with axes along coordinates and no products of inertia."""
     text = text.replace('"0.1 0 1"', '"0 0 1"').replace('"0 1 0.2"', '"0 1 0"')
     return re.sub(r'(i(?:xy|xz|yz))="[^"]*"', r'\1="0"', text)
 
 
-def diagnosed(
+def diagnose_change(
     file: Path, old: str, new: str, engine: str, changed: Path | None = None
 ) -> Diagnosis:
-    """A file held against its equations from before a number was changed."""
+    """Change a number of a file, and diagnose it with the original equations."""
     changed = changed or file
     task = model_task(prepare_tree(file, states=8), engine)
     text = changed.read_text()
@@ -99,13 +99,13 @@ def diagnosed(
 
 
 def check_named(
-    found: Diagnosis, address: str, line: int, file: str, right: float, wrong: float
+    diagnosis: Diagnosis, address: str, line: int, file: str, right: float, wrong: float
 ) -> None:
-    assert found.explained
-    first = found.explanations[0]
+    assert diagnosis.explained
+    first = diagnosis.explanations[0]
     alike = (first.causes[0].id, *first.tied_with)
     assert CauseId(kind="literal", subject=(address,)) in alike
-    (cause,) = next(one.causes for one in found.explanations if one.causes[0].subject == (address,))
+    (cause,) = next(e.causes for e in diagnosis.explanations if e.causes[0].subject == (address,))
     assert [(one.file, one.line) for one in cause.locations] == [(file, line)]
     assert cause.nominal == pytest.approx(wrong, rel=1e-12)
     assert cause.estimate is not None
@@ -123,85 +123,86 @@ MJCF_FAULTS = {
 NUMBERS = {"@euler[2]": "0.1"}
 
 
-def moved(spelled: str, address: str, share: float) -> tuple[str, float, float]:
-    """A spelled attribute with its number off by a share of it."""
+def perturb(attribute: str, address: str, share: float) -> tuple[str, float, float]:
+    """Return an attribute with a relative error, and the right and wrong number."""
     ending = [number for key, number in NUMBERS.items() if address.endswith(key)]
-    number = ending[0] if ending else spelled.split('"')[1]
+    number = ending[0] if ending else attribute.split('"')[1]
     wrong = float(number) * (1 + share)
-    head, _, tail = spelled.rpartition(number)
+    head, _, tail = attribute.rpartition(number)
     return f"{head}{wrong!r}{tail}", float(number), wrong
 
 
-@pytest.mark.parametrize(("spelled", "engine", "share"), [
+@pytest.mark.parametrize(("attribute", "engine", "share"), [
     ('mass value="1.5"', "pybullet", 1e-2), ('damping="0.7"', "mujoco", 1e-6),
 ])  # fmt: skip
-def test_a_wrong_number_of_a_urdf_is_named(
-    tmp_path: Path, engine: str, spelled: str, share: float
+def test_wrong_number_of_a_urdf_is_named(
+    tmp_path: Path, engine: str, attribute: str, share: float
 ) -> None:
     file = tmp_path / "arm.urdf"
-    # PyBullet takes axes as long as they are, and finds principal ones to some digits alone.
-    file.write_text(ARM if engine == "mujoco" else plain(ARM))
-    if spelled not in file.read_text() or not engines()[engine].version():
-        pytest.skip("not of this engine")
-    address, line = URDF_FAULTS[spelled]
-    new, right, wrong = moved(spelled, address, share)
-    found = diagnosed(file, spelled, new, engine)
-    check_named(found, address, line, "arm.urdf", right, wrong)
+    # PyBullet does not normalize axes, and computes principal axes to a few digits only.
+    file.write_text(ARM if engine == "mujoco" else simplify(ARM))
+    if attribute not in file.read_text() or not engines()[engine].version():
+        pytest.skip("not for this engine")
+    address, line = URDF_FAULTS[attribute]
+    new, right, wrong = perturb(attribute, address, share)
+    diagnosis = diagnose_change(file, attribute, new, engine)
+    check_named(diagnosis, address, line, "arm.urdf", right, wrong)
 
 
-@pytest.mark.parametrize(("spelled", "engine", "share"), [
+@pytest.mark.parametrize(("attribute", "engine", "share"), [
     pytest.param('joint damping="0.3"', "pinocchio", 1e-2, marks=pytest.mark.slow),
     ('euler="0.3 0.2 0.1"', "mujoco", 1e-6),
 ])  # fmt: skip
-def test_a_wrong_number_of_an_mjcf_or_of_what_it_includes_is_named(
-    tmp_path: Path, engine: str, spelled: str, share: float
+def test_wrong_number_of_an_mjcf_or_an_included_file_is_named(
+    tmp_path: Path, engine: str, attribute: str, share: float
 ) -> None:
     if not engines()[engine].version():
         pytest.skip(f"{engine} is not installed")
     file = tmp_path / "arm.xml"
     file.write_text(MJCF)
     (tmp_path / "limbs.xml").write_text(LIMBS)
-    address, line, name = MJCF_FAULTS[spelled]
-    new, right, wrong = moved(spelled, address, share)
-    found = diagnosed(file, spelled, new, engine, tmp_path / name)
-    first = found.explanations[0].causes[0].subject[0]
-    check_named(found, first, line, name, right, wrong)
+    address, line, name = MJCF_FAULTS[attribute]
+    new, right, wrong = perturb(attribute, address, share)
+    diagnosis = diagnose_change(file, attribute, new, engine, tmp_path / name)
+    first = diagnosis.explanations[0].causes[0].subject[0]
+    check_named(diagnosis, first, line, name, right, wrong)
     assert first.endswith(address)
 
 
 @pytest.mark.slow
-def test_what_an_engine_reads_over_is_told_with_all_its_lines(tmp_path: Path) -> None:
-    """MuJoCo drops the moments of two links without mass that it welds to others."""
+def test_ignored_inertias_are_reported_with_all_lines(tmp_path: Path) -> None:
+    """Cover two massless welded links, whose inertia MuJoCo drops."""
     file = tmp_path / "tipped.urdf"
     weld = joint("weld", "rod", "tip", kind="fixed")
     again = TIP.replace('"tip"', '"end"') + weld.replace('"weld"', '"again"').replace("tip", "end")
     file.write_text(TIPPED.replace("</robot>", f"\n{again}</robot>"))
-    found = diagnose_robot(model_task(prepare_tree(file, states=8), "mujoco"), is_reference=True)
-    assert found.explained
-    told = cause_sentences(found.explanations[0])[0]
-    assert told == (
+    task = model_task(prepare_tree(file, states=8), "mujoco")
+    diagnosis = diagnose_robot(task, is_reference=True)
+    assert diagnosis.explained
+    sentence = cause_sentences(diagnosis.explanations[0])[0]
+    assert sentence == (
         "moments of link[tip]/inertial/inertia, moments of link[end]/inertial/inertia"
         " (tipped.urdf:5, tipped.urdf:6): in the file, but 0 in the engine"
     )
 
 
 @pytest.mark.slow
-def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(tmp_path: Path) -> None:
-    """The engine runs a file that says 1.5; the equations, and the lines, are of one of 1.8."""
+def test_number_that_differs_in_the_engine_is_reported_with_both_values(tmp_path: Path) -> None:
+    """Run the engine with a mass of 1.5 and the equations with 1.8."""
     file = tmp_path / "arm.urdf"
-    arm = plain(ARM)
+    arm = simplify(ARM)
     file.write_text(arm)
     other = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
-    taken, uncertainty = robot_problem(other, is_reference=True)
+    engine_problem, uncertainty = robot_problem(other, is_reference=True)
     file.write_text(arm.replace('value="1.5"', 'value="1.8"'))
-    said = replace(taken, numbers=robot_numbers(file, {}))
-    drawn = other.target.samples
-    tree = said.numbers.tree({})
+    file_problem = replace(engine_problem, numbers=robot_numbers(file, {}))
+    samples = other.target.samples
+    tree = file_problem.numbers.tree({})
     assert tree is not None
-    flow = Flow(tree, drawn.start[:STATES], drawn.start_inputs[:STATES], drawn.length)
-    own = taken.flow.moved(tree) / taken.scale
-    problem = replace(said, flow=flow, apart=taken.apart - own, suspicions=tuple(
-        suspicions(said.numbers, is_reference=True)))  # fmt: skip
+    flow = Flow(tree, samples.start[:STATES], samples.start_inputs[:STATES], samples.length)
+    shift = engine_problem.flow.moved(tree) / engine_problem.scale
+    problem = replace(file_problem, flow=flow, apart=engine_problem.apart - shift, suspicions=tuple(
+        suspicions(file_problem.numbers, is_reference=True)))  # fmt: skip
     best = diagnose(problem, uncertainty).fits[0]
     sentence = cause_sentences(explanation(best))[0]
     assert sentence.startswith(
@@ -211,7 +212,7 @@ def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(tmp_pa
 
 
 @pytest.mark.slow
-def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: Path) -> None:
+def test_slopes_match_finite_differences(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     task = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
@@ -224,12 +225,12 @@ def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: P
         both = problem.defect({i: -step}) - problem.defect({i: step})
         off = np.max(np.abs(both / (2 * step) - slopes[i]))
         assert off <= 1e-3 * np.max(np.abs(slopes[i])) + 1e-8 / hypothesis.size, hypothesis.id
-        # The place of the first joint has no say: nothing but gravity tells one place from another.
+        # The place of the first joint has no effect, since gravity is uniform.
         if hypothesis.id.subject[0].startswith("joint[pan]/origin@xyz"):
             assert not slopes[i].any()
 
 
-def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
+def test_slopes_near_zero_faults_are_computed_once(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     numbers = robot_numbers(file, {})
@@ -245,22 +246,22 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_an_engine_does_on_its_own_is_named() -> None:
-    """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
+def test_engine_default_is_named() -> None:
+    """Cover PyBullet's principal axes of full tensors; every number of the file is correct."""
     file = _data() / "aliengo" / "aliengo.urdf"
     task = model_task(prepare_tree(file, states=8), "pybullet")
     assert judge(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(task, is_reference=True)
-    assert found.explained
-    (one,) = found.explanations
-    (cause,) = one.causes
+    diagnosis = diagnose_robot(task, is_reference=True)
+    assert diagnosis.explained
+    (explanation,) = diagnosis.explanations
+    (cause,) = explanation.causes
     assert cause.kind == "default"
     assert "principal axes of FR_hip" in str(cause)
-    assert one.remaining < 1e-3
+    assert explanation.remaining < 1e-3
 
 
-def test_axes_that_are_no_unit_vectors_are_named(tmp_path: Path) -> None:
-    """Six digits of a slanted axis are off a unit vector; PyBullet takes their length into it."""
+def test_axis_that_is_not_a_unit_vector_is_named(tmp_path: Path) -> None:
+    """Cover an axis with six digits, whose length PyBullet does not normalize."""
     file = tmp_path / "arm.urdf"
     file.write_text(
         ARM.replace('xyz="0.1 0 1"', 'xyz="0 0 1"').replace("0 1 0.2", "0 0.6 0.800001")
@@ -277,14 +278,14 @@ NEARLY = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" pos="0 0 0.3"/
 <inertial pos="{} 0 0" mass="1" diaginertia="0.01 0.012 0.01"/></body></worldbody></mujoco>"""
 
 
-def test_a_mass_that_mujoco_takes_to_be_at_its_bodys_origin_is_named(tmp_path: Path) -> None:
-    """`body_sameframe`: kinematics copies the body's frame where the inertial one is so near."""
+def test_center_of_mass_that_mujoco_rounds_to_the_origin_is_named(tmp_path: Path) -> None:
+    """Cover `body_sameframe`: MuJoCo uses the body frame if the inertial frame is near."""
     file = tmp_path / "near.xml"
     file.write_text(NEARLY.format("9e-7"))
     task = model_task(prepare_tree(file, states=8), "mujoco")
     assert judge(task).outcome is Outcome.DIFFERS
-    (one,) = diagnose_robot(task, is_reference=True).explanations
-    assert "frames within 1e-6" in str(one.causes[0])
+    (explanation,) = diagnose_robot(task, is_reference=True).explanations
+    assert "frames within 1e-6" in str(explanation.causes[0])
     exact = task.with_settings(exact_frames=True)
     assert run_case(exact).outcome is Outcome.AGREES
     file.write_text(NEARLY.format("1.1e-6"))
@@ -298,18 +299,18 @@ fromto="0 {} 0 0.1 0 -0.3"/><body pos="0 0.01 -0.4"><joint name="c" axis="1 0.3 
 
 
 @pytest.mark.slow
-def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_rest(
+def test_partly_ignored_number_is_named_with_the_engine_default(
     tmp_path: Path,
 ) -> None:
-    """A capsule turned by 3e-6 rad is shifted too; MuJoCo takes the turn for none."""
+    """Shift a capsule and rotate it by 3e-6 rad; MuJoCo ignores the rotation."""
     file = tmp_path / "turned.xml"
     file.write_text(TURNED.format("0", "0"))
     task = model_task(prepare_tree(file, states=8), "mujoco")
     file.write_text(TURNED.format("0", "5e-7"))
     assert judge(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(task, is_reference=False)
-    assert found.explained
-    number, hidden = found.explanations[0].causes
+    diagnosis = diagnose_robot(task, is_reference=False)
+    assert diagnosis.explained
+    number, hidden = diagnosis.explanations[0].causes
     assert number.subject[0].endswith("@fromto[0]")
     assert [one.line for one in number.locations] == [4]
     assert number.nominal == 5e-7
@@ -343,7 +344,7 @@ LIFTED = f"""<mujoco><worldbody>
         (LIFTED, "actuatorgravcomp without an actuator compensates no gravity", 2),
     ],
 )
-def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
+def test_element_that_mujoco_ignores_is_named_with_its_line(
     tmp_path: Path, text: str, cause: str, line: int
 ) -> None:
     file = tmp_path / "r.xml"
@@ -351,18 +352,18 @@ def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
     prepared = prepare_tree(file, states=8)
     task = model_task(prepared, "mujoco")
     assert judge(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(task, is_reference=True)
-    assert found.explained
-    (explanation,) = found.explanations
-    (one,) = explanation.causes
-    assert one.subject == (cause,)
-    assert [(str(file), line)] == [(where.file, where.line) for where in one.locations]
+    diagnosis = diagnose_robot(task, is_reference=True)
+    assert diagnosis.explained
+    (explanation,) = diagnosis.explanations
+    (named_cause,) = explanation.causes
+    assert named_cause.subject == (cause,)
+    assert [(str(file), line)] == [(where.file, where.line) for where in named_cause.locations]
     assert explanation.remaining < 1e-9
     (remark,) = prepared.findings
-    assert (remark.severity, remark.location) == ("finding", one.locations[0])
+    assert (remark.severity, remark.location) == ("finding", named_cause.locations[0])
 
 
-def test_an_armature_of_a_tendon_along_one_branch_is_as_the_file_says(tmp_path: Path) -> None:
+def test_tendon_armature_along_one_branch_agrees(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(SPLIT.replace('<joint joint="b" coef="-0.7"/>', ""))
     prepared = prepare_tree(file, states=8)
@@ -370,7 +371,7 @@ def test_an_armature_of_a_tendon_along_one_branch_is_as_the_file_says(tmp_path: 
     assert not prepared.findings
 
 
-def test_gravity_that_an_actuator_compensates_is_as_the_file_says(tmp_path: Path) -> None:
+def test_gravity_compensation_by_an_actuator_agrees(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     actuator = '<actuator><motor joint="b"/></actuator></mujoco>'
     file.write_text(LIFTED.replace("</mujoco>", actuator))
@@ -379,7 +380,7 @@ def test_gravity_that_an_actuator_compensates_is_as_the_file_says(tmp_path: Path
     assert not prepared.findings
 
 
-def test_a_default_of_the_engine_explains_no_motion_that_agrees(tmp_path: Path) -> None:
+def test_engine_default_is_not_a_cause_if_motions_agree(tmp_path: Path) -> None:
     """If a file differs in poses or whole steps only, no default needs to be switched off."""
     follows = '<equality><joint joint1="a" joint2="b" polycoef="0 0.5 0 0 0"/></equality>'
     (tmp_path / "limbs.xml").write_text(LIMBS)
@@ -387,6 +388,6 @@ def test_a_default_of_the_engine_explains_no_motion_that_agrees(tmp_path: Path) 
     file.write_text(MJCF.replace("</mujoco>", f"{follows}</mujoco>"))
     task = model_task(prepare_tree(file, states=8), "mujoco")
     assert task.load()[0].corrective_settings
-    found = diagnose_robot(task, is_reference=True)
-    assert (found.explained, found.explanations) == (False, ())
-    assert found.failure == "no motion differs beyond its uncertainty"
+    diagnosis = diagnose_robot(task, is_reference=True)
+    assert (diagnosis.explained, diagnosis.explanations) == (False, ())
+    assert diagnosis.failure == "no motion differs beyond its uncertainty"

@@ -1,4 +1,4 @@
-"""Joints that follow others in an engine otherwise than in the equations: named by their line."""
+"""Wrong couplings of joints are named with their line."""
 
 from __future__ import annotations
 
@@ -45,31 +45,31 @@ URDF = "\n".join(
 
 
 def check_named(file: Path, engine: str, address: str, share: float) -> None:
-    """A number of a file off by so much of 1, in an engine that holds to the wrong one."""
+    """Change a number of a file for the engine only, and check the diagnosis."""
     prepared = prepare_tree(file, states=8)
     numbers = robot_numbers(file, prepared.settings)
     (index,) = (i for i, one in enumerate(numbers.numerals) if one.address == address)
-    one = numbers.numerals[index]
+    entry = numbers.numerals[index]
     (file.parent / "wrong").mkdir()
-    copy = copy_with_texts(file, numbers.texts({index: one.value + share}), file.parent / "wrong")
+    copy = copy_with_texts(file, numbers.texts({index: entry.value + share}), file.parent / "wrong")
     task = model_task(prepared, engine).with_file(copy)
     assert judge(task).outcome is Outcome.DIFFERS
-    found = diagnose_robot(task, is_reference=False)
-    assert found.explained
-    (cause,) = found.explanations[0].causes
+    diagnosis = diagnose_robot(task, is_reference=False)
+    assert diagnosis.explained
+    (cause,) = diagnosis.explanations[0].causes
     assert cause.subject == (address,)
-    assert [where.line for where in cause.locations] == [one.line]
-    assert cause.estimate == pytest.approx(one.value, abs=1e-3 * share)
+    assert [where.line for where in cause.locations] == [entry.line]
+    assert cause.estimate == pytest.approx(entry.value, abs=1e-3 * share)
 
 
 @pytest.mark.slow
-def test_a_wrong_number_of_an_equality_is_named(tmp_path: Path) -> None:
+def test_wrong_number_of_an_equality_is_named(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF.format('<tendon tendon1="t" polycoef="0.2 0 0 0 0"/>'))
     check_named(file, "mujoco", "mujoco/equality/tendon@polycoef[0]", 1e-6)
 
 
-def test_a_wrong_multiplier_of_a_mimic_is_named(tmp_path: Path) -> None:
+def test_wrong_multiplier_of_a_mimic_is_named(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(URDF)
     check_named(file, "mujoco", "mimic[a]@multiplier", 1e-6)

@@ -1,4 +1,4 @@
-"""The record of a diagnosis: what is told of a model, from a wrong file to its sentences."""
+"""The record of a diagnosis, from a wrong file to the reported sentences."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def named(tmp_path: Path, mass: str) -> SystemTask:
-    """The mass on a spring, its body called `nut and bolt`."""
+def make_task(tmp_path: Path, mass: str) -> SystemTask:
+    """Return a task of the mass on a spring whose body is called `nut and bolt`."""
     folder = tmp_path / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
     for name, old, new in (
@@ -44,12 +44,12 @@ def named(tmp_path: Path, mass: str) -> SystemTask:
     return task.with_target(motions=motions)
 
 
-def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
-    task = named(tmp_path, "1.313")
-    found = diagnose_model(task)
-    assert found.explained
-    assert not found.failure
-    first = found.explanations[0]
+def test_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
+    task = make_task(tmp_path, "1.313")
+    diagnosis = diagnose_model(task)
+    assert diagnosis.explained
+    assert not diagnosis.failure
+    first = diagnosis.explanations[0]
     (cause,) = first.causes
     assert cause.id == CauseId(kind="literal", subject=(MASS,))
     text = task.declared.model.read_text()
@@ -59,9 +59,9 @@ def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
     assert cause.locations == (where,)
     assert cause.replacement == "1.3"
     assert cause.estimate == pytest.approx(1.3, rel=1e-6)
-    sentence, left = cause_sentences(first)
+    sentence, residual = cause_sentences(first)
     assert sentence.startswith(f"{MASS} (mujoco.xml:{line}) is 1.313; the motion implies 1.3")
-    assert left.startswith("residual ")
-    assert found.corrected is not None
-    assert len(found.corrected.causes) == 1
-    assert msgspec.json.decode(msgspec.json.encode(found), type=Diagnosis) == found
+    assert residual.startswith("residual ")
+    assert diagnosis.corrected is not None
+    assert len(diagnosis.corrected.causes) == 1
+    assert msgspec.json.decode(msgspec.json.encode(diagnosis), type=Diagnosis) == diagnosis
