@@ -1,4 +1,4 @@
-"""A search of its own for numbers that say physics, by text: what bindings must account for."""
+"""A text search for physical numbers in model files, which bindings must cover."""
 
 import ast
 import re
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 Number = tuple[str, str, str]
 """File, key, and the number as written."""
 
-# Attributes that say how a thing looks, how the mechanism is laid out, or how it is computed.
+# Attributes of appearance, of the layout of the mechanism, or of the computation.
 NO_PHYSICS = {
     "geom": "contype conaffinity size pos euler fromto rgba",
     "site": "size pos rgba",
@@ -37,16 +37,16 @@ NO_PHYSICS = {
     "sdf": "version",
 }
 LAYOUT = ("size", "radius", "length", "max_step_size")
-"""Elements that say so in their text."""
+"""Elements whose text describes layout or computation."""
 
-# The first argument of each that is a number of physics.
+# The index of the first physical argument of each call.
 FIRST = {"Body": 0, "DampedSpring": 4, "DampedRotarySpring": 2}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 
 def xml_numbers(text: str) -> Iterator[tuple[int, str, str]]:
-    """(offset, `tag attribute`, number) of everything that may say physics, zeros apart."""
-    # Comments give way to blanks, and with them the numbers in them.
+    """Yield (offset, `tag attribute`, number) of possibly physical numbers, except zeros."""
+    # Replace comments by blanks, which keeps all offsets.
     text = re.sub(r"<!--.*?-->", lambda m: re.sub(r"[^\n]", " ", m[0]), text, flags=re.DOTALL)
     inertials = [m.span() for m in re.finditer(r"<inertial>.*?</inertial>", text, re.DOTALL)]
     for tag in re.finditer(r"<(\??\w+)((?:\s+\w+\s*=\s*\"[^\"]*\")*)", text):
@@ -54,22 +54,22 @@ def xml_numbers(text: str) -> Iterator[tuple[int, str, str]]:
             if attribute[1] in NO_PHYSICS.get(tag[1], "").split():
                 continue
             if tag[1] == "origin" and not any(a < tag.start() < b for a, b in inertials):
-                continue  # where a joint is, or what is drawn
+                continue  # the place of a joint or of visual geometry
             first = tag.start(2) + attribute.start(2)
             for number in re.finditer(rf"(?<!\S){NUMBER}(?!\S)", attribute[2]):
                 if float(number[0]):
                     yield first + number.start(), f"{tag[1]} {attribute[1]}", number[0]
     for element in re.finditer(rf"<(\w+)>\s*({NUMBER}(?:\s+{NUMBER})*)\s*</", text):
-        laid = element[1] in ("pose", "xyz") and not any(
+        is_layout = element[1] in ("pose", "xyz") and not any(
             a < element.start() < b for a, b in inertials
-        )  # where a thing is, or what is drawn
+        )  # a place, or visual geometry
         for number in re.finditer(NUMBER, element[2]) if element[1] not in LAYOUT else ():
-            if float(number[0]) and not laid and element[1] != "diffuse":
+            if float(number[0]) and not is_layout and element[1] != "diffuse":
                 yield element.start(2) + number.start(), element[1], number[0]
 
 
 def python_numbers(text: str) -> Iterator[tuple[int, str, str]]:
-    """The same of a `space.py`: its names, and numbers given to bodies and springs unnamed."""
+    """Yield the same for `space.py`: names, and unnamed arguments of bodies and springs."""
     for line in re.finditer(rf"^([A-Z_0-9]+) = ({NUMBER})", text, re.MULTILINE):
         if float(line[2]):
             yield line.start(2), line[1], line[2]
@@ -83,12 +83,12 @@ def python_numbers(text: str) -> Iterator[tuple[int, str, str]]:
 
 
 def _given(node: ast.AST) -> list[tuple[str, ast.expr]]:
-    """What a statement or call gives to bodies, springs and the space, by name."""
+    """Return named values that a statement or call gives to bodies, springs or the space."""
     if isinstance(node, ast.Call):
         name = getattr(node.func, "attr", "")
         if name in FIRST:
-            given = [(name, value) for value in node.args[FIRST[name] :]]
-            return given + [(str(k.arg), k.value) for k in node.keywords]
+            arguments = [(name, value) for value in node.args[FIRST[name] :]]
+            return arguments + [(str(k.arg), k.value) for k in node.keywords]
     elif isinstance(node, ast.Assign):
         name = getattr(node.targets[0], "attr", "")
         if name in ("gravity", "damping", "mass", "moment"):
@@ -97,7 +97,7 @@ def _given(node: ast.AST) -> list[tuple[str, ast.expr]]:
 
 
 def sidecar_numbers(path: Path) -> Iterator[Number]:
-    """(address, key, number) of a sidecar's settings and springs, zeros apart."""
+    """Yield (address, key, number) of a sidecar's settings and springs, except zeros."""
     data = tomllib.loads(path.read_text())
 
     def walk(value: object, address: str) -> Iterator[tuple[str, str]]:
@@ -110,8 +110,8 @@ def sidecar_numbers(path: Path) -> Iterator[Number]:
         elif isinstance(value, (int, float)) and value:
             yield address, str(value)
 
-    kept = {key: data[key] for key in ("settings", "spring") if key in data}
-    for address, number in walk(kept, ""):
+    tables = {key: data[key] for key in ("settings", "spring") if key in data}
+    for address, number in walk(tables, ""):
         key = re.sub(r"\[\d+\]", "", address)
         if key.split(".")[-1] not in ("step", "solref", "solimp"):
             yield f"sidecar:{address}", key, number
@@ -120,11 +120,11 @@ def sidecar_numbers(path: Path) -> Iterator[Number]:
 def unaccounted(
     sidecar: Sidecar, places: Mapping[str, Location], excepted: Collection[Number]
 ) -> list[Number]:
-    """Numbers that are neither at one of the bound places nor excepted: (file, key, number)."""
+    """Return the numbers that are neither bound nor excepted: (file, key, number)."""
     path = Path(f"{sidecar.model}.toml")
     starts = {p.start for p in places.values() if p.file == sidecar.model}
-    text = sidecar.model.read_bytes().decode("latin-1")  # a character a byte
+    text = sidecar.model.read_bytes().decode("latin-1")  # one character per byte
     numbers = python_numbers if sidecar.model.suffix == ".py" else xml_numbers
-    left = [(sidecar.model.name, key, n) for at, key, n in numbers(text) if at not in starts]
-    left += [(path.name, key, n) for at, key, n in sidecar_numbers(path) if at not in places]
-    return [item for item in left if item not in excepted]
+    remaining = [(sidecar.model.name, key, n) for at, key, n in numbers(text) if at not in starts]
+    remaining += [(path.name, key, n) for at, key, n in sidecar_numbers(path) if at not in places]
+    return [item for item in remaining if item not in excepted]

@@ -1,4 +1,4 @@
-"""Attributes set, added and taken out: all else in the file stays, byte for byte."""
+"""Attributes are set, added and removed; the rest of the file keeps its bytes."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def changed(file: Path, name: str, attribute: str, value: str | None) -> str:
+def change(file: Path, name: str, attribute: str, value: str | None) -> str:
     element = next(e for e in elements(file) if e.attributes.get("name") == name)
     return with_attributes(
         file.read_bytes(), file, [Attribute(element.start, attribute, value)]
@@ -34,32 +34,32 @@ def changed(file: Path, name: str, attribute: str, value: str | None) -> str:
 
 
 def test_an_attribute_is_added_after_the_others(file: Path) -> None:
-    assert changed(file, "x", "armature", "0.1") == TEXT.replace(
+    assert change(file, "x", "armature", "0.1") == TEXT.replace(
         "axis='1 0 0' ", "axis='1 0 0' armature=\"0.1\" "
     )
-    assert changed(file, "y", "armature", "0.1") == TEXT.replace(
+    assert change(file, "y", "armature", "0.1") == TEXT.replace(
         "<joint name='y'>", "<joint name='y' armature=\"0.1\">"
     )
 
 
-def test_an_attribute_is_set_where_it_stands(file: Path) -> None:
-    assert changed(file, "x", "axis", "0 0 1") == TEXT.replace(
+def test_attribute_is_set_in_place(file: Path) -> None:
+    assert change(file, "x", "axis", "0 0 1") == TEXT.replace(
         "\n         axis='1 0 0'", ' axis="0 0 1"'
     )
 
 
-def test_an_attribute_is_taken_out_and_one_that_is_not_there_is_none(file: Path) -> None:
-    assert changed(file, "x", "axis", None) == TEXT.replace("\n         axis='1 0 0'", "")
-    assert changed(file, "x", "damping", None) == TEXT
+def test_attribute_is_removed_and_a_missing_one_is_ignored(file: Path) -> None:
+    assert change(file, "x", "axis", None) == TEXT.replace("\n         axis='1 0 0'", "")
+    assert change(file, "x", "damping", None) == TEXT
 
 
-def test_several_are_changed_at_once(file: Path) -> None:
+def test_several_attributes_are_changed_at_once(file: Path) -> None:
     x, y = (e.start for e in elements(file) if "name" in e.attributes)
-    wanted = [Attribute(x, "a", "1"), Attribute(y, "b", '"<&'), Attribute(x, "axis", None)]
+    edits = [Attribute(x, "a", "1"), Attribute(y, "b", '"<&'), Attribute(x, "axis", None)]
     path = file.with_name("new.xml")
-    path.write_bytes(with_attributes(file.read_bytes(), file, wanted))
-    found = {e.attributes["name"]: e.attributes for e in elements(path) if "name" in e.attributes}
-    assert found == {"x": {"name": "x", "a": "1"}, "y": {"name": "y", "b": '"<&'}}
+    path.write_bytes(with_attributes(file.read_bytes(), file, edits))
+    actual = {e.attributes["name"]: e.attributes for e in elements(path) if "name" in e.attributes}
+    assert actual == {"x": {"name": "x", "a": "1"}, "y": {"name": "y", "b": '"<&'}}
 
 
 def test_a_byte_where_no_element_starts_is_refused(file: Path) -> None:

@@ -77,26 +77,22 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-# What a literal should be.
+# Expected values of literals.
 
 
-def test_a_binding_tells_what_the_file_says_and_what_it_should_say(
-    drum: System, write: Write
-) -> None:
-    found = bindings(drum, write(('ixx="0.024"', 'ixx="0.025"')))
-    assert [b.address for b in found] == NAMES
-    gravity, mass, inertia = found[:3]
+def test_binding_has_actual_and_expected_value(drum: System, write: Write) -> None:
+    bound = bindings(drum, write(('ixx="0.024"', 'ixx="0.025"')))
+    assert [b.address for b in bound] == NAMES
+    gravity, mass, inertia = bound[:3]
     assert (gravity.value, gravity.expected) == (-9.81, -9.81)
     assert gravity.place.file.name == "robot.urdf.toml"
     assert (mass.expression, mass.value, str(mass.place)[-12:]) == ("m", 0.8, "robot.urdf:3")
     assert inertia.expected == pytest.approx(0.024, rel=1e-15)
     assert inertia.error == pytest.approx(1 / 24)
-    assert mismatches(found) == (inertia,)
+    assert mismatches(bound) == (inertia,)
 
 
-def test_the_expected_value_is_that_of_the_doubles_correctly_rounded(
-    drum: System, write: Write
-) -> None:
+def test_expected_value_is_correctly_rounded(drum: System, write: Write) -> None:
     changes = ("'0.8'", "'0.4'"), ('"mass@value" = "m"', '"mass@value" = "M/6"')
     axle = bindings(drum, write(*changes))[1]
     assert axle.expected == float(Fraction(2.4) / 6)
@@ -123,12 +119,12 @@ def ulps(value: float, count: int) -> float:
     ("-0.024", "wrong"),
     ("0.0240000", "exact"),
 ])  # fmt: skip
-def test_a_literal_is_right_to_the_roundings_of_doubles(
+def test_literal_is_exact_within_rounding(
     drum: System, write: Write, literal: str, kind: str
 ) -> None:
-    found = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"')))
-    assert found[2].exact == (kind == "exact")
-    assert mismatches(found) == (() if kind == "exact" else (found[2],))
+    bound = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"')))
+    assert bound[2].exact == (kind == "exact")
+    assert mismatches(bound) == (() if kind == "exact" else (bound[2],))
 
 
 @pytest.mark.parametrize(("literal", "rounded"), [
@@ -141,28 +137,26 @@ def test_a_literal_is_right_to_the_roundings_of_doubles(
     ("6", False),
     ("5.555555555555555", False),  # exact, so not rounded
 ])  # fmt: skip
-def test_a_literal_with_few_digits_passes_where_it_is_correctly_rounded(
+def test_short_literal_passes_if_correctly_rounded(
     drum: System, write: Write, literal: str, rounded: bool
 ) -> None:
-    found = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"'), ('"m*l**2/12"', '"1/r"')))
-    assert found[2].rounded == rounded
-    assert (found[2] in mismatches(found)) == (not rounded and literal != "5.555555555555555")
+    bound = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"'), ('"m*l**2/12"', '"1/r"')))
+    assert bound[2].rounded == rounded
+    assert (bound[2] in mismatches(bound)) == (not rounded and literal != "5.555555555555555")
     if rounded:
-        assert found[2].error == pytest.approx((float(literal) - 1 / 0.18) * 0.18, rel=1e-9)
+        assert bound[2].error == pytest.approx((float(literal) - 1 / 0.18) * 0.18, rel=1e-9)
 
 
-def test_zero_that_should_be_something_and_something_that_should_be_zero_differ(
-    drum: System, write: Write
-) -> None:
+def test_wrong_zero_and_wrong_nonzero_literal_differ(drum: System, write: Write) -> None:
     changes = ("0\t0  -0.3", "0\t0  0.0000000"), ('"mass@value" = "m"', '"mass@value" = "m - m"')
-    found = bindings(drum, write(*changes))
-    assert mismatches(found) == (found[1], found[4])
-    assert found[1].error == 0.8
+    bound = bindings(drum, write(*changes))
+    assert mismatches(bound) == (bound[1], bound[4])
+    assert bound[1].error == 0.8
 
 
-def test_the_correction_is_the_shortest_decimal_that_is_right(drum: System, write: Write) -> None:
-    found = bindings(drum, write())
-    assert [repr(b.correction) for b in found] == ["-9.81", "0.8", "0.024", "0.024", "-0.3"]
+def test_correction_is_the_shortest_correct_decimal(drum: System, write: Write) -> None:
+    bound = bindings(drum, write())
+    assert [repr(b.correction) for b in bound] == ["-9.81", "0.8", "0.024", "0.024", "-0.3"]
 
 
 @pytest.mark.parametrize(("change", "sentence"), [
@@ -175,17 +169,17 @@ def test_the_correction_is_the_shortest_decimal_that_is_right(drum: System, writ
     (('"mass@value" = "m"', '"mass@value" = "m"\n"link/inertial/mass@value" = "m"'),
      r"'link/inertial/mass@value' is the same number as 'mass@value' \(.*urdf:3\); keep one"),
 ])  # fmt: skip
-def test_a_binding_that_means_nothing_is_refused(
+def test_invalid_binding_is_refused(
     drum: System, write: Write, change: tuple[str, str], sentence: str
 ) -> None:
     sidecar = write(change)
     with pytest.raises(SidecarError, match=sentence) as refused:
         bindings(drum, sidecar)
-    place, _, said = str(refused.value).partition(": [bindings] '")
-    assert re.fullmatch(rf"{re.escape(str(sidecar.model))}\.toml:\d+", place), said
+    place, _, rest = str(refused.value).partition(": [bindings] '")
+    assert re.fullmatch(rf"{re.escape(str(sidecar.model))}\.toml:\d+", place), rest
 
 
-def test_a_binding_to_nowhere_is_refused(drum: System, write: Write) -> None:
+def test_binding_to_a_missing_address_is_refused(drum: System, write: Write) -> None:
     with pytest.raises(LocationError, match=r"robot\.urdf: .*no masses; nearest: mass"):
         bindings(drum, write(('"mass@value"', '"masses@value"')))
     with pytest.raises(LocationError, match=r"robot\.urdf\.toml: 'settings\.gravitas"):
@@ -200,7 +194,7 @@ def test_a_sidecar_without_bindings_has_none(drum: System, write: Write) -> None
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"], ids=["LF", "CRLF"])
-def test_a_copy_differs_in_the_literals_alone(write: Write, tmp_path: Path, end: str) -> None:
+def test_copy_differs_only_in_the_literals(write: Write, tmp_path: Path, end: str) -> None:
     sidecar = write(end=end)
     before = contents(sidecar.model.parent)
     copy = with_literals(
@@ -219,20 +213,18 @@ def test_a_copy_differs_in_the_literals_alone(write: Write, tmp_path: Path, end:
     assert locate(copy, ["origin@xyz[2]"])["origin@xyz[2]"].value == -1 / 3
 
 
-def test_a_literal_that_says_it_already_is_left_as_written(write: Write, tmp_path: Path) -> None:
+def test_literal_with_an_equal_value_is_not_rewritten(write: Write, tmp_path: Path) -> None:
     sidecar = write()
     with_literals(sidecar, {"inertia@iyy": 0.024, "mass@value": 0.8}, tmp_path / "copy")
     assert contents(tmp_path / "copy") == contents(sidecar.model.parent)
 
 
-def test_any_number_with_an_address_can_be_replaced_bound_or_not(
-    write: Write, tmp_path: Path
-) -> None:
+def test_unbound_number_can_be_replaced(write: Write, tmp_path: Path) -> None:
     copy = with_literals(write(), {"origin@xyz[0]": 0.1}, tmp_path / "copy")
     assert b'xyz="0.1\t0  -0.3"' in copy.model.read_bytes()
 
 
-def test_what_lies_beside_a_model_is_found_from_its_copy(write: Write, tmp_path: Path) -> None:
+def test_copy_has_the_other_files_of_the_folder(write: Write, tmp_path: Path) -> None:
     sidecar = write()
     folder = sidecar.model.parent
     (folder / "meshes").mkdir()
@@ -248,7 +240,7 @@ def test_what_lies_beside_a_model_is_found_from_its_copy(write: Write, tmp_path:
         "meshes",
         "other.urdf",
     }
-    # A copy of another model beside it replaces the link, not what it leads to.
+    # A copy of another model in the same folder replaces the link, not its target.
     shutil.copy(folder / "robot.urdf.toml", folder / "other.urdf.toml")
     other = read_sidecar(folder / "other.urdf.toml")
     with_literals(other, {"mass@value": 2.0}, into)
@@ -257,15 +249,13 @@ def test_what_lies_beside_a_model_is_found_from_its_copy(write: Write, tmp_path:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_value_that_is_not_finite_is_written_nowhere(
-    write: Write, tmp_path: Path, value: float
-) -> None:
+def test_value_that_is_not_finite_is_refused(write: Write, tmp_path: Path, value: float) -> None:
     with pytest.raises(ValueError, match="'mass@value' can't be"):
         with_literals(write(), {"mass@value": value}, tmp_path / "copy")
     assert not (tmp_path / "copy").exists()
 
 
-def test_a_copy_never_lands_on_the_users_own_file(write: Write) -> None:
+def test_copy_never_overwrites_the_original(write: Write) -> None:
     sidecar = write()
     before = contents(sidecar.model.parent)
     with pytest.raises(ValueError, match="choose another folder for the copies"):
@@ -273,12 +263,12 @@ def test_a_copy_never_lands_on_the_users_own_file(write: Write) -> None:
     assert contents(sidecar.model.parent) == before
 
 
-def test_two_addresses_of_one_number_must_agree_on_it(write: Write, tmp_path: Path) -> None:
+def test_two_addresses_of_one_number_must_agree(write: Write, tmp_path: Path) -> None:
     with pytest.raises(LocationError, match="the same number as one that is set"):
         with_literals(write(), {"mass@value": 1.0, "inertial/mass@value": 2.0}, tmp_path / "copy")
 
 
-def test_changed_constants_move_every_literal_that_they_enter(
+def test_changed_constants_update_every_dependent_literal(
     drum: System, write: Write, tmp_path: Path
 ) -> None:
     sidecar = write()
@@ -295,7 +285,7 @@ def test_changed_constants_move_every_literal_that_they_enter(
     assert len(mismatches(bindings(drum, copy))) == 3
 
 
-def test_a_system_at_other_constants_is_that_system(drum: System) -> None:
+def test_system_at_other_constants_keeps_its_equations(drum: System) -> None:
     changed = at_constants(drum, {"l": 1.2, "g": 1.62})
     assert {c.name: c.value for c in changed.constants} == {
         "M": 2.4,
@@ -316,7 +306,7 @@ def test_a_system_at_other_constants_is_that_system(drum: System) -> None:
     ({"l": 0.0}, "can't be varied to 0"),
     ({"l": math.nan}, "can't be varied to nan"),
 ])  # fmt: skip
-def test_constants_that_the_equations_do_not_admit_are_refused(
+def test_invalid_constants_are_refused(
     drum: System, constants: dict[str, float], sentence: str
 ) -> None:
     with pytest.raises(DeclarationError, match=sentence):
@@ -324,11 +314,11 @@ def test_constants_that_the_equations_do_not_admit_are_refused(
 
 
 @pytest.mark.skipif(engines()["pymunk"].version() is None, reason="pymunk is not installed")
-def test_a_python_model_rewritten_within_a_second_runs_as_rewritten(
+def test_python_model_rewritten_within_a_second_is_reloaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    # The same path, second and size: what Python goes by to tell stale bytecode.
+    # Python compares path, second and size, all equal here, to detect stale bytecode.
     sidecar = read_sidecar(builtin() / "torsional_disc" / "space.py.toml")
     for value in (0.022, 0.023, 0.024):
         copy = with_literals(sidecar, {"INERTIA": value}, tmp_path / "copy")
@@ -340,7 +330,7 @@ def test_a_python_model_rewritten_within_a_second_runs_as_rewritten(
 # In place.
 
 
-def test_a_model_is_set_right_in_place_on_demand(drum: System, write: Write) -> None:
+def test_model_is_corrected_in_place(drum: System, write: Write) -> None:
     sidecar = write(("'0.8'", "'0.800001'"), ("-9.81", "-9.8"))
     os.chmod(sidecar.model, 0o640)
     wrong = mismatches(bindings(drum, sidecar))
@@ -351,9 +341,7 @@ def test_a_model_is_set_right_in_place_on_demand(drum: System, write: Write) -> 
     assert (sidecar.model.parent / "robot.urdf.toml").read_bytes() == SIDECAR.encode()
 
 
-def test_a_rewrite_that_fails_leaves_both_files_whole(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_rewrite_changes_no_file(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     sidecar = write()
     before = contents(sidecar.model.parent)
     with pytest.raises(LocationError):
@@ -369,9 +357,7 @@ def test_a_rewrite_that_fails_leaves_both_files_whole(
     assert contents(sidecar.model.parent) == before
 
 
-def test_a_rewrite_through_a_link_reaches_the_file_and_keeps_the_link(
-    write: Write, tmp_path: Path
-) -> None:
+def test_rewrite_through_a_link_keeps_the_link(write: Write, tmp_path: Path) -> None:
     sidecar = write()
     linked = tmp_path / "linked"
     linked.mkdir()

@@ -1,4 +1,4 @@
-"""The built-in models: every number that stands for a constant is bound, and is right."""
+"""The built-in models: every number that represents a constant is bound and correct."""
 
 import re
 import shutil
@@ -26,49 +26,49 @@ def moments(number: str) -> list[tuple[str, str]]:
     return [(f"inertia {axis}", number) for axis in ("ixx", "iyy", "izz")]
 
 
-# Numbers that stand for no constant: why, in which systems, file, (key, number).
+# Numbers that represent no constant: reason, systems, file, (key, number).
 EXCEPTED = [
     ("the ground does not move", SYSTEMS, "robot.urdf", [("mass value", "1"), *moments("1")]),
     ("the ground does not move", DRUM, "robot_folded.urdf", [("mass value", "1"), *moments("1")]),
-    ("all motion is level, or about an upright shaft: gravity is no constant",
+    ("motion is horizontal or about a vertical axis, so gravity has no effect",
      LEVEL, "mujoco.xml", [("option gravity", "-9.81")]),
     ("the same", LEVEL, "robot.urdf.toml", [("settings.gravity", "-9.81")]),
     ("the same", LEVEL, "robot.sdf", [("gravity", "-9.81")]),
-    ("which joints a spring is between, and the sign of each",
+    ("the joints that a spring connects, with their signs",
      PAIRS, "mujoco.xml", [("joint coef", "1"), ("joint coef", "-1")]),
     ("the same",
      PAIRS, "robot.urdf.toml", [("spring.joints.x1", "-1"), ("spring.joints.x2", "1")]),
     ("the same",
      PAIRS, "robot.sdf.toml", [("spring.joints.x1", "-1"), ("spring.joints.x2", "1")]),
-    ("a thin rod's moment about itself is small, and it never turns so",
+    ("a thin rod never rotates about its own axis",
      DRUM, "mujoco.xml", [("inertial diaginertia", "0.0001")]),
     ("the same", DRUM, "mujoco_rolling.xml", [("inertial diaginertia", "0.0001")]),
     ("the same", DRUM, "robot.urdf", [("inertia izz", "0.0001")]),
     ("the same", DRUM, "robot_folded.urdf", [("inertia izz", "0.0001")]),
     ("the same", DRUM, "robot_folded.sdf", [("izz", "0.0001")]),
-    ("the axle only slides, and its own moments are small: its mass is the drum's",
+    ("the axle only slides, so its moments have no effect",
      DRUM, "mujoco_rolling.xml", [("inertial diaginertia", "0.002")]),
     ("the same", DRUM, "robot.urdf", moments("0.002")),
-    ("whether a joint follows another is no number", DRUM, "robot.urdf.toml",
+    ("the setting is a flag", DRUM, "robot.urdf.toml",
      [(f"settings.{engine}.hold_mimics", "True") for engine in ("pinocchio", "idyntree", "drake")]),
-    ("a point mass has no moments; MuJoCo refuses none",
+    ("a point mass has no moments, but MuJoCo requires them",
      PENDULUM, "mujoco.xml", [("inertial diaginertia", "1e-14")]),
     ("the same", PENDULUM, "robot.urdf", moments("1e-14")),
     ("the same", PENDULUM, "robot.sdf", [(axis, "1e-14") for axis in ("ixx", "iyy", "izz")]),
-    ("where things are when the springs are relaxed is a choice",
+    ("the position of relaxed springs is arbitrary",
      {"anchored_pair"}, "space.py", [("DISTANCE", "1.2"), ("REST_LENGTH", "0.75")]),
     ("the same", {"free_pair"}, "space.py", [("DISTANCE", "1.5"), ("REST_LENGTH", "1.2")]),
     ("the same", {"mass_spring_damper"}, "space.py", [("REST_LENGTH", "0.75")]),
     ("the same", DRUM, "space.py", [("REST_LENGTH", "1.1")]),
-    ("a spring without stiffness has no rest",
+    ("the rest length of a spring without stiffness has no effect",
      {"anchored_pair"}, "space.py", [("rest_length", "0.9")]),
-    ("the drum is drawn with its radius, and does not turn",
+    ("the radius of the drum is visual, since the drum does not rotate",
      DRUM, "space.py", [("DRUM_RADIUS", "0.18")]),
 ]  # fmt: skip
 
 
 def excepted(system: str) -> set[Number]:
-    """Exceptions for a system: (file, key, number)."""
+    """Return the exceptions for a system: (file, key, number)."""
     return {(file, *item) for _, of, file, items in EXCEPTED if system in of for item in items}
 
 
@@ -81,28 +81,26 @@ def model(request: pytest.FixtureRequest) -> tuple[System, Sidecar]:
     return load_system(request.param.model.parent), request.param
 
 
-def test_every_binding_is_found_and_right_to_the_last_digit(model: tuple[System, Sidecar]) -> None:
+def test_every_binding_is_exact(model: tuple[System, Sidecar]) -> None:
     system, sidecar = model
-    found = bindings(system, sidecar)
-    assert found
-    assert [b.address for b in found if not b.exact] == []
-    assert [b.address for b in found if b.correction != b.value] == []
+    bound = bindings(system, sidecar)
+    assert bound
+    assert [b.address for b in bound if not b.exact] == []
+    assert [b.address for b in bound if b.correction != b.value] == []
 
 
 @pytest.mark.parametrize("sidecar", [m for m in MODELS if m.model.parent.name in DRUM], ids=name)
-def test_every_literal_that_is_off_by_a_few_units_in_the_last_place_is_told(
-    sidecar: Sidecar, tmp_path: Path
-) -> None:
-    """In the folder that has a model in every format."""
+def test_literal_off_by_a_few_roundings_is_reported(sidecar: Sidecar, tmp_path: Path) -> None:
+    """Test the folder that has a model in every format."""
     system = load_system(sidecar.model.parent)
-    found = bindings(system, sidecar)
-    for b in found:
+    bound = bindings(system, sidecar)
+    for b in bound:
         off = b.value + 2 * b.rounding
         copy = with_literals(sidecar, {b.address: off}, tmp_path / "copy")
         assert [m.address for m in mismatches(bindings(system, copy))] == [b.address]
 
 
-def test_every_number_that_says_physics_is_bound_or_excepted_with_a_reason(
+def test_every_physical_number_is_bound_or_excepted(
     model: tuple[System, Sidecar],
 ) -> None:
     system, sidecar = model
@@ -110,7 +108,7 @@ def test_every_number_that_says_physics_is_bound_or_excepted_with_a_reason(
     assert unaccounted(sidecar, places, excepted(system.name)) == []
 
 
-def test_no_exception_is_left_over() -> None:
+def test_every_exception_is_used() -> None:
     used: set[tuple[str, ...]] = set()
     files: set[tuple[str, str]] = set()
     for sidecar in MODELS:
@@ -121,11 +119,11 @@ def test_no_exception_is_left_over() -> None:
     declared = {(system, *item) for system in SYSTEMS for item in excepted(system)}
     every = {(system, file) for _, of, file, _ in EXCEPTED if of is not SYSTEMS for system in of}
     assert every <= files
-    # What holds of every system is left over only where a file of that name says otherwise.
+    # An exception of all systems is unused only in systems with a file of that name.
     assert {one for one in declared - used if one[:2] in files} == set()
 
 
-@pytest.mark.parametrize(("folder", "file", "old", "new", "left"), [
+@pytest.mark.parametrize(("folder", "file", "old", "new", "expected"), [
     ("drum_pendulum", "mujoco.xml", 'axis="0 -1 0"', 'axis="0 -1 0" damping="0.02"',
      ("mujoco.xml", "joint damping", "0.02")),
     ("drum_pendulum", "mujoco.xml", 'name="rod">', 'name="rod"><geom mass="0.1" size="1"/>',
@@ -149,8 +147,8 @@ def test_no_exception_is_left_over() -> None:
     ("drum_pendulum", "space.py", "(0, -GRAVITY)", "(0, -9.81)",
      ("space.py", "gravity", "9.81")),
 ])  # fmt: skip
-def test_a_number_that_is_added_without_a_binding_is_found(
-    tmp_path: Path, folder: str, file: str, old: str, new: str, left: Number
+def test_added_number_without_a_binding_is_reported(
+    tmp_path: Path, folder: str, file: str, old: str, new: str, expected: Number
 ) -> None:
     shutil.copytree(builtin() / folder, tmp_path / folder)
     path = tmp_path / folder / file
@@ -160,4 +158,4 @@ def test_a_number_that_is_added_without_a_binding_is_found(
     sidecar = read_sidecar(tmp_path / folder / (re.sub(r"\.toml$", "", file) + ".toml"))
     system = load_system(tmp_path / folder)
     places = {b.address: b.place for b in bindings(system, sidecar)}
-    assert unaccounted(sidecar, places, excepted(system.name)) == [left]
+    assert unaccounted(sidecar, places, excepted(system.name)) == [expected]

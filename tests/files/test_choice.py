@@ -1,4 +1,4 @@
-"""Which cases are wanted: by name, by words."""
+"""Selection of cases by name and by keyword expression."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from physics_crosscheck.harness.records.case import CaseId
 FREE = CaseId(system="arm", model="robot.urdf", scenario="free", engine="mujoco")
 
 
-@pytest.mark.parametrize(("words", "wanted"), [
+@pytest.mark.parametrize(("words", "expected"), [
     ("", True), ("FREE", True), ("driven", False), ("free and mujoco", True),
     ("free and not mujoco", False), ("driven or urdf/free", True), ("[mujoco]", True),
     ("not (driven or pymunk)", True), ("not driven and (pymunk or robot)", True),
 ])  # fmt: skip
-def test_words_are_read_as_pytest_reads_them(words: str, wanted: bool) -> None:
-    assert matching(words)(str(FREE)) is wanted
+def test_keyword_expression_is_read_like_pytest(words: str, expected: bool) -> None:
+    assert matching(words)(str(FREE)) is expected
 
 
 @pytest.mark.parametrize("words", ["and", "free and", "(free", "free)", "not", "free mujoco"])
-def test_words_that_can_not_be_read_are_refused(words: str) -> None:
+def test_invalid_keyword_expression_is_refused(words: str) -> None:
     with pytest.raises(FolderError, match="can't be read; use words, `and`, `or`, `not`"):
         matching(words)
 
@@ -42,37 +42,36 @@ def folder(tmp_path: Path) -> Path:
     return place
 
 
-def test_a_model_of_a_folder_is_meant_by_its_path(folder: Path) -> None:
-    one = named_model(f"{folder}/robot.urdf")
-    assert one is not None
-    assert (one.folder, one.model, one.scenario, one.engine) == (folder, "robot.urdf", "", "")
-    assert one.includes(FREE)
+def test_path_selects_a_model_of_a_folder(folder: Path) -> None:
+    selection = named_model(f"{folder}/robot.urdf")
+    assert selection is not None
+    assert (selection.folder, selection.model) == (folder, "robot.urdf")
+    assert (selection.scenario, selection.engine) == ("", "")
+    assert selection.includes(FREE)
 
 
-@pytest.mark.parametrize(("tail", "wanted"), [
+@pytest.mark.parametrize(("tail", "expected"), [
     ("/free [mujoco]", True), ("/free", True), ("/free [pybullet]", False), ("/driven", False),
     (" [mujoco]", True),
 ])  # fmt: skip
-def test_a_case_is_meant_by_its_name_as_it_is_printed(
-    folder: Path, tail: str, wanted: bool
-) -> None:
-    one = named_model(f"{folder}/robot.urdf{tail}")
-    assert one is not None
-    assert one.includes(FREE) is wanted
+def test_printed_name_selects_a_case(folder: Path, tail: str, expected: bool) -> None:
+    selection = named_model(f"{folder}/robot.urdf{tail}")
+    assert selection is not None
+    assert selection.includes(FREE) is expected
 
 
-def test_built_in_models_are_found_by_their_systems_names() -> None:
-    one = named_model("simple_pendulum/mujoco.xml/large")
-    assert one is not None
-    assert (one.folder, one.scenario) == (builtin() / "simple_pendulum", "large")
+def test_system_name_selects_a_builtin_model() -> None:
+    selection = named_model("simple_pendulum/mujoco.xml/large")
+    assert selection is not None
+    assert (selection.folder, selection.scenario) == (builtin() / "simple_pendulum", "large")
 
 
 @pytest.mark.parametrize("name", ["old.urdf", "nothing.urdf", "", "system.py"])
-def test_files_without_a_sidecar_are_no_models_of_a_folder(folder: Path, name: str) -> None:
+def test_file_without_a_sidecar_is_not_a_model(folder: Path, name: str) -> None:
     assert named_model(f"{folder}/{name}") is None
 
 
-def test_a_folder_that_is_named_itself_is_wanted_whole(folder: Path) -> None:
+def test_named_folder_is_selected_whole(folder: Path) -> None:
     model, other = f"{folder}/robot.urdf", "somewhere/else.xml"
     names, models = chosen_models([model, other])
     assert names == [other, str(folder)]
@@ -80,12 +79,12 @@ def test_a_folder_that_is_named_itself_is_wanted_whole(folder: Path) -> None:
     assert chosen_models([model, str(folder)]) == ([str(folder)], {})
 
 
-def test_a_choice_leaves_out_what_any_part_of_it_does(folder: Path) -> None:
+def test_selection_combines_models_words_and_cases(folder: Path) -> None:
     _, models = chosen_models([f"{folder}/robot.urdf/free"])
     other = CaseId(system="arm", model="mujoco.xml", scenario="free", engine="mujoco")
-    one = CaseSelection(models=models)
-    assert [one.includes(str(folder), case) for case in (FREE, other)] == [True, False]
-    assert one.includes("another", other), "folders without such names are whole"
+    selection = CaseSelection(models=models)
+    assert [selection.includes(str(folder), case) for case in (FREE, other)] == [True, False]
+    assert selection.includes("another", other), "folders without such names are whole"
     assert not CaseSelection(models=models, words="driven").includes(str(folder), FREE)
     assert CaseSelection(only=[("f", FREE)]).includes("f", FREE)
     assert not CaseSelection(only=[("f", FREE)]).includes("g", FREE)

@@ -1,4 +1,4 @@
-"""Copies of a file's elements: what is not changed stays as it was written."""
+"""Copies of elements keep the bytes of everything that is not changed."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ TEXT = """<robot  name='a&amp;b'><!-- kept -->
 </robot>"""
 
 
-def copied() -> XmlElement:
+def make_copy() -> XmlElement:
     return read_elements(SourceFile(Path("f.urdf"), TEXT.encode()))[0].copy()
 
 
 def test_an_unchanged_copy_is_the_file() -> None:
-    assert copied().written().decode() == TEXT
-    assert copied().copy().written().decode() == TEXT
+    assert make_copy().written().decode() == TEXT
+    assert make_copy().copy().written().decode() == TEXT
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_an_unchanged_copy_is_the_file() -> None:
 def test_a_changed_attribute_changes_only_its_bytes(
     tag: str, key: str, value: str | None, before: str, after: str
 ) -> None:
-    root = copied()
+    root = make_copy()
     (element,) = root.iter(tag)
     if value is None:
         del element.attributes[key]
@@ -47,7 +47,7 @@ def test_a_changed_attribute_changes_only_its_bytes(
 
 
 def test_a_removed_child_leaves_its_siblings() -> None:
-    root = copied()
+    root = make_copy()
     root.remove(root.findall("link")[0])
     assert root.written().decode() == TEXT.replace(
         '<link name="l" ><mass value = "1e0"/></link >', ""
@@ -55,7 +55,7 @@ def test_a_removed_child_leaves_its_siblings() -> None:
 
 
 def test_children_are_added_before_the_end_tag_and_into_an_empty_element() -> None:
-    root = copied()
+    root = make_copy()
     root.findall("joint")[0].add("axis", {"xyz": "0 0 1"})
     root.findall("link")[0].add("note", text="a<b").add("inner")
     changed = TEXT.replace('<joint name="j"/>', '<joint name="j"><axis xyz="0 0 1"></axis></joint>')
@@ -65,7 +65,7 @@ def test_children_are_added_before_the_end_tag_and_into_an_empty_element() -> No
 
 
 def test_an_element_that_moves_keeps_its_bytes() -> None:
-    root = copied()
+    root = make_copy()
     link = root.findall("link")[0]
     holder = XmlElement("sdf", {"version": "1.6"})
     holder.append(link)
@@ -77,7 +77,7 @@ def test_an_element_that_moves_keeps_its_bytes() -> None:
 def test_bytes_are_parsed_once_and_changed_bytes_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A reader and an engine's adapter in one process share the elements."""
+    """Share elements between a reader and an engine's adapter in one process."""
     path, parse, parsed = tmp_path / "r.urdf", elements._parse, list[bytes]()
 
     def count(source: SourceFile) -> tuple[XmlElement, ...]:

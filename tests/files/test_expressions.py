@@ -10,7 +10,7 @@ m, r, angle, arm = sp.symbols("m r angle arm")
 NAMES = {"m": m, "r": r, "bob.angle": angle, "left arm.x": arm}
 
 
-@pytest.mark.parametrize(("text", "meant"), [
+@pytest.mark.parametrize(("text", "expected"), [
     ("m", m),
     (" -r/2 ", -r / 2),
     ("m*r**2/12", m * r**2 / 12),
@@ -21,8 +21,8 @@ NAMES = {"m": m, "r": r, "bob.angle": angle, "left arm.x": arm}
     ("sin(bob.angle) + atan2(m, -r)", sp.sin(angle) + sp.atan2(m, -r)),
     ("left arm.x - 1.2", arm - sp.Rational(6, 5)),
 ])  # fmt: skip
-def test_an_expression_is_read_exactly(text: str, meant: sp.Expr) -> None:
-    assert parse(text, NAMES, "here") == meant
+def test_an_expression_is_read_exactly(text: str, expected: sp.Expr) -> None:
+    assert parse(text, NAMES, "here") == expected
 
 
 @pytest.mark.parametrize(("text", "sentence"), [
@@ -42,7 +42,7 @@ def test_an_expression_is_read_exactly(text: str, meant: sp.Expr) -> None:
     ("__import__('os').getcwd()", "is not a number"),
     ("[m for m in (r,)]", "is not a number"),
 ])  # fmt: skip
-def test_what_is_no_arithmetic_of_declared_names_is_refused(text: str, sentence: str) -> None:
+def test_text_other_than_arithmetic_of_declared_names_is_refused(text: str, sentence: str) -> None:
     with pytest.raises(SidecarError, match=sentence) as refused:
         parse(text, NAMES, "f.toml: [bindings] a")
     assert str(refused.value).startswith("f.toml: [bindings] a: ")

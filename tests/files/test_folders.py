@@ -1,4 +1,4 @@
-"""Names on a command line that are not there: which existing name they resemble."""
+"""Missing names on a command line: suggestions of similar existing names."""
 
 from __future__ import annotations
 
@@ -30,19 +30,17 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("robts/pnda.urdf", "robots/panda.urdf"),
     ("robts/panda.urdf", "robots/panda.urdf"),
 ])  # fmt: skip
-def test_a_missing_file_names_one_of_a_similar_name(
-    place: Path, missing: str, similar: str
-) -> None:
+def test_missing_file_suggests_a_similar_name(place: Path, missing: str, similar: str) -> None:
     fault = f"{missing}: there is no such file; did you mean {similar}?"
     assert robot_files([missing]).faults == {missing: fault}
 
 
 @pytest.mark.parametrize("missing", ["a.urdf", "nothing/robot.urdf", "/nowhere/at/all.urdf"])
-def test_no_name_is_proposed_that_resembles_only_by_its_suffix(place: Path, missing: str) -> None:
+def test_equal_suffix_alone_makes_no_suggestion(place: Path, missing: str) -> None:
     assert similar_path(Path(missing)) == ""
 
 
-def test_a_misspelled_system_is_named(place: Path) -> None:
+def test_misspelled_system_suggests_a_similar_name(place: Path) -> None:
     for name, similar in (("simple_pendlum", "simple_pendulum"), ("robts", "robots")):
         with pytest.raises(FolderError, match=f"^{name}: no such folder; did you mean {similar}"):
             system_folders([name])

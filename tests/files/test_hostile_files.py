@@ -1,4 +1,4 @@
-"""Files that nobody would write: each is told in one sentence, at once, and the others go on."""
+"""Hostile files: each is rejected at once with one sentence, and other files still run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SIDECAR = 'engines = ["mujoco"]\n'
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a model and its sidecar, in order so far."""
+    """Return a folder with a valid model and its sidecar."""
     folder = tmp_path / "system"
     folder.mkdir()
     (folder / "m.xml").write_text(XML)
@@ -41,68 +41,68 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def told(folder: Path) -> str:
-    """What is said of the one model of a folder, in one short line and no time."""
+def rejection(folder: Path) -> str:
+    """Return the reason, one short line, for which the only model of a folder is rejected."""
     began = time.process_time()
-    (one,) = model_files(folder)
+    (model,) = model_files(folder)
     assert time.process_time() - began < 5
-    assert isinstance(one, UnreadModel), one
-    assert "\n" not in one.reason
-    assert len(one.reason) < 600
-    return one.reason
+    assert isinstance(model, UnreadModel), model
+    assert "\n" not in model.reason
+    assert len(model.reason) < 600
+    return model.reason
 
 
-def a_pipe(path: Path) -> None:
+def make_pipe(path: Path) -> None:
     os.mkfifo(path)
 
 
-def a_socket(path: Path) -> None:
+def make_socket(path: Path) -> None:
     here = Path.cwd()
-    os.chdir(path.parent)  # its whole path would be too long for one
+    os.chdir(path.parent)  # the full path is too long for a socket
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(path.name)
     os.chdir(here)
 
 
-def a_folder(path: Path) -> None:
+def make_folder(path: Path) -> None:
     path.mkdir()
 
 
-def a_device(path: Path) -> None:
+def make_device(path: Path) -> None:
     path.symlink_to("/dev/zero")
 
 
-def a_loop(path: Path) -> None:
+def make_loop(path: Path) -> None:
     path.symlink_to(path.name)
 
 
 KINDS: tuple[tuple[Callable[[Path], None], str], ...] = (
-    (a_pipe, "it is a named pipe; expected a file"),
-    (a_socket, "it is a socket; expected a file"),
-    (a_folder, "it is a folder; expected a file"),
-    (a_device, "it is a device; expected a file"),
-    (a_loop, "symbolic links"),
+    (make_pipe, "it is a named pipe; expected a file"),
+    (make_socket, "it is a socket; expected a file"),
+    (make_folder, "it is a folder; expected a file"),
+    (make_device, "it is a device; expected a file"),
+    (make_loop, "symbolic links"),
 )
 
 
 @pytest.mark.parametrize(("make", "sentence"), KINDS)
-def test_a_sidecar_that_is_no_file_is_not_opened(
+def test_sidecar_that_is_not_a_file_is_not_opened(
     folder: Path, make: Callable[[Path], None], sentence: str
 ) -> None:
     (folder / "m.xml.toml").unlink()
     make(folder / "m.xml.toml")
-    assert f"m.xml.toml: can't be read: {sentence}" in told(folder).replace(
+    assert f"m.xml.toml: can't be read: {sentence}" in rejection(folder).replace(
         "Too many levels of ", ""
     )
 
 
 @pytest.mark.parametrize(("make", "sentence"), KINDS[:4])
-def test_a_model_that_is_no_file_is_not_opened(
+def test_model_that_is_not_a_file_is_not_opened(
     folder: Path, make: Callable[[Path], None], sentence: str
 ) -> None:
     (folder / "m.xml").unlink()
     make(folder / "m.xml")
-    assert f"m.xml: can't be read: {sentence}" in told(folder)
+    assert f"m.xml: can't be read: {sentence}" in rejection(folder)
 
 
 @pytest.mark.parametrize("body", [
@@ -110,15 +110,15 @@ def test_a_model_that_is_no_file_is_not_opened(
     '<asset><mesh file="part"/></asset>',
     '<compiler meshdir="."/><asset><mesh name="p" file="p&#97;rt"/></asset>',
 ])  # fmt: skip
-def test_what_a_model_names_and_is_no_file_is_not_opened(folder: Path, body: str) -> None:
+def test_pipe_that_a_model_names_is_not_opened(folder: Path, body: str) -> None:
     os.mkfifo(folder / "part")
     (folder / "m.xml").write_text(f"<mujoco>{body}</mujoco>")
     assert f"{folder / 'm.xml'}: it names {folder / 'part'}: can't be read: it is a named pipe" in (
-        told(folder)
+        rejection(folder)
     )
 
 
-def test_a_pipe_below_a_folder_of_robots_is_not_opened(tmp_path: Path) -> None:
+def test_pipe_in_a_folder_of_robots_is_not_opened(tmp_path: Path) -> None:
     """Catch a search for robot files that waits for the pipe's writer."""
     os.mkfifo(tmp_path / "m.xml")
     (tmp_path / "robot.xml").write_text("<mujoco/>")
@@ -126,7 +126,7 @@ def test_a_pipe_below_a_folder_of_robots_is_not_opened(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("make", "_"), KINDS)
-def test_a_system_that_is_no_file_is_not_opened(
+def test_system_that_is_not_a_file_is_not_opened(
     tmp_path: Path, make: Callable[[Path], None], _: str
 ) -> None:
     make(tmp_path / "system.py")
@@ -135,55 +135,55 @@ def test_a_system_that_is_no_file_is_not_opened(
 
 
 @pytest.mark.parametrize(("make", "_"), KINDS)
-def test_a_folder_whose_system_is_no_file_stays_a_system_folder(
+def test_folder_with_an_unreadable_system_is_a_system_folder(
     tmp_path: Path, make: Callable[[Path], None], _: str
 ) -> None:
-    """Catch robot files that are checked alone, with no word about the unreadable system.py."""
+    """Catch robot files that run without a message about the unreadable system.py."""
     (tmp_path / "arm").mkdir()
     (tmp_path / "arm" / "m.xml").write_text(XML)
     make(tmp_path / "arm" / "system.py")
-    for named in (tmp_path, tmp_path / "arm"):
-        assert robots_below(named) == []
-        assert targets_under(str(named), ()) == [tmp_path / "arm"]
+    for target in (tmp_path, tmp_path / "arm"):
+        assert robots_below(target) == []
+        assert targets_under(str(target), ()) == [tmp_path / "arm"]
 
 
-class Counted(bytes):
+class CountingBytes(bytes):
     """Bytes that count how many of them are copied."""
 
     copied = 0
 
     def __getitem__(self, index: Any) -> Any:
         part = super().__getitem__(index)
-        Counted.copied += len(part) if isinstance(part, bytes) else 1
+        CountingBytes.copied += len(part) if isinstance(part, bytes) else 1
         return part
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_the_places_of_many_numbers_copy_no_more_than_the_file(
+def test_locating_many_numbers_copies_the_file_at_most_twice(
     end: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Catch a copy of all before each number: a sidecar of 50000 keys took ten minutes."""
-    monkeypatch.setattr(Counted, "copied", 0)
+    """Catch a copy of the text before each number: 50000 keys took ten minutes."""
+    monkeypatch.setattr(CountingBytes, "copied", 0)
     lines = [f'"\u00e9{i}" = {i}' for i in range(500)]
-    source = SourceFile(Path("a.toml"), Counted(end.join(lines).encode()))
+    source = SourceFile(Path("a.toml"), CountingBytes(end.join(lines).encode()))
     places = [one.location for one in toml_literals(source)]
     assert [(one.line, one.column, one.value) for one in places] == [
         (i + 1, len(line) - len(str(i)) + 1, i) for i, line in enumerate(lines)
     ]
-    assert Counted.copied < 2 * len(source.data)
+    assert CountingBytes.copied < 2 * len(source.data)
 
 
 @pytest.mark.slow
-def test_files_beyond_reason_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oversized_files_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (folder / "m.xml").open("ab") as file:
         file.truncate(reading.MAX_MODEL_BYTES + 1)
-    assert "m.xml: can't be read: it has 64.0 MB; at most 64 MB are allowed" in told(folder)
+    assert "m.xml: can't be read: it has 64.0 MB; at most 64 MB are allowed" in rejection(folder)
     with (folder / "m.xml.toml").open("ab") as file:
         file.truncate(reading.MAX_SIDECAR_BYTES + 1)
-    assert "it has 1.0 MB; at most 1 MB are allowed" in told(folder)
+    assert "it has 1.0 MB; at most 1 MB are allowed" in rejection(folder)
 
 
-def test_a_file_that_can_be_listed_and_not_read_is_told(
+def test_file_without_read_permission_is_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = Path.read_bytes
@@ -194,15 +194,15 @@ def test_a_file_that_can_be_listed_and_not_read_is_told(
         return real(self)
 
     monkeypatch.setattr(Path, "read_bytes", refuse)
-    assert "m.xml: can't be read: Permission denied" in told(folder)
+    assert "m.xml: can't be read: Permission denied" in rejection(folder)
 
 
-def test_a_file_that_goes_between_listing_and_reading_ends_nothing(folder: Path) -> None:
+def test_file_deleted_after_listing_is_reported(folder: Path) -> None:
     (sidecar,) = model_files(folder)
     assert isinstance(sidecar, Sidecar)
     sidecar.model.unlink()
     assert text_of(sidecar.model) == ""
-    assert "there is no model file m.xml" in told(folder)
+    assert "there is no model file m.xml" in rejection(folder)
 
 
 DEEP = 5000
@@ -221,25 +221,25 @@ TOML: dict[str, tuple[str, str]] = {
     "a long engine": (f"[settings.{'a' * 100_000}]\nstep = 1", "is for an engine that"),
     "a long value": (f"[settings]\nstep = '{'a' * 100_000}'", "step is 'aaaa"),
     "a zero byte": ("a = '\0'", "not TOML"),
-    "a step that is no number": ("[settings]\nstep = nan", "step is nan"),
+    "a step of NaN": ("[settings]\nstep = nan", "step is nan"),
     "a step of infinity": ("[settings]\nstep = inf", "step is inf"),
-    "an engine that is there twice": ('engines = ["mujoco", "mujoco"]', "lists 'mujoco' twice"),
+    "a repeated engine": ('engines = ["mujoco", "mujoco"]', "lists 'mujoco' twice"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TOML)
-def test_a_sidecar_beyond_reason_is_told(folder: Path, name: str) -> None:
+def test_unreasonable_sidecar_is_rejected(folder: Path, name: str) -> None:
     text, sentence = TOML[name]
     head = "" if text.startswith("engines") else SIDECAR
     (folder / "m.xml.toml").write_text(head + text)
-    said = told(folder)
-    assert said.startswith(f"{folder / 'm.xml.toml'}:")
-    assert sentence in said
+    message = rejection(folder)
+    assert message.startswith(f"{folder / 'm.xml.toml'}:")
+    assert sentence in message
 
 
-def test_bytes_that_are_no_text_are_told(folder: Path) -> None:
+def test_bytes_that_are_not_utf8_are_reported(folder: Path) -> None:
     (folder / "m.xml.toml").write_bytes(SIDECAR.encode() + b"# \xff")
-    assert "byte 23 is not UTF-8; save the file as UTF-8" in told(folder)
+    assert "byte 23 is not UTF-8; save the file as UTF-8" in rejection(folder)
 
 
 MODELS: dict[str, tuple[str, str]] = {
@@ -258,54 +258,54 @@ MODELS: dict[str, tuple[str, str]] = {
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_model_that_may_do_harm_is_refused_with_its_line(folder: Path, name: str) -> None:
+def test_harmful_model_is_refused_with_its_line(folder: Path, name: str) -> None:
     text, sentence = MODELS[name]
     (folder / "m.xml").write_text(text)
-    assert f"{folder / 'm.xml'}{sentence}" in told(folder)
-    # And in a part of it, whatever that is called.
+    assert f"{folder / 'm.xml'}{sentence}" in rejection(folder)
+    # The same holds for an included file of any name.
     (folder / "m.xml").write_text('<mujoco><include file="p&#97;rt.inc"/></mujoco>')
     (folder / "part.inc").write_text(text)
-    assert f"part.inc{sentence}" in told(folder)
+    assert f"part.inc{sentence}" in rejection(folder)
 
 
-def test_what_looks_like_a_dtd_and_is_none_is_read(folder: Path) -> None:
+def test_text_that_looks_like_a_dtd_is_accepted(folder: Path) -> None:
     (folder / "m.xml").write_text("<mujoco><!-- <!DOCTYPE a> --><![CDATA[<!ENTITY]]></mujoco>")
     assert isinstance(next(model_files(folder)), Sidecar)
 
 
-def test_includes_in_includes_are_counted(folder: Path) -> None:
+def test_nested_includes_are_limited(folder: Path) -> None:
     for i in range(110):
         (folder / f"p{i}").write_text(f'<mujocoinclude><include file="p{i + 1}"/></mujocoinclude>')
     (folder / "p110").write_text("<mujocoinclude/>")
     (folder / "m.xml").write_text('<mujoco><include file="p80"/></mujoco>')
     assert isinstance(next(model_files(folder)), Sidecar)
     (folder / "m.xml").write_text('<mujoco><include file="p0"/></mujoco>')
-    assert "m.xml: more than 100 nested includes" in told(folder)
+    assert "m.xml: more than 100 nested includes" in rejection(folder)
 
 
 @pytest.mark.parametrize("name", [b"new\nline.xml", b"\xff\xfe.xml", b"\x1b[31mred.xml"])
-def test_a_name_that_is_none_is_told_as_escapes(folder: Path, name: bytes) -> None:
+def test_unprintable_file_name_is_escaped(folder: Path, name: bytes) -> None:
     for ending in (b"", b".toml"):
         path = Path(os.fsdecode(os.fsencode(folder) + b"/" + name + ending))
         path.write_text(SIDECAR if ending else XML)
         unread = [one for one in model_files(folder) if isinstance(one, UnreadModel)]
-        (one,) = unread
-        assert one.reason.isprintable()
-        assert one.model.isprintable()
-        assert one.reason.endswith("; rename it")
+        (model,) = unread
+        assert model.reason.isprintable()
+        assert model.model.isprintable()
+        assert model.reason.endswith("; rename it")
 
 
-def test_a_folder_whose_name_is_none_is_refused(tmp_path: Path) -> None:
+def test_unprintable_folder_name_is_refused(tmp_path: Path) -> None:
     for name in ("new\nline", "\udcff", "\x1b[31m"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "system.py").write_text("")
-        with pytest.raises(FolderError, match="; rename it") as caught:
+        with pytest.raises(FolderError, match="; rename it") as error:
             system_folders([str(tmp_path / name)])
-        assert str(caught.value).isprintable()
+        assert str(error.value).isprintable()
 
 
-def test_a_declaration_that_is_a_link_to_nowhere_is_a_folder_all_the_same(tmp_path: Path) -> None:
-    """Left out, its models would pass by never being run."""
+def test_folder_with_a_broken_system_link_is_listed(tmp_path: Path) -> None:
+    """Catch models that pass because they never run."""
     for name in ("broken", "sound"):
         (tmp_path / name).mkdir()
     (tmp_path / "broken" / "system.py").symlink_to("system.py")
@@ -317,7 +317,7 @@ def test_a_declaration_that_is_a_link_to_nowhere_is_a_folder_all_the_same(tmp_pa
 @pytest.mark.parametrize(("suffix", "engine", "lines"), [
     (".xml", "mujoco", 3), (".py", "pymunk", 3),
 ])  # fmt: skip
-def test_springs_that_an_engine_would_read_over_are_refused(
+def test_springs_that_an_engine_would_ignore_are_refused(
     tmp_path: Path, suffix: str, engine: str, lines: int
 ) -> None:
     (tmp_path / f"m{suffix}").write_text(XML if suffix == ".xml" else "")
@@ -325,17 +325,17 @@ def test_springs_that_an_engine_would_read_over_are_refused(
         f'engines = ["{engine}"]\n[[spring]]\njoints = {{x = 1}}\n'
         "stiffness = 1\ndamping = 0\nrest = 0\n"
     )
-    said = told(tmp_path)
-    assert f"m{suffix}.toml:{lines}: [[spring]]: " in said
+    message = rejection(tmp_path)
+    assert f"m{suffix}.toml:{lines}: [[spring]]: " in message
     assert (
         f"takes no springs from the sidecar of a {suffix} file; write them into m{suffix} itself"
-        in said
+        in message
     )
 
 
 @pytest.fixture(scope="module")
 def spring() -> System:
-    """A system with a constant m."""
+    """Return a system with a constant m."""
     return load_system(builtin() / "mass_spring_damper")
 
 
@@ -350,24 +350,24 @@ EXPRESSIONS = (
 
 
 @pytest.mark.parametrize("text", EXPRESSIONS, ids=lambda text: text[:20])
-def test_an_expression_without_a_value_or_an_end_is_told_with_its_line(
+def test_hostile_expression_is_rejected_with_its_line(
     tmp_path: Path, spring: System, text: str
 ) -> None:
     (tmp_path / "m.py").write_text("MASS = 1.3\n")
     path = tmp_path / "m.py.toml"
     path.write_text(f'engines = ["pymunk"]\n[bindings]\nMASS = "{text}"\n')
     began = time.process_time()
-    with pytest.raises(SidecarError) as caught:
+    with pytest.raises(SidecarError) as error:
         bindings(spring, read_sidecar(path))
     assert time.process_time() - began < 5
-    said = str(caught.value)
-    assert said.startswith(f"{path}:3: [bindings] 'MASS'")
-    assert "\n" not in said
-    assert len(said) < 600
+    message = str(error.value)
+    assert message.startswith(f"{path}:3: [bindings] 'MASS'")
+    assert "\n" not in message
+    assert len(message) < 600
 
 
 @pytest.mark.parametrize("file", ["m.xml", "m.toml"])
-def test_an_index_of_thousands_of_digits_is_no_address(tmp_path: Path, file: str) -> None:
+def test_index_of_thousands_of_digits_is_refused(tmp_path: Path, file: str) -> None:
     (tmp_path / file).write_text("<a b='1 2'/>" if file == "m.xml" else "b = [1, 2]")
     address = {"m.xml": "a@b[", "m.toml": "b["}[file] + "9" * 5000 + "]"
     with suppress(LocationError):
@@ -376,8 +376,8 @@ def test_an_index_of_thousands_of_digits_is_no_address(tmp_path: Path, file: str
 
 
 @pytest.fixture(autouse=True)
-def nothing_open() -> Iterator[None]:
-    """No test leaves a file open: one on a pipe would wait."""
+def no_open_files() -> Iterator[None]:
+    """Check that a test leaves no file open."""
     before = len(os.listdir("/proc/self/fd"))
     yield
     assert len(os.listdir("/proc/self/fd")) == before

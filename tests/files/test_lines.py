@@ -1,4 +1,4 @@
-"""The line of what an address means: comments and look-alikes don't count."""
+"""Lines of addresses; comments and similar texts are ignored."""
 
 from pathlib import Path
 
@@ -75,7 +75,7 @@ gravity = [0,
         ("m.skel", "<skel/>", "skel", None),
     ],
 )
-def test_the_line_of_an_address_is_that_of_what_it_means(
+def test_line_of_an_address(
     name: str, text: str, address: str, line: int | None, tmp_path: Path
 ) -> None:
     file = tmp_path / name
@@ -83,5 +83,5 @@ def test_the_line_of_an_address_is_that_of_what_it_means(
     assert line_of(file, address) == line
 
 
-def test_a_file_that_is_not_there_has_no_lines(tmp_path: Path) -> None:
+def test_missing_file_has_no_line(tmp_path: Path) -> None:
     assert line_of(tmp_path / "m.xml", "option") is None

@@ -1,4 +1,4 @@
-"""Addresses: each means the bytes of one number, or is refused with file, line and remedy."""
+"""Addresses: each names the bytes of one number, or is refused with file, line and remedy."""
 
 from pathlib import Path
 
@@ -89,7 +89,7 @@ deep = 7.5
 """
 TOML = TOML.replace(".é-no", '."é-no"')
 
-FOUND = [
+ADDRESSES = [
     ("m.xml", MJCF, {
         "joint[x]@stiffness": "65.0", "joint[x]@armature": "1.2e0", "joint[x]@coef": "-1",
         "body[drum]/joint[x]@stiffness": "65.0", "option@gravity[2]": "-9.81",
@@ -121,17 +121,17 @@ FOUND = [
         '"quoted key"."é-no"': "1",
     }),
 ]  # fmt: skip
-EVERY = [
+CASES = [
     pytest.param(file, mark + text, end, address, number, id=f"{file}-{address}-{kind}")
-    for file, text, found in FOUND
-    for address, number in found.items()
+    for file, text, places in ADDRESSES
+    for address, number in places.items()
     for kind, mark, end in (("LF", "", "\n"), ("CRLF", "", "\r\n"), ("BOM", "\ufeff", "\n"))
     if not (mark and file.endswith(".toml"))  # TOML has no byte order mark
 ]
 
 
-@pytest.mark.parametrize(("file", "text", "end", "address", "number"), EVERY)
-def test_an_address_means_the_bytes_of_its_number(
+@pytest.mark.parametrize(("file", "text", "end", "address", "number"), CASES)
+def test_address_names_the_bytes_of_its_number(
     tmp_path: Path, file: str, text: str, end: str, address: str, number: str
 ) -> None:
     data = text.replace("\n", end).encode()
@@ -145,8 +145,8 @@ def test_an_address_means_the_bytes_of_its_number(
     assert str(place) == f"{tmp_path / file}:{place.line}"
 
 
-def test_look_alikes_come_before_the_places_they_look_like() -> None:
-    # Else the test above would not tell a parser from a search for text.
+def test_similar_texts_come_before_the_numbers() -> None:
+    # Otherwise a text search would pass the test above.
     assert MJCF.index('stiffness="1.0"') < MJCF.index("stiffness = '65.0'")
     assert URDF.index("48 before") < URDF.index("47.0")
     assert PYTHON.index("MASS = 9") < PYTHON.index("MASS = 1.3")
@@ -154,7 +154,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
 
 
 @pytest.mark.parametrize(("file", "text", "address", "line", "sentence"), [
-    # Nothing is meant.
+    # No element matches.
     ("m.xml", MJCF, "joint[y]@stiffness", None,
      r"there is no joint\[y\]; nearest: joint\[x\], joint\[rolling\]"),
     ("m.xml", MJCF, "bodi[drum]/inertial@mass", None, r"no bodi\[drum\]; nearest: body\[drum\]"),
@@ -167,7 +167,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.toml", TOML, "settings.gravity", None, r"a number; nearest: settings\.gravity\[\d\]"),
     ("m.toml", TOML, "settings.mujoco.day", 14, "does not name a number"),
     ("m.toml", TOML, "engines[0]", 2, "does not name a number"),
-    # Several are.
+    # Several numbers match.
     ("m.xml", MJCF, "body/inertial@mass", 9,
      r"several numbers \(lines 9, 12, 14\); add its name.*body\[drum\]/inertial, "
      r"body\[Stäbchen – rod\]/inertial, body/inertial"),
@@ -179,7 +179,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.py", PYTHON, "TWICE", 9, r"bound several times \(lines 9, 10\)"),
     ("m.py", PYTHON, "ADDED", 13, r"bound several times \(lines 13, 14\)"),
     ("m.py", PYTHON, "GLOBAL", 20, r"bound several times \(lines 20, 25\)"),
-    # What is meant is no number, or can't be replaced.
+    # The value is not a number, or can't be replaced.
     ("m.xml", MJCF, "option@gravity[3]", 4, "beyond gravity: it has 3 numbers"),
     ("m.xml", MJCF, "joint[x]@type", 8, "is 'slide'; expected a number"),
     ("m.xml", MJCF, "body[drum]", 7, r"not a number; end the address with an attribute"),
@@ -194,7 +194,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.py", PYTHON, "tau", 3, "not a plain number"),
     ("m.py", PYTHON, "SPACED", 17, "'- 3'; expected a decimal number"),
     ("m.py", PYTHON, "HEX", 18, "'0x10'; expected a decimal number"),
-    # No address.
+    # The address is malformed.
     ("m.xml", MJCF, "joint[x]@", None, r"is not an address; write it like 'body\[rod\]"),
     ("m.xml", MJCF, "joint[x", None, "is not an address"),
     ("m.xml", MJCF, "", None, "is not an address"),
@@ -211,7 +211,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.xml", '<!DOCTYPE a SYSTEM "a.dtd">\n<a b="1"/>', "a@b", 1, "declares entities or a DTD"),
     ("m.xml", '<?xml version="1.0" encoding="latin-1"?>\n<a b="1"/>', "a@b", 1, "as UTF-8"),
     ("m.py", "# coding: latin-1\nA = 1", "A", 1, "save the file as UTF-8"),
-    # The bytes are not what is read.
+    # The bytes differ from the parsed value.
     ("m.xml", '<a b="4&#55;.0"/>', "a@b", 1, "written with a reference"),
     ("m.xml", "<a><![CDATA[47]]></a>", "a", 1, "written with a reference or CDATA"),
     ("m.xml", "<a>4<!-- and -->7</a>", "a", 1, "names 2 numbers"),
@@ -220,18 +220,18 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.xml", '<a b="inf"/>', "a@b", 1, "is 'inf'; expected a decimal number"),
     ("m.xml", '<a b=""/>', "a@b", None, "names 0 numbers"),
 ])  # fmt: skip
-def test_what_means_no_single_number_is_refused(
+def test_address_without_a_single_number_is_refused(
     tmp_path: Path, file: str, text: str, address: str, line: int | None, sentence: str
 ) -> None:
     path = tmp_path / file
     path.write_bytes(text.encode())
-    with pytest.raises(LocationError, match=sentence) as refused:
+    with pytest.raises(LocationError, match=sentence) as error:
         find(path, [address])
     where = f"{path}: " if line is None else f"{path}:{line}: "
-    assert str(refused.value).startswith(where)
+    assert str(error.value).startswith(where)
 
 
-def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
+def test_binary_or_missing_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_bytes(b'<a b="\xe9"/>')
     with pytest.raises(LocationError, match=r"m\.xml: byte 6 is not UTF-8"):
         find(tmp_path / "m.xml", ["a@b"])
@@ -239,7 +239,7 @@ def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
         find(tmp_path / "gone.xml", ["a@b"])
 
 
-def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path: Path) -> None:
+def test_bytes_that_differ_from_the_parsed_value_are_refused(tmp_path: Path) -> None:
     source = SourceFile(tmp_path / "m.xml", b'<a b="1.5"/>')
     assert source.place(((6, 9), 1.5), "a@b").text == "1.5"
     with pytest.raises(LocationError, match=r"m\.xml:1: 'a@b' is written '1\.5' but read as 2\.5"):
@@ -249,7 +249,7 @@ def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path: Path
 MECHANICS = r"(joint|inertial|mass)@\w+|springStiffness"
 
 
-def test_numbers_are_listed_by_addresses_that_find_them(tmp_path: Path) -> None:
+def test_listed_addresses_locate_their_numbers(tmp_path: Path) -> None:
     file = tmp_path / "model.xml"
     file.write_text(
         '<mujoco><geom name="g" size="1 2"/><body name="a"><joint name="x" damping="0.1"'
@@ -268,11 +268,11 @@ def test_numbers_are_listed_by_addresses_that_find_them(tmp_path: Path) -> None:
         "body[a]/inertial@pos[2]",
         "body[b]/inertial@mass",
     )
-    found = find(file, listed)
-    assert [place.value for place in found.values()] == [0.1, 0, 0, 1, 2, 1, 2, 3, 3]
+    places = find(file, listed)
+    assert [place.value for place in places.values()] == [0.1, 0, 0, 1, 2, 1, 2, 3, 3]
 
 
-def test_numbers_without_an_address_of_their_own_are_left_out(tmp_path: Path) -> None:
+def test_numbers_without_a_unique_address_are_left_out(tmp_path: Path) -> None:
     file = tmp_path / "model.urdf"
     file.write_text(
         '<robot><gazebo reference="x"><springStiffness>4</springStiffness></gazebo>'
@@ -290,12 +290,12 @@ def test_numbers_of_python_are_names_at_the_top_level(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "address", ["a" * 9999, f"option@gravity[{'9' * 4000}]", f"body[{'b' * 9999}]"]
 )
-def test_what_is_long_is_told_in_brief(tmp_path: Path, address: str) -> None:
+def test_long_address_is_abbreviated_in_the_message(tmp_path: Path, address: str) -> None:
     file = tmp_path / "m.xml"
     file.write_text(MJCF.replace('"drum"', f'"{"d" * 9999}"'), "utf-8")
-    with pytest.raises(LocationError) as caught:
+    with pytest.raises(LocationError) as error:
         find(file, [address])
-    assert len(str(caught.value)) < 1000 + len(str(file))
+    assert len(str(error.value)) < 1000 + len(str(file))
 
 
 SDF = """<sdf version="1.6"><model name="m">
@@ -319,7 +319,7 @@ def test_numbers_of_a_list_in_an_element_have_addresses(
     assert (place.line, place.value) == (line, value)
 
 
-def test_a_number_beyond_such_a_list_is_refused_and_all_of_them_are_listed(tmp_path: Path) -> None:
+def test_index_beyond_a_list_is_refused_and_all_numbers_are_listed(tmp_path: Path) -> None:
     file = tmp_path / "m.sdf"
     file.write_text(SDF)
     with pytest.raises(LocationError, match="is beyond <pose>: it has 6 numbers"):

@@ -1,4 +1,4 @@
-"""Bindings say what the engines do: models and equations at other constants still agree."""
+"""Bindings are complete: models and equations at random constants still agree."""
 
 import os
 from collections.abc import Container
@@ -29,10 +29,10 @@ from tests.physics import redrawn
 
 SECONDS = 2.0
 SEGMENTS = 20
-"""Of a motion: spread over its spans, they show every literal."""
+"""Segments of a motion; spread over its spans, they depend on every literal."""
 
 COARSE = 1e-5
-"""Resolution that tells a share of a thousandth."""
+"""Resolution that detects a relative difference of a thousandth."""
 
 ENGINES = {engine.name for engine in engines().values() if not engine.extra}
 if os.environ.get("REQUIRE_ALL_ENGINES"):  # in `make test-engines`
@@ -57,8 +57,8 @@ def _cases(names: Container[str]) -> list[Any]:
 
 
 @cache
-def drawn(folder: Path) -> tuple[System, dict[str, float], Segments]:
-    """A system at random constants, its draw, and some of its free motion."""
+def draw_system(folder: Path) -> tuple[System, dict[str, float], Segments]:
+    """Return a system at random constants, its draw, and segments of its free motion."""
     rng = np.random.default_rng(20240817)
     system = load_system(folder)
     draw = {c.name: c.value * rng.uniform(0.7, 1.4) for c in system.constants}
@@ -73,10 +73,10 @@ def verdict(
 ) -> CaseJudgement:
     model, coordinates = load(system, sidecar, engine)
     claimed, _ = model.exponents(motion.varying)
-    found = extrapolate(model, coordinates, motion, resolution=resolution)
+    extrapolation = extrapolate(model, coordinates, motion, resolution=resolution)
     names = [c.name for c in system.coordinates]
     components = (*names, *(f"{name}_dot" for name in names))
-    return judge(found.limit, motion, components, claimed, resolution)
+    return judge(extrapolation.limit, motion, components, claimed, resolution)
 
 
 @pytest.fixture(autouse=True)
@@ -89,9 +89,9 @@ def test_a_model_and_equations_at_random_constants_agree(
     sidecar: Sidecar, engine: str, tmp_path: Path
 ) -> None:
     nominal = load_system(sidecar.model.parent)
-    system, draw, motion = drawn(sidecar.model.parent)
+    system, draw, motion = draw_system(sidecar.model.parent)
     copy = redrawn(nominal, sidecar, draw, tmp_path / "copy")
-    found = verdict(system, copy, engine, motion, 1e-9)
-    assert found.outcome is Outcome.AGREES, found.reason
-    # The draw moves the motion: the file as it ships does something else.
+    judgement = verdict(system, copy, engine, motion, 1e-9)
+    assert judgement.outcome is Outcome.AGREES, judgement.reason
+    # The draw changes the motion, so the original file differs.
     assert verdict(system, sidecar, engine, motion, COARSE).discrepancy > 1e-3

@@ -1,4 +1,4 @@
-"""Copies at drawn constants, against those that are made one by one."""
+"""Parametric copies at other constants equal copies that are written one by one."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ MODELS = ("mujoco.xml", "robot.urdf", "space.py")
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_copy_says_what_one_made_alone_says(model: str, tmp_path: Path) -> None:
+def test_parametric_copy_equals_a_single_copy(model: str, tmp_path: Path) -> None:
     folder = builtin() / "simple_pendulum"
     system, sidecar = load_system(folder), read_sidecar(folder / f"{model}.toml")
     prepared = parametric_model_file(system, sidecar, {"m", "l", "g"}, {"m", "l", "g"})
     declared = {c.name: c.value for c in system.constants}
     for number, length in enumerate((0.31, 1.7)):
         constants = {"m": 0.9, "l": length, "g": 9.0}
-        found = prepared.write(declared | constants, tmp_path / f"found{number}")
+        actual = prepared.write(declared | constants, tmp_path / f"actual{number}")
         bound = bindings(at_constants(system, constants), sidecar)
         expected = {b.address: b.expected for b in bound if not b.exact}
-        wanted = with_literals(sidecar, expected, tmp_path / f"wanted{number}")
+        reference = with_literals(sidecar, expected, tmp_path / f"reference{number}")
         for ending in ("", ".toml"):
-            one, other = (Path(f"{copy.model}{ending}") for copy in (found, wanted))
-            assert one.read_bytes() == other.read_bytes()
-        assert found.spec("").settings == wanted.spec("").settings
-        assert found.model.read_bytes() != sidecar.model.read_bytes()
+            first, second = (Path(f"{copy.model}{ending}") for copy in (actual, reference))
+            assert first.read_bytes() == second.read_bytes()
+        assert actual.spec("").settings == reference.spec("").settings
+        assert actual.model.read_bytes() != sidecar.model.read_bytes()
 
 
-def copied(tmp_path: Path, old: str, new: str) -> Path:
+def copy_folder(tmp_path: Path, old: str, new: str) -> Path:
     folder = tmp_path / "pendulum"
     shutil.copytree(builtin() / "simple_pendulum", folder)
     for name in ("mujoco.xml", "mujoco.xml.toml"):
@@ -47,8 +47,8 @@ def copied(tmp_path: Path, old: str, new: str) -> Path:
     return folder
 
 
-def test_a_constant_that_no_literal_follows_is_told_with_its_file(tmp_path: Path) -> None:
-    folder = copied(tmp_path, '"body[pendulum]/inertial@pos[2]" = "-l"\n', "")
+def test_constant_without_a_bound_literal_is_reported_with_its_file(tmp_path: Path) -> None:
+    folder = copy_folder(tmp_path, '"body[pendulum]/inertial@pos[2]" = "-l"\n', "")
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
     parametric_model_file(system, sidecar, {"m"}, {"m", "l"})
     parametric_model_file(system, sidecar, {"l"}, {"m"})
@@ -56,8 +56,8 @@ def test_a_constant_that_no_literal_follows_is_told_with_its_file(tmp_path: Path
         parametric_model_file(system, sidecar, {"m", "l"}, {"m", "l"})
 
 
-def test_a_literal_that_is_wrong_as_it_stands_is_not_set_right_unseen(tmp_path: Path) -> None:
-    folder = copied(tmp_path, "-0.75", "-0.76")
+def test_wrong_literal_is_refused_instead_of_corrected(tmp_path: Path) -> None:
+    folder = copy_folder(tmp_path, "-0.75", "-0.76")
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
     parametric_model_file(system, sidecar, {"m"}, {"m"})
     with pytest.raises(UnboundError, match=r"mujoco\.xml:\d+: the file has -0\.76.*audit"):

@@ -1,4 +1,4 @@
-"""Sidecars: what they may say, and how a wrong one is refused."""
+"""Sidecars: their contents, and the refusal of wrong ones."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -37,19 +37,19 @@ def write(tmp_path: Path) -> Callable[[str], Path]:
     return make
 
 
-def test_everything_said_is_read(write: Callable[[str], Path]) -> None:
-    found = read_sidecar(write(GOOD))
-    assert found.engines == ("pybullet", "mujoco")
-    assert found.coordinates == {"phi": "x / r"}
-    assert found.springs[0].joints == {"x1": 1, "x2": -1}
-    assert found.springs[0].stiffness == 38.0
+def test_all_keys_are_read(write: Callable[[str], Path]) -> None:
+    sidecar = read_sidecar(write(GOOD))
+    assert sidecar.engines == ("pybullet", "mujoco")
+    assert sidecar.coordinates == {"phi": "x / r"}
+    assert sidecar.springs[0].joints == {"x1": 1, "x2": -1}
+    assert sidecar.springs[0].stiffness == 38.0
 
 
-def test_an_engine_sees_its_own_settings_and_no_other(write: Callable[[str], Path]) -> None:
-    found = read_sidecar(write(GOOD))
-    assert found.spec("mujoco").settings["integrator"] == "Euler"
-    assert "integrator" not in found.spec("pybullet").settings
-    assert found.spec("pybullet").settings["step"] == 0.002
+def test_engine_gets_only_its_own_settings(write: Callable[[str], Path]) -> None:
+    sidecar = read_sidecar(write(GOOD))
+    assert sidecar.spec("mujoco").settings["integrator"] == "Euler"
+    assert "integrator" not in sidecar.spec("pybullet").settings
+    assert sidecar.spec("pybullet").settings["step"] == 0.002
 
 
 @pytest.mark.parametrize(("change", "sentence"), [
