@@ -1,4 +1,4 @@
-"""Built-in models in one engine, cheap: two scenarios, few segments."""
+"""Built-in models in one engine, with two scenarios and few segments."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from physics_crosscheck.harness.records.mutation import Mutation
 from tests.physics import physics
 
 SCENARIOS = 2
-"""The first two: one is free, one is forced."""
+"""The first two scenarios: one is free, one is forced."""
 
 
-def sound(
+def make_task(
     system: str, model: str, engine: str = "mujoco", sidecar: Sidecar | None = None
 ) -> SystemTask:
     if engines()[engine].version() is None:
@@ -36,22 +36,22 @@ def sound(
 def subject(
     system: str, model: str, engine: str = "mujoco", sidecar: Sidecar | None = None
 ) -> Subject:
-    task = sound(system, model, engine, sidecar)
+    task = make_task(system, model, engine, sidecar)
     literals = bindings(task.target.system, task.declared)
     return Subject(task, *task.load(), literals)
 
 
 @pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_segments(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", 8)
 
 
 def rows(task: SystemTask, chosen: Callable[[Mistake], bool]) -> list[Mutation]:
-    """What became of the faults that `chosen` picks."""
-    known = survey(task)
-    alone = replace(known, faults=())
-    return [tried(task, alone, fault) for fault in filter(chosen, known.faults)]
+    """Return the outcomes of the faults that `chosen` selects."""
+    fault_survey = survey(task)
+    without_faults = replace(fault_survey, faults=())
+    return [try_fault(task, without_faults, fault) for fault in filter(chosen, fault_survey.faults)]
 
 
-def tried(task: SystemTask, known: FaultSurvey, fault: Mistake) -> Mutation:
-    return mutated(MutationTask(model=task, survey=known, fault=fault))
+def try_fault(task: SystemTask, fault_survey: FaultSurvey, fault: Mistake) -> Mutation:
+    return mutated(MutationTask(model=task, survey=fault_survey, fault=fault))

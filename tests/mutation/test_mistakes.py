@@ -1,4 +1,4 @@
-"""Known mistakes: made where a model has a place for them, and nowhere else."""
+"""Known mistakes: planted in every model that allows them, and in no other."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
-from tests.mutation.conftest import rows, sound, subject, tried
+from tests.mutation.conftest import make_task, rows, subject, try_fault
 from tests.physics import physics
 from tests.standing import brief, standing_only
 
-Copied = Callable[..., Sidecar]
+CopyModel = Callable[..., Sidecar]
 
 MSD, PENDULUM, ROLLING = "mass_spring_damper", "simple_pendulum", "mujoco_rolling.xml"
 
 
 @pytest.fixture
-def copied(tmp_path: Path) -> Copied:
-    """A copy of a built-in model with texts replaced, as a sidecar."""
+def copy_model(tmp_path: Path) -> CopyModel:
+    """Return a function that copies a built-in model with texts replaced."""
 
     def make(system: str, model: str, *edits: tuple[str, str, str]) -> Sidecar:
         folder = tmp_path / "copy"
@@ -63,111 +63,109 @@ def copied(tmp_path: Path) -> Copied:
     return make
 
 
-def edited(found: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tuple[Mistake, str]]:
-    """The text of each mistake's copy."""
+def texts_of(pairs: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tuple[Mistake, str]]:
+    """Return each mistake with the text of its copy."""
     return [
         (m, m.edit.apply(s.task.declared, s.task.engine, tmp_path / str(i)).model.read_text())
-        for i, (s, m) in enumerate(found)
+        for i, (s, m) in enumerate(pairs)
     ]
 
 
 @pytest.mark.slow
-def test_known_mistakes_are_caught_and_named(few: None) -> None:
+def test_known_mistakes_are_caught_and_named(few_segments: None) -> None:
     alike = {*FAULTS, "gravity 9.80665", "gravity off", "gravity along x"}
-    found = rows(sound(PENDULUM, "mujoco.xml"), lambda fault: fault.name not in alike)
-    assert {r.name for r in found if r.verdict is FaultVerdict.NAMED} == {
+    results = rows(make_task(PENDULUM, "mujoco.xml"), lambda fault: fault.name not in alike)
+    assert {r.name for r in results if r.verdict is FaultVerdict.NAMED} == {
         "axis flipped", "base moved", "plane of motion turned", "gravity 9.8", "gravity along y",
         "friction left in", "damping left in", "armature left in",
     }  # fmt: skip
-    others = {(r.name, str(r.verdict)) for r in found if r.verdict is not FaultVerdict.NAMED}
-    # With its inputs on the joint, the mechanism in the mirror moves alike: its frames don't.
+    others = {(r.name, str(r.verdict)) for r in results if r.verdict is not FaultVerdict.NAMED}
+    # With inputs on the joint, the mirrored mechanism moves alike; only its frames differ.
     assert others <= {
         ("gravity along y", "untested"),
         ("another time step", "agrees"),
         ("another integrator", "agrees"),
     }
-    assert all(0 < (r.first_caught or 0) < 1e-3 for r in found if r.verdict is FaultVerdict.NAMED)
+    assert all(0 < (r.first_caught or 0) < 1e-3 for r in results if r.verdict is FaultVerdict.NAMED)
 
 
-def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(few: None) -> None:
-    found = rows(sound(MSD, "mujoco.xml"), lambda fault: fault.sound)
-    assert [(r.name, r.kind, r.verdict) for r in found] == [
+def test_changed_step_or_integrator_agrees_with_another_global_error(few_segments: None) -> None:
+    results = rows(make_task(MSD, "mujoco.xml"), lambda fault: fault.sound)
+    assert [(r.name, r.kind, r.verdict) for r in results] == [
         ("another time step", FaultKind.NONE, FaultVerdict.AGREES),
         ("another integrator", FaultKind.NONE, FaultVerdict.AGREES),
     ]
-    before, after = (float(n) for n in re.findall(r"([\d.]+) %", found[0].message))
+    before, after = (float(n) for n in re.findall(r"([\d.]+) %", results[0].message))
     assert 1.8 < after / before < 2.2  # of first order
 
 
 @pytest.mark.slow
-def test_a_folder_is_tried_whole_literals_first_and_progress_ends_with_the_last(
-    copied: Copied,
+def test_all_faults_of_a_folder_are_tried_with_literals_first(
+    copy_model: CopyModel,
 ) -> None:
     if engines()["pymunk"].version() is None:
         pytest.skip("pymunk is not installed")
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
 
     def progress(done: int, total: int, _: object) -> None:
-        told.append((done, total))
+        reported.append((done, total))
 
     names = ("STIFFNESS", "DAMPING")
     unbound = (("space.py.toml", f'{name} = "', f'# {name} = "') for name in names)
-    folder = copied(MSD, "space.py", *unbound).model.parent
-    found = mutate([folder], progress, only=("pymunk",), workers=2)
-    assert [r.location for r in found if r.kind is FaultKind.LITERAL] == ["MASS"] * len(FAULTS)
-    assert [r.name for r in found if r.kind is not FaultKind.LITERAL] == [
+    folder = copy_model(MSD, "space.py", *unbound).model.parent
+    results = mutate([folder], progress, only=("pymunk",), workers=2)
+    assert [r.location for r in results if r.kind is FaultKind.LITERAL] == ["MASS"] * len(FAULTS)
+    assert [r.name for r in results if r.kind is not FaultKind.LITERAL] == [
         "a rest offset",
         "Space.damping left in",
         "another time step",
     ]
-    assert [done for done, _ in told] == list(range(1, len(found) + 1))
-    assert told[-1] == (len(found), len(found))
-    assert not any(r.verdict is FaultVerdict.MISSED for r in found)
-    assert {r.verdict for r in found if r.name == "1e-6"} == {FaultVerdict.NAMED}
+    assert [done for done, _ in reported] == list(range(1, len(results) + 1))
+    assert reported[-1] == (len(results), len(results))
+    assert not any(r.verdict is FaultVerdict.MISSED for r in results)
+    assert {r.verdict for r in results if r.name == "1e-6"} == {FaultVerdict.NAMED}
 
 
 @pytest.mark.slow
-def test_a_mistake_told_by_another_name_is_caught_but_not_named(few: None) -> None:
-    task = sound(MSD, "mujoco.xml")
-    known = survey(task)
-    friction = next(f for f in known.faults if f.name == "friction left in")
+def test_mistake_with_an_unexpected_cause_is_caught_but_not_named(few_segments: None) -> None:
+    task = make_task(MSD, "mujoco.xml")
+    fault_survey = survey(task)
+    friction = next(f for f in fault_survey.faults if f.name == "friction left in")
     wrong = replace(friction, causes=frozenset({CauseId(kind="damping", subject=("x",))}))
-    row = tried(task, known, wrong)
+    row = try_fault(task, fault_survey, wrong)
     assert (row.verdict, row.message) == (FaultVerdict.CAUGHT, "joint[x]@frictionloss")
-    taken_for_sound = tried(task, known, replace(friction, sound=True))
-    assert taken_for_sound.verdict is not FaultVerdict.AGREES
-    unchanged = tried(task, known, Mistake("nothing", "x", Edit()))
+    labelled_correct = try_fault(task, fault_survey, replace(friction, sound=True))
+    assert labelled_correct.verdict is not FaultVerdict.AGREES
+    unchanged = try_fault(task, fault_survey, Mistake("nothing", "x", Edit()))
     assert unchanged.verdict is FaultVerdict.UNTESTED
 
 
-def test_a_model_that_is_wrong_to_begin_with_is_refused_by_its_name(
-    few: None, copied: Copied
-) -> None:
-    sidecar = copied(MSD, "mujoco.xml", ("mujoco.xml", 'damping="0.9"', 'damping="0.91"'))
+def test_wrong_model_is_refused_with_its_name(few_segments: None, copy_model: CopyModel) -> None:
+    sidecar = copy_model(MSD, "mujoco.xml", ("mujoco.xml", 'damping="0.9"', 'damping="0.91"'))
     with pytest.raises(MutationError, match=r"mujoco.xml: it differs from its equations already"):
-        survey(sound(MSD, "mujoco.xml", sidecar=sidecar))
+        survey(make_task(MSD, "mujoco.xml", sidecar=sidecar))
 
 
 @pytest.mark.slow
-def test_a_model_without_bindings_has_its_known_mistakes_all_the_same(few: None) -> None:
-    task = sound(MSD, "mujoco.xml")
-    bare = task.with_sidecar(replace(task.declared, bindings={}))
-    known = survey(bare)
-    assert known.addresses == ()
-    friction = next(f for f in known.faults if f.name == "friction left in")
-    assert tried(bare, known, friction).verdict is FaultVerdict.NAMED
+def test_model_without_bindings_still_has_known_mistakes(few_segments: None) -> None:
+    task = make_task(MSD, "mujoco.xml")
+    unbound_task = task.with_sidecar(replace(task.declared, bindings={}))
+    fault_survey = survey(unbound_task)
+    assert fault_survey.addresses == ()
+    friction = next(f for f in fault_survey.faults if f.name == "friction left in")
+    assert try_fault(unbound_task, fault_survey, friction).verdict is FaultVerdict.NAMED
 
 
 @pytest.mark.slow
-def test_a_mass_that_hardly_moves_is_not_taken_for_a_wrong_one() -> None:
-    task = sound("anchored_pair", "space.py", "pymunk")
-    # Of 1e-15 of the scale, rounding of the positions alone makes its velocity.
+def test_mass_that_hardly_moves_is_accepted() -> None:
+    task = make_task("anchored_pair", "space.py", "pymunk")
+    # Its velocity is only rounding of the positions, 1e-15 of the scale.
     survey(task.with_target(motions=physics("anchored_pair").motions))
 
 
-def test_no_other_integrator_is_promised_where_equalities_need_euler() -> None:
-    found = [m.name for m in steps(subject("drum_pendulum", ROLLING))]
-    assert found == ["another time step"]
+def test_model_with_equalities_gets_no_change_of_the_integrator() -> None:
+    names = [m.name for m in steps(subject("drum_pendulum", ROLLING))]
+    assert names == ["another time step"]
 
 
 @pytest.mark.parametrize(
@@ -182,13 +180,13 @@ def test_no_other_integrator_is_promised_where_equalities_need_euler() -> None:
         (left_out, MSD, "mujoco.xml", "mujoco"),
     ],
 )
-def test_a_family_that_does_not_apply_makes_nothing(
+def test_family_that_does_not_apply_has_no_mistakes(
     family: Callable[[Subject], Iterator[Mistake]], system: str, model: str, engine: str
 ) -> None:
     assert not list(family(subject(system, model, engine)))
 
 
-def test_every_family_is_made_somewhere_and_each_mistake_once() -> None:
+def test_every_family_is_used_and_its_mistakes_are_unique() -> None:
     models = (
         ("drum_pendulum", ROLLING, "mujoco"),
         ("drum_pendulum", "robot.urdf", "pybullet"),
@@ -198,10 +196,10 @@ def test_every_family_is_made_somewhere_and_each_mistake_once() -> None:
     )
     names: set[str] = set()
     for model in models:
-        found = known_mistakes(subject(*model))
-        assert len({(m.name, m.location) for m in found}) == len(found)
-        assert all(m.causes or m.sound or m.audit_words for m in found)
-        names |= {m.name for m in found}
+        mistakes = known_mistakes(subject(*model))
+        assert len({(m.name, m.location) for m in mistakes}) == len(mistakes)
+        assert all(m.causes or m.sound or m.audit_words for m in mistakes)
+        names |= {m.name for m in mistakes}
     assert names >= {
         "axis flipped",
         "base moved",
@@ -224,36 +222,34 @@ def test_every_family_is_made_somewhere_and_each_mistake_once() -> None:
     }
 
 
-def test_a_setting_that_is_a_mistake_stays_in_copies_with_other_literals(tmp_path: Path) -> None:
-    task = sound(MSD, "robot.urdf", "pybullet")
-    made = Edit(settings={"motors": True}).apply(task.declared, "pybullet", tmp_path / "made")
-    moved = with_literals(made, {"sidecar:settings.step": 0.001}, tmp_path / "moved")
+def test_wrong_setting_is_kept_in_copies_with_other_literals(tmp_path: Path) -> None:
+    task = make_task(MSD, "robot.urdf", "pybullet")
+    wrong = Edit(settings={"motors": True}).apply(task.declared, "pybullet", tmp_path / "made")
+    moved = with_literals(wrong, {"sidecar:settings.step": 0.001}, tmp_path / "moved")
     assert moved.spec("pybullet").settings["motors"] is True
     assert moved.spec("pybullet").settings["step"] == 0.001
 
 
-def test_angles_without_their_unit_are_a_mistake_where_there_is_one(
-    copied: Copied, tmp_path: Path
-) -> None:
-    sidecar = copied(
+def test_missing_angle_unit_is_a_mistake(copy_model: CopyModel, tmp_path: Path) -> None:
+    sidecar = copy_model(
         "torsional_disc", "mujoco.xml", ("mujoco.xml", 'springref="0"', 'springref="0.4"')
     )
     s = subject("torsional_disc", "mujoco.xml", sidecar=sidecar)
-    ((mistake, text),) = edited([(s, m) for m in degrees(s)], tmp_path)
+    ((mistake, text),) = texts_of([(s, m) for m in degrees(s)], tmp_path)
     assert "offset force on theta" in map(str, mistake.causes)
     assert text == sidecar.model.read_text().replace(' angle="radian"', "")
 
 
-def test_a_soft_equality_loses_its_two_attributes_alone(tmp_path: Path) -> None:
+def test_soft_equality_loses_only_its_two_attributes(tmp_path: Path) -> None:
     s = subject("drum_pendulum", ROLLING)
-    ((_, text),) = edited([(s, m) for m in left_out(s)], tmp_path)
+    ((_, text),) = texts_of([(s, m) for m in left_out(s)], tmp_path)
     before = s.task.declared.model.read_text()
     assert text == re.sub(r'\s+solref="1e-6 0.5" solimp="[\d. ]+"', "", before) != before
 
 
 def test_constants_are_exchanged_in_every_literal(tmp_path: Path) -> None:
     s = subject("anchored_pair", "mujoco.xml")
-    texts = {m.location: text for m, text in edited([(s, m) for m in exchanges(s)], tmp_path)}
+    texts = {m.location: text for m, text in texts_of([(s, m) for m in exchanges(s)], tmp_path)}
     assert set(texts) == {"m1, m2", "k1, k2"}
     assert re.findall(r'stiffness="([\d.]+)"', texts["k1, k2"]) == ["70.0", "55.0"]
     assert re.findall(r' mass="(0.9|1.6)"', texts["m1, m2"]) == ["0.9", "1.6"]
@@ -268,9 +264,9 @@ def test_gravity_is_changed_where_the_model_states_it() -> None:
     assert named.edit.literals == {"GRAVITY": 9.8}
 
 
-def test_an_armature_that_stands_for_a_constant_is_not_made_again() -> None:
-    found = [m for m in left_in(subject("drum_pendulum", "mujoco.xml")) if "armature" in m.name]
-    assert [m.location for m in found] == ["theta"]
+def test_bound_armature_is_not_added_again() -> None:
+    mistakes = [m for m in left_in(subject("drum_pendulum", "mujoco.xml")) if "armature" in m.name]
+    assert [m.location for m in mistakes] == ["theta"]
 
 
 FLOOR = """space.gravity = (0, 0)
@@ -282,11 +278,11 @@ FLOOR = """space.gravity = (0, 0)
 """
 
 
-def test_a_slop_of_centimeters_is_named_where_shapes_touch(copied: Copied, few: None) -> None:
+def test_large_slop_is_named_if_shapes_touch(copy_model: CopyModel, few_segments: None) -> None:
     """Catch a default that no motion shows, and that whole steps show."""
-    sidecar = copied(MSD, "space.py", ("space.py", "space.gravity = (0, 0)\n", FLOOR))
+    sidecar = copy_model(MSD, "space.py", ("space.py", "space.gravity = (0, 0)\n", FLOOR))
     [row] = rows(
-        sound(MSD, "space.py", "pymunk", sidecar), lambda fault: fault.name == "slop of 0.1 m"
+        make_task(MSD, "space.py", "pymunk", sidecar), lambda fault: fault.name == "slop of 0.1 m"
     )
     assert row.verdict is FaultVerdict.NAMED
     assert row.message == "Space.collision_slop is 0.1; the file states 0.001"

@@ -1,4 +1,4 @@
-"""What `crosscheck mutate` prints and writes, from rows made up."""
+"""Output and files of `crosscheck mutate`, from synthetic rows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.terminal.progress import Counter
 
 LITERAL, MISTAKE, NONE = FaultKind
-NAMED, CAUGHT, REFUSED, UNSEEN, MISSED, AGREES = FaultVerdict
+NAMED, CAUGHT, REFUSED, UNTESTED, MISSED, AGREES = FaultVerdict
 
 
 def row(
@@ -46,17 +46,17 @@ def row(
 
 ROWS = (
     *(row(LITERAL, name, NAMED) for name in FAULTS),
-    *(row(LITERAL, name, UNSEEN, "joint[x]@range[0]", first=None) for name in FAULTS),
+    *(row(LITERAL, name, UNTESTED, "joint[x]@range[0]", first=None) for name in FAULTS),
     row(MISTAKE, "axis flipped", NAMED, "x"),
     row(MISTAKE, "axis flipped", CAUGHT, "y", "gravity along z"),
-    row(MISTAKE, "gravity off", UNSEEN, "option@gravity[2]", first=None),
+    row(MISTAKE, "gravity off", UNTESTED, "option@gravity[2]", first=None),
     row(MISTAKE, "friction left in", MISSED, "x"),
     row(MISTAKE, "motors", REFUSED, "settings.motors", "it won't"),
     row(NONE, "another time step", AGREES, "step 0.004 s", "error at dt 1.0 % -> 2.0 %"),
 )
 
 
-def test_one_line_sums_up_without_what_no_motion_shows() -> None:
+def test_summary_counts_untested_literals_separately() -> None:
     assert summary(ROWS) == (
         "FAIL  11 faults: 1 missed; small faults: 3 of 3 caught, 3 named;"
         " mistakes: 6 of 7 caught, 5 named, 1 refused by the engine;"
@@ -65,7 +65,7 @@ def test_one_line_sums_up_without_what_no_motion_shows() -> None:
     )
 
 
-def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake() -> None:
+def test_tables_have_a_row_per_literal_and_per_kind_of_mistake() -> None:
     lines = mutation_lines(ROWS)
     stiffness = next(line for line in lines if "joint[x]@stiffness" in line)
     assert stiffness.split() == ["joint[x]@stiffness", "1e-09", *["named"] * len(FAULTS)]
@@ -73,17 +73,17 @@ def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake() -> None:
     flipped = next(line for line in lines if line.startswith("axis flipped"))
     assert flipped.split() == ["axis", "flipped", "2", "1", "1", ".", ".", ".", "1e-09"]
     assert lines[:2] == ["FAIL  11 faults: 1 missed", "  small faults: 3 of 3 caught, 3 named"]
-    assert lines.index("missed:") < 8, "what needs attention comes first"
+    assert lines.index("missed:") < 8, "problems come first"
 
 
-def test_what_was_not_named_is_listed_with_what_was_told() -> None:
+def test_faults_that_are_not_named_are_listed_with_their_messages() -> None:
     text = "\n".join(mutation_lines(ROWS))
     assert "cause:\n  swing/mujoco.xml [mujoco] y axis flipped: gravity along z\n" in text
     assert "missed:\n  swing/mujoco.xml [mujoco] x friction left in\n" in text
     assert "engine:\n  swing/mujoco.xml [mujoco] settings.motors motors: it won't" in text
 
 
-def test_a_step_that_is_taken_for_a_mistake_is_listed() -> None:
+def test_false_alarm_is_listed() -> None:
     wrong = row(NONE, "another time step", CAUGHT, "step 0.004 s", "damping on x")
     text = "\n".join(mutation_lines([wrong]))
     assert "false alarms:" in text
@@ -93,11 +93,11 @@ def test_a_step_that_is_taken_for_a_mistake_is_listed() -> None:
 def test_json_has_every_row_and_no_infinity() -> None:
     text = encoded(Mutations(summary=summary(ROWS), rows=ROWS), indent=1)
     assert decoded(text.encode(), Mutations).rows == ROWS
-    found = json.loads(text, parse_constant=pytest.fail)
-    assert len(found["rows"]) == len(ROWS)
-    unseen = next(r for r in found["rows"] if r["location"] == "joint[x]@range[0]")
-    assert unseen["first_caught"] is None
-    assert found["summary"] == summary(ROWS)
+    data = json.loads(text, parse_constant=pytest.fail)
+    assert len(data["rows"]) == len(ROWS)
+    untested = next(r for r in data["rows"] if r["location"] == "joint[x]@range[0]")
+    assert untested["first_caught"] is None
+    assert data["summary"] == summary(ROWS)
 
 
 def test_progress_without_a_terminal_is_a_line_every_few_seconds(
@@ -122,7 +122,7 @@ def test_progress_without_a_terminal_is_a_line_every_few_seconds(
         ([row(NONE, "another time step", CAUGHT, "step 0.004 s")], 1),
     ],
 )
-def test_the_command_writes_json_whole_and_tells_by_its_exit_code(
+def test_command_writes_json_and_sets_the_exit_code(
     rows: Sequence[Mutation],
     code: int,
     monkeypatch: pytest.MonkeyPatch,
@@ -138,7 +138,7 @@ def test_the_command_writes_json_whole_and_tells_by_its_exit_code(
     assert capsys.readouterr().out.startswith("FAIL  " if code else "ok  ")
 
 
-def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(
+def test_folder_that_differs_is_an_error_and_writes_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -147,9 +147,9 @@ def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(
     monkeypatch.setattr("physics_crosscheck.harness.interfaces.cli.mutate.mutate", refuse)
     file = tmp_path / "mutations.json"
     assert main(["mutate", "mass_spring_damper", "--json", str(file)]) == 3
-    told = capsys.readouterr()
-    assert told.err.splitlines()[-1] == "crosscheck: mujoco.xml: it differs already"
-    assert not told.out
+    output = capsys.readouterr()
+    assert output.err.splitlines()[-1] == "crosscheck: mujoco.xml: it differs already"
+    assert not output.out
     assert not file.exists()
 
 

@@ -1,4 +1,4 @@
-"""Bodies and robot files: a number that is made wrong is caught and named, or has no effect."""
+"""Bodies and robot files: a wrong number is caught and named, or has no effect."""
 
 from __future__ import annotations
 
@@ -53,16 +53,16 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def found(folder: Path) -> dict[tuple[str, str], TreeFault]:
-    """The faults by address and size."""
+def faults_by_key(folder: Path) -> dict[tuple[str, str], TreeFault]:
+    """Return the faults by address and size."""
     prepared = prepare(folder)
     assert isinstance(prepared, PreparedTree)
     task = model_task(prepared, "mujoco", read_sidecar(folder / "m.xml.toml"))
     return {(one.mistake.location, one.mistake.name): one for one in faults_of(task)}
 
 
-def test_a_number_is_caught_and_named_or_has_no_say(folder: Path) -> None:
-    faults = found(folder)
+def test_wrong_number_is_named_or_has_no_effect(folder: Path) -> None:
+    faults = faults_by_key(folder)
     named = mutated_tree(faults["joint[swing]@damping", "1e-3"])
     assert (named.verdict, named.name) == (FaultVerdict.NAMED, "1e-3")
     assert named.estimate_error is not None
@@ -74,13 +74,13 @@ def test_a_number_is_caught_and_named_or_has_no_say(folder: Path) -> None:
     assert any("detected from" in line for line in mutation_lines([named, height]))
 
 
-def test_a_folder_that_is_not_sound_is_told(folder: Path) -> None:
+def test_folder_that_differs_is_refused(folder: Path) -> None:
     (folder / "m.xml").write_text(MODEL.replace('mass="2.0"', 'mass="2.1"'))
     with pytest.raises(MutationError, match=r"m\.xml: it does not agree with its equations"):
         mutate([folder], lambda *_: None, workers=1)
 
 
-def test_a_folder_of_bodies_has_the_error_of_a_motion(folder: Path) -> None:
+def test_full_run_of_a_folder_of_bodies_has_an_error_of_order_1(folder: Path) -> None:
     prepared = prepare(folder, motion=1.0)
     assert isinstance(prepared, PreparedTree)
     sidecar = read_sidecar(folder / "m.xml.toml")
@@ -103,10 +103,10 @@ def arm(tmp_path: Path) -> Path:
     return file
 
 
-def test_an_effect_of_second_order_counts_by_its_size(
+def test_second_order_effect_is_judged_by_its_size(
     arm: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An axis that leaves the plane of the motion, in an engine that detects nothing."""
+    """Tilt an axis out of the plane of motion, with an engine that detects nothing."""
     faults = faults_of(model_task(prepare_tree(arm, states=8), "mujoco"))
     monkeypatch.setattr(trees, "run_case", lambda _: case())
     verdicts = {}
@@ -122,8 +122,8 @@ def test_an_effect_of_second_order_counts_by_its_size(
     assert set(verdicts.values()) == {FaultVerdict.UNTESTED, FaultVerdict.MISSED}
 
 
-def of_a_mass(task: TreeTask) -> tuple[TreeFault, ...]:
-    """The smallest fault in one number."""
+def mass_fault(task: TreeTask) -> tuple[TreeFault, ...]:
+    """Return the smallest fault of a mass."""
     return tuple(
         one
         for one in faults_of(task)
@@ -132,11 +132,11 @@ def of_a_mass(task: TreeTask) -> tuple[TreeFault, ...]:
 
 
 @pytest.mark.skipif(engines()["pinocchio"].version() is None, reason="needs Pinocchio")
-def test_an_engine_that_disagrees_with_a_robot_is_skipped_where_another_agrees(
+def test_engine_that_disagrees_is_skipped_if_another_agrees(
     arm: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm.write_text(TIPPED)  # MuJoCo drops an inertia
-    monkeypatch.setattr("physics_crosscheck.harness.commands.mutation.mutate.faults_of", of_a_mass)
+    monkeypatch.setattr("physics_crosscheck.harness.commands.mutation.mutate.faults_of", mass_fault)
     warned = list[str]()
     rows = mutate(
         [arm], lambda *_: None, only=("mujoco", "pinocchio"), workers=1, warn=warned.append
@@ -149,7 +149,7 @@ def test_an_engine_that_disagrees_with_a_robot_is_skipped_where_another_agrees(
     assert "arm.urdf: it does not agree with its equations in mujoco" in sentence
 
 
-PLAIN = """<robot name="swing"><link name="base"/><link name="rod">
+SWING = """<robot name="swing"><link name="base"/><link name="rod">
 <inertial><origin xyz="0.1 0.02 -0.3"/><mass value="1.2"/>
 <inertia ixx="0.03" iyy="0.02" izz="0.012" ixy="0.001" ixz="0" iyz="0"/></inertial></link>
 <joint name="hinge" type="continuous"><parent link="base"/><child link="rod"/>
@@ -158,9 +158,9 @@ PLAIN = """<robot name="swing"><link name="base"/><link name="rod">
 
 
 def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
-    """No single number explains a reversed axis, or two moments that were exchanged."""
+    """Cover mistakes that no single number explains: a reversed axis, exchanged moments."""
     file = tmp_path / "swing.urdf"
-    file.write_text(PLAIN)
+    file.write_text(SWING)
     task = model_task(prepare_tree(file, states=8), "mujoco")
     faults = [fault for fault in faults_of(task) if fault.size is None]
     assert [one.mistake.name for one in faults].count("grams for kilograms") == 1
@@ -175,9 +175,9 @@ def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(engines()["pybullet"].version() is None, reason="needs PyBullet")
-def test_the_engine_s_own_defaults_left_on_are_typical_mistakes_of_a_robot(tmp_path: Path) -> None:
+def test_engine_defaults_left_on_are_mistakes_of_a_robot(tmp_path: Path) -> None:
     file = tmp_path / "swing.urdf"
-    file.write_text(PLAIN)
+    file.write_text(SWING)
     task = model_task(prepare_tree(file, states=8), "pybullet")
     faults = [one for one in faults_of(task) if one.mistake.settings]
     rows = {row.location: row for row in map(mutated_tree, faults)}
@@ -193,7 +193,7 @@ STOPPED = """<mujoco><option timestep="0.002"/><worldbody>
 
 
 def test_numbers_and_mistakes_of_laws_are_planted_and_named(tmp_path: Path) -> None:
-    """Catch a number of the laws, or a mistake in them, that is not planted, caught or named."""
+    """Catch numbers and mistakes of laws that are not planted or not named."""
     file = tmp_path / "arm.xml"
     file.write_text(STOPPED)
     task = model_task(prepare_tree(file, states=4), "mujoco")
@@ -215,8 +215,8 @@ SLIDING = """<mujoco><option cone="elliptic"/><worldbody><geom type="plane" size
 </worldbody></mujoco>"""
 
 
-def test_a_solver_that_stops_early_is_caught_by_the_force_that_it_leaves(tmp_path: Path) -> None:
-    """Catch an uncertainty without the solver's error, or states that are dropped in silence."""
+def test_solver_that_stops_early_is_named(tmp_path: Path) -> None:
+    """Catch an uncertainty without the solver's error, or silently dropped states."""
     file = tmp_path / "box.xml"
     file.write_text(SLIDING)
     task = model_task(prepare_tree(file, states=4), "mujoco")

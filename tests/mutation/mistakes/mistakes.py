@@ -1,4 +1,4 @@
-"""Mistakes that users make, as edits of the built-in model files, and what each is to be called."""
+"""Mistakes that users make, as edits of the built-in model files, with their causes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class Mistake:
 
     Attributes:
         name: what the user did.
-        system: the built-in folder it is made in.
+        system: the built-in folder.
         model: model file.
-        engine: what runs it.
+        engine: the engine that runs the model.
         edits: (file, old text, new text); each old text occurs, and is replaced everywhere.
-        causes: phrases any of which is right.
-        needs: further edits that the mistake is made on top of: with them alone the model is right.
+        causes: phrases of causes; any of them is correct.
+        needs: edits before the mistake; with them alone the model is correct.
     """
 
     name: str
@@ -58,8 +58,8 @@ def space(name: str, system: str, old: str, new: str, *causes: str) -> Mistake:
 MSD, DISC = "mass_spring_damper", "torsional_disc"
 FREE, DRUM, PENDULUM = "free_pair", "drum_pendulum", "simple_pendulum"
 
-# The same pendulum drawn where it stands at 0.5 rad.
-DRAWN = (
+# The same pendulum with its frame drawn at 0.5 rad.
+ROTATED_ZERO = (
     (XML, '<body name="pendulum" pos="0 0 1">',
      '<body name="pendulum" pos="0 0 1" quat="0.9689124217106447 0 -0.24740395925452294 0">'),
     (XML, 'axis="0 -1 0"', 'axis="0 -1 0" ref="0.5"'),
@@ -72,7 +72,7 @@ MISTAKES = (
         "body[rod]/inertial@diaginertia[0], body[rod]/inertial@diaginertia[1]"),
     space("gravity off", DRUM, "space.gravity = (0, -GRAVITY)\n", "", "gravity along y"),
     xml("ref in degrees, for want of angle=radian", PENDULUM, 'angle="radian" ', "",
-        "zero of theta", needs=DRAWN),
+        "zero of theta", needs=ROTATED_ZERO),
     xml("a rest offset", MSD, 'springref="0"', 'springref="0.02"', "offset force on x"),
     xml("a soft equality with the default solref", DRUM,
         '\n           solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"', "",
@@ -87,16 +87,16 @@ MISTAKES = (
             ("m1, m2 exchanged",)),
 )  # fmt: skip
 
-# What changes the error of a step, but not the mechanism.
+# A change of the error of a step, but not of the mechanism.
 OTHER_STEP = space("error_bias left as it is", PENDULUM, "    rod.error_bias = 1e-10\n", "")
 
-# What changes nothing at all.
+# Changes without effect.
 NO_MISTAKES = (
-    # Read as what PyBullet makes of it: it knows no friction of joints.
+    # The equations of a file for PyBullet leave out friction, as the engine does.
     urdf("friction, which PyBullet leaves out", MSD, 'friction="0"', 'friction="0.3"'),
 )
 
-# What an engine would repair without a word: refused with a sentence that has these words.
+# Mistakes that an engine would repair silently, with words of the error message.
 REFUSED = (
     urdf("a rod's inertia about its end where its centre is meant", DRUM,
          'iyy="0.024"', 'iyy="0.096"', "'rod'", "violate the triangle inequality"),

@@ -35,13 +35,13 @@ from tests.mutation.mistakes.mistakes import (
 from tests.physics import physics
 from tests.standing import standing_only
 
-Edited = Callable[[Mistake, Edits], Sidecar]
+CopyModel = Callable[[Mistake, Edits], Sidecar]
 
-FEW = 8
-"""Segments a scenario: enough for these, and soon done."""
+SEGMENTS = 8
+"""Segments of each scenario; few are enough here."""
 
 SCENARIOS = 2
-"""The first two: one is free, one is forced."""
+"""The first two scenarios: one is free, one is forced."""
 
 
 def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
@@ -60,8 +60,8 @@ def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
 
 
 @pytest.fixture
-def edited(tmp_path: Path) -> Edited:
-    """A copy of a built-in folder with texts replaced; returns the model's sidecar."""
+def copy_model(tmp_path: Path) -> CopyModel:
+    """Return a function that copies a built-in folder with texts replaced."""
 
     def make(mistake: Mistake, edits: Edits) -> Sidecar:
         folder = tmp_path / f"copy{len(list(tmp_path.iterdir()))}"
@@ -77,23 +77,23 @@ def edited(tmp_path: Path) -> Edited:
 
 
 def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
-    """Of the second scenario, which has a known force."""
+    """Return the outcome of the second scenario, which has a known force."""
     prepared = physics(mistake.system)
     name = list(prepared.motions)[1]
     motion = prepared.motions[name]
     model, coordinates = load(prepared.system, sidecar, mistake.engine)
     claimed, _ = model.exponents(motion.varying)
-    some = motion.pick(motion.informative(FEW))
-    found = extrapolate(model, coordinates, some, resolution=1e-9)
-    return judge(found.limit, some, prepared.components, claimed, 1e-9).outcome
+    segments = motion.pick(motion.informative(SEGMENTS))
+    result = extrapolate(model, coordinates, segments, resolution=1e-9)
+    return judge(result.limit, segments, prepared.components, claimed, 1e-9).outcome
 
 
 @pytest.mark.parametrize("mistake", cases(MISTAKES))
 def test_a_mistake_is_caught_and_named(
-    mistake: Mistake, edited: Edited, monkeypatch: pytest.MonkeyPatch
+    mistake: Mistake, copy_model: CopyModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", FEW)
-    sidecar = edited(mistake, (*mistake.needs, *mistake.edits))
+    monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", SEGMENTS)
+    sidecar = copy_model(mistake, (*mistake.needs, *mistake.edits))
     prepared = physics(mistake.system)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS
     motions = dict(list(prepared.motions.items())[:SCENARIOS])
@@ -107,17 +107,17 @@ def test_a_mistake_is_caught_and_named(
 
 
 @pytest.mark.parametrize("mistake", cases([m for m in MISTAKES if m.needs]))
-def test_what_a_mistake_is_made_on_top_of_is_none(mistake: Mistake, edited: Edited) -> None:
-    assert outcome(mistake, edited(mistake, mistake.needs)) is Outcome.AGREES
+def test_model_before_a_mistake_agrees(mistake: Mistake, copy_model: CopyModel) -> None:
+    assert outcome(mistake, copy_model(mistake, mistake.needs)) is Outcome.AGREES
 
 
 @pytest.mark.parametrize("change", cases(NO_MISTAKES))
-def test_what_an_engine_leaves_out_still_agrees(change: Mistake, edited: Edited) -> None:
-    assert outcome(change, edited(change, change.edits)) is Outcome.AGREES
+def test_change_that_the_engine_ignores_agrees(change: Mistake, copy_model: CopyModel) -> None:
+    assert outcome(change, copy_model(change, change.edits)) is Outcome.AGREES
 
 
-def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
-    """The second scenario as `run` tells it, in short: two seconds."""
+def run_two_seconds(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
+    """Run two seconds of the second scenario."""
     prepared = physics(mistake.system)
     scenario = prepared.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
@@ -130,32 +130,32 @@ def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
     return case.outcome, case.full_run
 
 
-def test_a_default_that_shifts_a_step_agrees_and_is_told_by_its_global_error(
-    edited: Edited,
+def test_default_that_changes_steps_agrees_with_another_global_error(
+    copy_model: CopyModel,
 ) -> None:
-    was, before = run_in_short(OTHER_STEP, edited(OTHER_STEP, ()))
-    became, after = run_in_short(OTHER_STEP, edited(OTHER_STEP, OTHER_STEP.edits))
-    assert (was, became) == (Outcome.AGREES, Outcome.AGREES)
+    outcome_before, before = run_two_seconds(OTHER_STEP, copy_model(OTHER_STEP, ()))
+    outcome_after, after = run_two_seconds(OTHER_STEP, copy_model(OTHER_STEP, OTHER_STEP.edits))
+    assert (outcome_before, outcome_after) == (Outcome.AGREES, Outcome.AGREES)
     assert before.global_error is not None
     assert after.global_error is not None
     assert abs(after.global_error / before.global_error - 1) > 0.01
 
 
 @pytest.mark.parametrize("mistake", cases(REFUSED))
-def test_a_mistake_that_an_engine_would_repair_in_silence_is_refused(
-    mistake: Mistake, edited: Edited
+def test_mistake_that_an_engine_would_repair_silently_is_refused(
+    mistake: Mistake, copy_model: CopyModel
 ) -> None:
-    sidecar = edited(mistake, mistake.edits)
-    with pytest.raises(EngineError) as refusal:
+    sidecar = copy_model(mistake, mistake.edits)
+    with pytest.raises(EngineError) as error:
         engines()[mistake.engine].load(sidecar.spec(mistake.engine))
-    assert all(word in str(refusal.value) for word in mistake.causes)
+    assert all(word in str(error.value) for word in mistake.causes)
 
 
-def test_a_file_rewritten_under_its_name_is_read_again_by_pybullet(edited: Edited) -> None:
+def test_pybullet_reloads_a_rewritten_file(copy_model: CopyModel) -> None:
     if engines()["pybullet"].version() is None:
         pytest.skip("pybullet is not installed")
     mistake = next(m for m in MISTAKES if m.engine == "pybullet" and m.edits[0][0] == URDF)
-    sidecar = edited(mistake, mistake.edits)
+    sidecar = copy_model(mistake, mistake.edits)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS
     shutil.copy(builtin() / mistake.system / mistake.model, sidecar.model)
     assert outcome(mistake, sidecar) is Outcome.AGREES
