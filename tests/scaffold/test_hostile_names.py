@@ -1,4 +1,4 @@
-"""Nothing of a model file, nor its name, becomes code: what was a string there is one here."""
+"""Names and texts of a model file become strings only, never code."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ MJCF = """<mujoco model="{name}"><!-- {comment} --><compiler angle="radian"/>
 
 
 def attribute(text: str) -> str:
-    """Text in an attribute, white space and what else is no plain character as references."""
+    """Return text for an attribute, with references for unprintable characters."""
     return "".join(c if c.isprintable() else f"&#{ord(c)};" for c in escape(text))
 
 
 def strings_and_code(source: str) -> tuple[list[str], str]:
-    """The strings of a module, and its tree with every one of them taken out."""
+    """Return the strings of a module, and its syntax tree without them."""
     tree = ast.parse(source)
     strings = []
     for node in ast.walk(tree):
@@ -61,10 +61,10 @@ def strings_and_code(source: str) -> tuple[list[str], str]:
 
 
 @pytest.fixture(autouse=True)
-def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The working folder, in which a file would appear were anything run."""
+def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Change to an empty folder, in which executed code would create a file."""
     monkeypatch.chdir(tmp_path)
-    # What engines make of the file, and for how long it is to move, take their time.
+    # Skip engines and the planning of motions, which are slow.
     monkeypatch.setattr(
         "physics_crosscheck.harness.commands.scaffold.from_energies._checked", lambda *_: []
     )
@@ -80,7 +80,7 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(("text", "ending", "name"), [
     *((URDF, "urdf", name) for name in NAMES), *((MJCF, "xml", name) for name in NAMES[::4]),
 ])  # fmt: skip
-def test_names_within_a_file_are_strings_and_nothing_else(
+def test_names_in_a_file_become_strings_only(
     tmp_path: Path, text: str, ending: str, name: str
 ) -> None:
     model = tmp_path / f"model.{ending}"
@@ -89,7 +89,7 @@ def test_names_within_a_file_are_strings_and_nothing_else(
     with suppress(NewError):
         from_model(model, tmp_path / "made")
     if not (tmp_path / "made").exists():
-        # MuJoCo's own reader stops at some; that is said and nothing is written.
+        # MuJoCo rejects some names; then nothing is written.
         assert ending == "xml"
         return
     assert "PWNED" not in os.listdir(tmp_path)
@@ -103,8 +103,8 @@ def test_names_within_a_file_are_strings_and_nothing_else(
     assert "PWNED" not in os.listdir(tmp_path)
 
 
-def chained(urdf: bool) -> tuple[list[str], str]:
-    """A chain of bodies, too long for formulas: names of links and joints, and its text."""
+def make_chain(urdf: bool) -> tuple[list[str], str]:
+    """Return the names of links and joints of a long chain of bodies, and its text."""
     if urdf:
         texts = [URDF.format(name=attribute(name), comment="") for name in NAMES]
         joined = [text[text.index("<link name", text.index("/>")) : text.index("</robot>")]
@@ -114,7 +114,7 @@ def chained(urdf: bool) -> tuple[list[str], str]:
                 'parent link="floor"', f'parent link="{attribute(NAMES[i - 1])}"'
             )
         return list(NAMES), f'<robot name="r"><link name="floor"/>{"".join(joined)}</robot>'
-    names = [name for name in NAMES if read_by_mujoco(name)]
+    names = [name for name in NAMES if is_read_by_mujoco(name)]
     bodies = [MJCF[MJCF.index("<body") : MJCF.index("</body>")].format(name=attribute(name))
               .replace(f'class="{attribute(name)}" ', "") for name in names]  # fmt: skip
     motors = "".join(f'<motor name="{attribute(n)}" joint="{attribute(n)}"/>' for n in names)
@@ -124,8 +124,8 @@ def chained(urdf: bool) -> tuple[list[str], str]:
     )
 
 
-def read_by_mujoco(name: str) -> bool:
-    """Whether MuJoCo's own reader does not stop at a name."""
+def is_read_by_mujoco(name: str) -> bool:
+    """Return whether MuJoCo accepts a name."""
     with suppress(ValueError):
         text = MJCF.format(name=attribute(name), comment="")
         return bool(mujoco.MjModel.from_xml_string(text).body(1).name == name)
@@ -133,8 +133,8 @@ def read_by_mujoco(name: str) -> bool:
 
 
 @pytest.mark.parametrize("ending", ["urdf", "xml"])
-def test_neither_are_those_of_bodies(tmp_path: Path, ending: str) -> None:
-    names, text = chained(ending == "urdf")
+def test_names_of_bodies_become_strings_only(tmp_path: Path, ending: str) -> None:
+    names, text = make_chain(ending == "urdf")
     assert len(names) > len(NAMES) / 2
     model = tmp_path / f"model.{ending}"
     model.write_text(text, encoding="utf-8")
@@ -148,28 +148,28 @@ def test_neither_are_those_of_bodies(tmp_path: Path, ending: str) -> None:
     assert "PWNED" not in os.listdir(tmp_path)
 
 
-def test_the_name_of_a_file_is_a_string_and_nothing_else(tmp_path: Path) -> None:
+def test_name_of_a_file_becomes_a_string_only(tmp_path: Path) -> None:
     trees = set()
     hostile = [name for name in NAMES if not name.isprintable() or set(name) & set("\"'\\{`#")]
     for i, name in enumerate(("plain", *hostile)):
         model = tmp_path / f"{name.replace('/', '_')[:200]}.urdf"
         model.write_text(URDF.format(name="joint", comment=""))
-        made = tmp_path / f"made_{i}"
+        folder = tmp_path / f"made_{i}"
         if not name.isprintable():
             with pytest.raises(NewError, match=r"^[^\n]*; rename it$"):
-                from_model(model, made)
+                from_model(model, folder)
             continue
-        from_model(model, made)
-        _, code = strings_and_code((made / "system.py").read_text(encoding="utf-8"))
-        # The same code for every name: what differs are strings and comments alone.
+        from_model(model, folder)
+        _, code = strings_and_code((folder / "system.py").read_text(encoding="utf-8"))
+        # The code is the same for every name; only strings and comments differ.
         trees.add(code)
-        tomllib.loads((made / f"{model.name}.toml").read_text(encoding="utf-8"))
-        load_system(made)
+        tomllib.loads((folder / f"{model.name}.toml").read_text(encoding="utf-8"))
+        load_system(folder)
         assert "PWNED" not in os.listdir(tmp_path)
     assert len(trees) == 1
 
 
-def test_a_name_that_is_no_text_is_refused(tmp_path: Path) -> None:
+def test_file_name_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
     model = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\xfe.urdf"))
     model.write_text(URDF.format(name="joint", comment=""))
     with pytest.raises(NewError, match="bytes that are not UTF-8; rename it"):
@@ -177,9 +177,7 @@ def test_a_name_that_is_no_text_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e999"])
-def test_a_number_that_is_none_is_refused_and_not_written_as_a_name(
-    tmp_path: Path, number: str
-) -> None:
+def test_number_that_is_not_finite_is_refused(tmp_path: Path, number: str) -> None:
     model = tmp_path / "model.urdf"
     text = URDF.format(name="joint", comment="")
     for plain in ('mass value="1.5"', 'damping="0.1"', 'xyz="0 0 -0.5"', 'axis xyz="0 1 0"'):
@@ -190,7 +188,7 @@ def test_a_number_that_is_none_is_refused_and_not_written_as_a_name(
 
 
 @pytest.mark.parametrize("mesh", ["space.py", "space.py.toml", "meshes/system.py", "a.pyc"])
-def test_no_mesh_becomes_code_of_the_folder(tmp_path: Path, mesh: str) -> None:
+def test_mesh_does_not_become_code_of_the_folder(tmp_path: Path, mesh: str) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / mesh).write_text(CODE)
     model = tmp_path / "model.urdf"

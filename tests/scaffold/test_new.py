@@ -37,43 +37,43 @@ REPOSITORY = Path(__file__).parents[1] / "installed" / "repository" / "models"
 CRANE = Path(__file__).parent / "crane.xml"
 ARM = Path(__file__).parent / "arm.urdf"
 CHECKED = "physics_crosscheck.harness.commands.scaffold.from_energies._checked"
-"""What asks engines whether they agree with the equations read."""
+"""The function that compares the equations with engines."""
 
 
-class Read(NamedTuple):
-    """A folder that was written of a file, and what was said."""
+class WrittenFolder(NamedTuple):
+    """A folder written from a model file, and the remarks."""
 
     folder: Path
     remarks: tuple[str, ...]
 
 
 @pytest.fixture(scope="module")
-def read(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Read]:
-    """Files that several tests look at, each read once."""
+def read(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], WrittenFolder]:
+    """Return a function that reads each model file once."""
 
     @cache
-    def found(model: Path) -> Read:
+    def read_once(model: Path) -> WrittenFolder:
         folder = tmp_path_factory.mktemp("read") / model.stem
-        return Read(folder, from_model(model, folder).remarks)
+        return WrittenFolder(folder, from_model(model, folder).remarks)
 
-    return found
+    return read_once
 
 
 @pytest.mark.slow
-def test_the_example_agrees_at_once_in_every_engine(
+def test_example_agrees_in_every_engine(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["new", "my_arm"]) == 0
     assert "next: crosscheck run my_arm" in capsys.readouterr().out
-    found = run([tmp_path / "my_arm"], Options(jobs=2), lambda *_: None).results
-    assert {case.outcome for case in found.cases} == {"AGREES"}
-    assert {case.engine for case in found.cases} == {"mujoco", "pybullet", "pymunk"}
-    assert not any(model.findings for model in found.models)
-    assert found.systems[0].name == "my_arm"
+    results = run([tmp_path / "my_arm"], Options(jobs=2), lambda *_: None).results
+    assert {case.outcome for case in results.cases} == {"AGREES"}
+    assert {case.engine for case in results.cases} == {"mujoco", "pybullet", "pymunk"}
+    assert not any(model.findings for model in results.models)
+    assert results.systems[0].name == "my_arm"
 
 
-def test_every_number_of_the_example_that_matters_is_bound() -> None:
+def test_every_physical_number_of_the_example_is_bound() -> None:
     system = load_system(template())
     for sidecar in model_files(template()):
         assert isinstance(sidecar, Sidecar)
@@ -82,12 +82,12 @@ def test_every_number_of_the_example_that_matters_is_bound() -> None:
 
 
 @pytest.mark.parametrize("name", ["a b", "2arms", "", "é", "a/.."])
-def test_a_name_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
+def test_invalid_name_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(NewError, match="not a valid system name"):
         check_name(tmp_path / name if name else Path())
 
 
-def test_nothing_is_overwritten_and_nothing_put_nowhere(
+def test_existing_target_and_missing_parent_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -101,13 +101,13 @@ def test_nothing_is_overwritten_and_nothing_put_nowhere(
     assert not list((tmp_path / "arm").iterdir())
 
 
-def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
-    def fails(made: Path) -> None:
-        assert (made / "system.py").is_file()
+def test_failed_check_leaves_no_folder(tmp_path: Path) -> None:
+    def fail(folder: Path) -> None:
+        assert (folder / "system.py").is_file()
         raise NewError("no")
 
     with pytest.raises(NewError):
-        write_folder(tmp_path / "arm", example("arm"), fails)
+        write_folder(tmp_path / "arm", example("arm"), fail)
     assert os.listdir(tmp_path) == []
 
 
@@ -115,10 +115,10 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("system", "file"), [("cart_pole", "mujoco.xml"), ("cart_pole", "robot.urdf")]
 )
-def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
+def test_equations_of_a_file_match_those_written_by_hand(
     tmp_path: Path, system: str, file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(CHECKED, lambda *_: [])  # engines are no part of this
+    monkeypatch.setattr(CHECKED, lambda *_: [])  # this test needs no engine
     target = tmp_path / "read"
     assert from_model(REPOSITORY / system / file, target).remarks == ()
     read = derive(load_system(target))
@@ -126,23 +126,23 @@ def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
     random = np.random.default_rng(7)
     q, v = random.uniform(-1, 1, (2, 5, 2))
     u = [np.zeros((5, len(e.system.u))) for e in (read, hand)]
-    got = read.numeric_acceleration(q, v, u[0], np.zeros((5, 1)))
-    wanted = hand.numeric_acceleration(q, v, u[1], np.zeros((5, 1)))
-    np.testing.assert_allclose(got, wanted, rtol=1e-11)
+    actual = read.numeric_acceleration(q, v, u[0], np.zeros((5, 1)))
+    expected = hand.numeric_acceleration(q, v, u[1], np.zeros((5, 1)))
+    np.testing.assert_allclose(actual, expected, rtol=1e-11)
     sidecar = read_sidecar(target / f"{file}.toml")
-    found = bindings(read.system, sidecar)
-    # Every constant has its place, and its line is its source.
-    assert len(found) == len(read.system.constants)
+    bound = bindings(read.system, sidecar)
+    # Every constant is bound, and its source is its line.
+    assert len(bound) == len(read.system.constants)
     places = {c.source for c in read.system.constants}
     assert {
-        f"{b.place.file.name}:{b.place.line}" for b in found if "sidecar:" not in b.address
+        f"{b.place.file.name}:{b.place.line}" for b in bound if "sidecar:" not in b.address
     } <= (places)
-    assert not mismatches(found)
+    assert not mismatches(bound)
 
 
 @pytest.mark.slow
 def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(
-    read: Callable[[Path], Read],
+    read: Callable[[Path], WrittenFolder],
 ) -> None:
     folder, remarks = read(CRANE)
     assert any("computes its mass and inertia from geoms" in remark for remark in remarks)
@@ -176,7 +176,7 @@ SHARED = """<mujoco>
 
 
 @pytest.mark.slow
-def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(
+def test_number_of_two_quantities_is_a_constant_for_each_unit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(CHECKED, lambda *_: [])
@@ -196,10 +196,10 @@ def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(
 
 
 @pytest.mark.slow
-def test_turned_frames_products_fixed_joints_and_limits_are_read(
-    read: Callable[[Path], Read],
+def test_rotated_frames_products_fixed_joints_and_limits_are_read(
+    read: Callable[[Path], WrittenFolder],
 ) -> None:
-    """Both engines agree with it, or it would not have been written."""
+    """Rely on both engines: without their agreement, nothing is written."""
     folder, remarks = read(ARM)
     assert remarks == (
         "the rotation of boom_centre is kept as numbers: a wrong one makes the case"
@@ -218,7 +218,7 @@ URDF = (REPOSITORY / "cart_pole" / "robot.urdf").read_text()
 MJCF = (REPOSITORY / "cart_pole" / "mujoco.xml").read_text()
 
 
-@pytest.mark.parametrize(("suffix", "old", "new", "says"), [
+@pytest.mark.parametrize(("suffix", "old", "new", "message"), [
     (".urdf", '<child link="pole"/>', '<child link="bar"/>', r"m\.urdf:\d+: the child of joint"),
     (".urdf", 'mass value="0.25"', 'mass value="a"', "value of <mass> of link 'pole' is 'a'"),
     (".urdf", "</robot>", "", r"m\.urdf:\d+: the file ends before </robot>"),
@@ -226,8 +226,8 @@ MJCF = (REPOSITORY / "cart_pole" / "mujoco.xml").read_text()
     (".xml", "<worldbody>", "<include file='../a.xml'/><worldbody>", "which is not below its"),
     (".txt", "", "", "unknown kind of model file"),
 ])  # fmt: skip
-def test_what_can_not_be_read_is_named_and_nothing_is_written(
-    tmp_path: Path, suffix: str, old: str, new: str, says: str
+def test_unreadable_file_is_reported_and_nothing_is_written(
+    tmp_path: Path, suffix: str, old: str, new: str, message: str
 ) -> None:
     text = MJCF if suffix == ".xml" else URDF
     assert old in text
@@ -235,13 +235,13 @@ def test_what_can_not_be_read_is_named_and_nothing_is_written(
     model.parent.mkdir()
     model.write_text(text.replace(old, new))
     (tmp_path / "a.xml").write_text('<mujoco><option timestep="0.001"/></mujoco>')
-    with pytest.raises(NewError, match=says):
+    with pytest.raises(NewError, match=message):
         from_model(model, tmp_path / "read")
     assert os.listdir(tmp_path / "within") == [model.name]
     assert not (tmp_path / "read").exists()
 
 
-@pytest.mark.parametrize(("suffix", "old", "new", "says"), [
+@pytest.mark.parametrize(("suffix", "old", "new", "message"), [
     (".urdf", 'damping="0.004" friction="0"', 'friction="0.1"', "has friction, which is not"),
     (".urdf", '<axis xyz="0 -1 0"/>', '<axis xyz="0 -1 0"/><mimic joint="x"/>', "mimics another"),
     (".urdf", '<limit lower="-100" upper="100"', "<limit", "has no lower and upper limits"),
@@ -255,8 +255,8 @@ def test_what_can_not_be_read_is_named_and_nothing_is_written(
     (".xml", "<worldbody>", "<include file='a.xml'/><worldbody>", "<include>: parts in other"),
     (".xml", "<option", "<option density='1.2'", "a medium"),
 ])  # fmt: skip
-def test_bodies_are_declared_where_energies_are_not(
-    tmp_path: Path, suffix: str, old: str, new: str, says: str
+def test_bodies_are_declared_if_energies_are_not_supported(
+    tmp_path: Path, suffix: str, old: str, new: str, message: str
 ) -> None:
     text = MJCF if suffix == ".xml" else URDF
     assert old in text
@@ -265,21 +265,21 @@ def test_bodies_are_declared_where_energies_are_not(
     (tmp_path / "a.xml").write_text('<mujoco><option timestep="0.001"/></mujoco>')
     written = from_model(model, tmp_path / "read")
     assert written.declares.startswith("bodies instead of energies: ")
-    assert re.search(says, written.declares)
+    assert re.search(message, written.declares)
     assert not [one for one in written.remarks if not one.startswith("left out: ")]
     assert isinstance(load_declaration(tmp_path / "read"), MultibodySystem)
-    # A remark would tell of an engine that disagrees.
+    # A remark would name an engine that disagrees.
     sidecar = read_sidecar(tmp_path / "read" / f"m{suffix}.toml")
     assert len(sidecar.engines) >= (2 if suffix == ".urdf" else 1)
 
 
 @pytest.mark.slow
-def test_a_reading_that_no_engine_shares_is_not_written(
+def test_equations_that_no_engine_confirms_are_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = tmp_path / "m.urdf"
     model.write_text(URDF)
-    # A fault of the reading: gravity that the sidecar doesn't have.
+    # Plant a fault: gravity other than in the equations.
     settings = [line.replace("9.81", "9.8") for line in _settings(".urdf")]
     monkeypatch.setattr(
         "physics_crosscheck.harness.commands.scaffold.from_energies.format_settings",
@@ -315,7 +315,7 @@ SWING = """<mujoco>
 """
 
 
-def test_meshes_are_copied_and_bodies_need_none_that_are_elsewhere(
+def test_meshes_below_the_file_are_copied_and_others_are_reported(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "meshes").mkdir()
@@ -339,14 +339,14 @@ SHAPE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\
 
 
 @pytest.mark.parametrize(("name", "compiler", "place", "engines"), [
-    # One engine takes names from the file's folder, the other from where its compiler is told.
+    # PyBullet looks in the folder of the file, MuJoCo in the folder of its compiler element.
     ("meshes/x.obj", 'meshdir="meshes"', "meshes/x.obj", {"pybullet"}),
     ("meshes/x.obj", 'meshdir="meshes" strippath="true"', "meshes/x.obj", {"pybullet", "mujoco"}),
     ("x.obj", 'assetdir="meshes"', "meshes/x.obj", {"mujoco"}),
     ("package://meshes/x.obj", 'balanceinertia="false"', "meshes/x.obj", {"pybullet"}),
     ("package://robot/x.obj", 'meshdir="a" strippath="true"', "a/x.obj", {"mujoco"}),
 ])  # fmt: skip
-def test_the_meshes_of_a_urdf_are_found_wherever_an_engine_looks(
+def test_meshes_of_a_urdf_are_copied_for_each_engine(
     tmp_path: Path, name: str, compiler: str, place: str, engines: set[str]
 ) -> None:
     (tmp_path / place).parent.mkdir()
@@ -367,10 +367,10 @@ def test_the_meshes_of_a_urdf_are_found_wherever_an_engine_looks(
     ("x.obj", 'assetdir="a"', "a/x.obj"),
     ("x.obj", 'texturedir="b" assetdir="a"', "a/x.obj"),
 ])  # fmt: skip
-def test_the_meshes_of_an_mjcf_are_found_where_its_compiler_is_told(
+def test_meshes_of_an_mjcf_are_copied_from_its_compiler_folder(
     tmp_path: Path, file: str, compiler: str, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # What engines make of it is tested above.
+    # The test above runs the engines.
     monkeypatch.setattr(CHECKED, lambda *_: [])
     (tmp_path / place).parent.mkdir()
     (tmp_path / place).write_text(SHAPE)
@@ -380,12 +380,12 @@ def test_the_meshes_of_an_mjcf_are_found_where_its_compiler_is_told(
     assert (tmp_path / "read" / place).read_text() == SHAPE
 
 
-def test_a_mesh_that_is_nowhere_is_told_with_where_it_was_looked_for(tmp_path: Path) -> None:
+def test_missing_mesh_is_reported_with_the_searched_path(tmp_path: Path) -> None:
     asset = '<compiler meshdir="a"/><asset><mesh name="x" file="x.obj"/></asset>'
     (tmp_path / "m.xml").write_text(SHARED.replace("<worldbody>", f"{asset}<worldbody>"))
     written = from_model(tmp_path / "m.xml", tmp_path / "read")
-    told = "m.xml:3: it needs x.obj, looked for as a/x.obj: No such"
-    assert told in written.declares
+    sentence = "m.xml:3: it needs x.obj, looked for as a/x.obj: No such"
+    assert sentence in written.declares
     needed = asset + '<worldbody><geom type="mesh" mesh="x"/>'
     text = SHARED.replace("<worldbody>", needed, 1).replace(
         '<inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/>',
@@ -401,8 +401,8 @@ def test_a_mesh_that_is_nowhere_is_told_with_where_it_was_looked_for(tmp_path: P
 @pytest.mark.parametrize(("model", "names"), [
     (CRANE, {"body"}), (ARM, {"link"}),
 ])  # fmt: skip
-def test_every_body_with_a_name_is_a_frame_that_engines_have_there(
-    read: Callable[[Path], Read], model: Path, names: set[str]
+def test_every_named_body_is_a_frame_that_agrees(
+    read: Callable[[Path], WrittenFolder], model: Path, names: set[str]
 ) -> None:
     folder = read(model).folder
     system = load_system(folder)
@@ -411,8 +411,8 @@ def test_every_body_with_a_name_is_a_frame_that_engines_have_there(
     assert list(sidecar.frames) == [frame.name for frame in system.frames]
     engine = sidecar.engines[0]
     loaded, coordinates = load(system, sidecar, engine)
-    reached = np.random.default_rng(3).uniform(-1, 1, (5, len(system.q)))
-    found = check_poses(system, sidecar, loaded, coordinates, reached)
-    assert found.findings == ()
-    assert all(one.agrees for one in found.record.frames)
-    assert len(found.record.frames) == len(system.frames) > 1
+    positions = np.random.default_rng(3).uniform(-1, 1, (5, len(system.q)))
+    poses = check_poses(system, sidecar, loaded, coordinates, positions)
+    assert poses.findings == ()
+    assert all(one.agrees for one in poses.record.frames)
+    assert len(poses.record.frames) == len(system.frames) > 1

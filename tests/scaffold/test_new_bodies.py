@@ -1,4 +1,4 @@
-"""Folders of robots: every number as the file has it, and each that is changed is seen."""
+"""Folders of robots: they have every number of the file, and detect each change."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ ALL = """<mujoco model="all"><option density="1.2" wind="1 2 0"/>
 """
 
 
-def written(folder: Path) -> Path:
-    """An MJCF with all that there is, in files and folders of its own."""
+def write_mjcf(folder: Path) -> Path:
+    """Write an MJCF with every feature, in several files and folders."""
     for name in ("shapes", "parts"):
         (folder / name).mkdir(parents=True)
     (folder / "beside.xml").write_text('<mujoco><option gravity="0 1 -9.8"/></mujoco>')
@@ -74,7 +74,7 @@ def written(folder: Path) -> Path:
 
 
 def digits(tree: Tree) -> list[object]:
-    """All numbers of a tree, in words that tell every double from every other."""
+    """Return all numbers of a tree as texts that distinguish every double."""
     links = [
         [repr(np.asarray(getattr(link, field.name)).tolist()) for field in fields(TreeLink)]
         for link in tree.links
@@ -91,7 +91,7 @@ def bodies(folder: Path) -> MultibodySystem:
 
 
 def without_engines(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What engines make of a file is tested with another."""
+    """Skip the engines, which other tests run."""
     monkeypatch.setattr(
         "physics_crosscheck.harness.commands.scaffold.from_tree._run", lambda *_: ({}, [])
     )
@@ -101,35 +101,35 @@ def without_engines(monkeypatch: pytest.MonkeyPatch) -> None:
     DATA / "kuka_iiwa" / "model.urdf", DATA / "franka_panda" / "panda.urdf",
     DATA / "a1" / "a1.urdf", ASSETS / "half_cheetah.xml", ASSETS / "humanoid.xml", None,
 ], ids=lambda file: "all" if file is None else file.stem)  # fmt: skip
-def test_what_is_declared_is_the_tree_of_the_file_to_the_last_digit(
+def test_declaration_has_the_exact_tree_of_the_file(
     tmp_path: Path, file: Path | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     without_engines(monkeypatch)
-    file = written(tmp_path / "given") if file is None else file
+    file = write_mjcf(tmp_path / "given") if file is None else file
     from_model(file, tmp_path / "made")
     declared, robot = bodies(tmp_path / "made"), read_robot(file)
     assert robot.tree is not None
     assert digits(declared.assembled.tree) == digits(robot.tree)
-    for one, other in zip(declared.assembled.limits, robot.limits, strict=True):
-        assert np.array_equal(one, other)
-    named = [part.name for part in robot.parts]
-    assert sorted(body.name for body in declared.bodies) == sorted(named)
+    for actual, expected in zip(declared.assembled.limits, robot.limits, strict=True):
+        assert np.array_equal(actual, expected)
+    names = [part.name for part in robot.parts]
+    assert sorted(body.name for body in declared.bodies) == sorted(names)
 
 
 @pytest.fixture(scope="module")
 def kuka(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("folders") / "kuka"
-    said = from_model(DATA / "kuka_iiwa" / "model.urdf", folder)
-    assert said.declares.startswith("bodies instead of energies: it has 7 joints")
-    idle, left_out = said.remarks
-    assert idle.startswith("not copied, because no inertia depends on it: 'link_0.obj', ")
+    written = from_model(DATA / "kuka_iiwa" / "model.urdf", folder)
+    assert written.declares.startswith("bodies instead of energies: it has 7 joints")
+    uncopied, left_out = written.remarks
+    assert uncopied.startswith("not copied, because no inertia depends on it: 'link_0.obj', ")
     assert left_out.startswith("left out: ")
     return folder
 
 
-def test_every_number_has_its_line_beside_it(kuka: Path) -> None:
+def test_every_number_has_a_comment_with_its_line(kuka: Path) -> None:
     source = (DATA / "kuka_iiwa" / "model.urdf").read_text().splitlines()
-    found = 0
+    count = 0
     for line in (kuka / "system.py").read_text().splitlines():
         if (match := re.search(r"(\w+)=(.*),  # .*model\.urdf:(\d+)$", line)) is None:
             continue
@@ -137,74 +137,74 @@ def test_every_number_has_its_line_beside_it(kuka: Path) -> None:
         numbers = re.findall(r"-?\d+\.?\d*(?:[eE]-?\d+)?", source[int(match[3]) - 1])
         words = set(map(float, numbers))
         assert {float(word) for word in value} <= words | {0.0}, (key, line)
-        found += 1
-    assert found == 7 * 7 + 6 + 2  # all of a joint and a link, six turns, and of the fixed link
+        count += 1
+    assert count == 7 * 7 + 6 + 2  # joints and links, six rotations, and the fixed link
     assert {one.name for one in kuka.iterdir()} == {"model.urdf", "model.urdf.toml", "system.py"}
 
 
-def test_what_was_written_agrees_and_its_numbers_have_a_say(kuka: Path) -> None:
-    sound = run([kuka], Options(jobs=1), lambda *_: None).results
-    assert {(case.scenario, case.outcome) for case in sound.cases} == {("states", Outcome.AGREES)}
-    assert all(model.coverage and model.coverage.motion > 100 for model in sound.models)
-    assert all(model.coverage and model.coverage.left_out for model in sound.models)
+def test_written_folder_agrees_and_its_numbers_are_tested(kuka: Path) -> None:
+    results = run([kuka], Options(jobs=1), lambda *_: None).results
+    assert {(case.scenario, case.outcome) for case in results.cases} == {("states", Outcome.AGREES)}
+    assert all(model.coverage and model.coverage.motion > 100 for model in results.models)
+    assert all(model.coverage and model.coverage.left_out for model in results.models)
 
 
 OUTCOMES = Options(jobs=1, selection=Selection(models=None))
 
 
 @pytest.mark.slow
-def test_all_that_a_format_has_is_written_and_agrees(tmp_path: Path) -> None:
-    """Includes, a mesh that has a say, replicas, free and ball joints, tendons, actuators."""
-    file, made = written(tmp_path / "given"), tmp_path / "made"
-    said = from_model(file, made)
-    assert not [one for one in said.remarks if not one.startswith("left out: ")]
-    names = {str(path.relative_to(made)) for path in made.rglob("*") if path.is_file()}
+def test_every_feature_of_an_mjcf_is_written_and_agrees(tmp_path: Path) -> None:
+    """Cover includes, a mesh with inertia, replicas, free and ball joints, tendons, actuators."""
+    file, folder = write_mjcf(tmp_path / "given"), tmp_path / "made"
+    written = from_model(file, folder)
+    assert not [one for one in written.remarks if not one.startswith("left out: ")]
+    names = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     assert names == {
         "all.xml", "all.xml.toml", "beside.xml", "parts/tip.xml", "shapes/tetrahedron.obj",
         "system.py",
     }  # fmt: skip
-    (model,) = model_files(made)
-    assert isinstance(model, Sidecar), "what it includes is no model of its own"
+    (model,) = model_files(folder)
+    assert isinstance(model, Sidecar), "an included file is not a separate model"
     assert model.settings["couplings"] == ["rj1"]
-    found = run([made], Options(jobs=1), lambda *_: None).results
-    assert [(case.model, case.outcome) for case in found.cases] == [("all.xml", Outcome.AGREES)]
-    tip = made / "parts" / "tip.xml"
+    results = run([folder], Options(jobs=1), lambda *_: None).results
+    assert [(case.model, case.outcome) for case in results.cases] == [("all.xml", Outcome.AGREES)]
+    tip = folder / "parts" / "tip.xml"
     tip.write_text(tip.read_text().replace(".05", ".0500001"))
-    found = run([made], OUTCOMES, lambda *_: None).results
-    assert [case.outcome for case in found.cases] == [Outcome.DIFFERS]
+    results = run([folder], OUTCOMES, lambda *_: None).results
+    assert [case.outcome for case in results.cases] == [Outcome.DIFFERS]
 
 
-def test_just_the_meshes_that_have_a_say_are_copied(
+def test_only_meshes_with_an_effect_are_copied(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file = written(tmp_path / "given")
-    shown = tmp_path / "given" / "shapes" / "shown.obj"
-    shown.write_text(SHAPE)
+    file = write_mjcf(tmp_path / "given")
+    mesh = tmp_path / "given" / "shapes" / "shown.obj"
+    mesh.write_text(SHAPE)
     text = ALL.replace("<asset>", '<asset><mesh name="shown" file="shown.obj"/>')
     arm = '<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>'
-    own = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="shown"/>'
-    file.write_text(text.replace(arm, arm + own, 1))
+    visual = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="shown"/>'
+    file.write_text(text.replace(arm, arm + visual, 1))
     without_engines(monkeypatch)
-    said = from_model(file, tmp_path / "made")
+    written = from_model(file, tmp_path / "made")
     copied = [path.name for path in (tmp_path / "made" / "shapes").iterdir()]
     assert copied == ["tetrahedron.obj"]
-    assert "not copied, because no inertia depends on it: 'shown.obj'" in said.remarks
+    assert "not copied, because no inertia depends on it: 'shown.obj'" in written.remarks
 
 
 @pytest.mark.slow
-def test_a_root_may_float(tmp_path: Path) -> None:
+def test_root_can_float(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM)
     from_model(tmp_path / "arm.urdf", tmp_path / "arm", floating=True)
     assert bodies(tmp_path / "arm").bodies[0].joints[0].kind == "free"
     sidecar = read_sidecar(tmp_path / "arm" / "arm.urdf.toml")
     assert sidecar.settings["floating"] is True
-    found = run([tmp_path / "arm"], OUTCOMES, lambda *_: None).results
-    assert {case.outcome for case in found.cases} == {Outcome.AGREES}
+    results = run([tmp_path / "arm"], OUTCOMES, lambda *_: None).results
+    assert {case.outcome for case in results.cases} == {Outcome.AGREES}
 
 
-def test_where_no_engine_runs_it_that_is_told_and_the_folder_is_there(tmp_path: Path) -> None:
-    said = from_model(DATA / "mini_cheetah" / "mini_cheetah.urdf", tmp_path / "dog")
-    left_out = [one for one in said.remarks if "is left out: " in one]
+def test_engines_that_refuse_the_file_are_reported(tmp_path: Path) -> None:
+    written = from_model(DATA / "mini_cheetah" / "mini_cheetah.urdf", tmp_path / "dog")
+    left_out = [one for one in written.remarks if "is left out: " in one]
     assert len(left_out) == 2
     assert "violate the triangle inequality" in left_out[0]
     assert "A + B >= C" in left_out[1]
@@ -212,30 +212,30 @@ def test_where_no_engine_runs_it_that_is_told_and_the_folder_is_there(tmp_path: 
     assert set(sidecar.engines) == {"mujoco", "pybullet"}
 
 
-def test_a_file_that_can_not_be_read_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(NewError, match=r"husky\.urdf:97: ") as caught:
+def test_unreadable_file_leaves_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(NewError, match=r"husky\.urdf:97: ") as error:
         from_model(DATA / "husky" / "husky.urdf", tmp_path / "husky")
-    assert str(caught.value).count("husky.urdf:97: ") == 2
+    assert str(error.value).count("husky.urdf:97: ") == 2
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_a_sidecar_says_of_energies_is_refused_beside_bodies(kuka: Path) -> None:
+def test_coordinates_and_bindings_are_refused_with_bodies(kuka: Path) -> None:
     sidecar = kuka / "model.urdf.toml"
     text = sidecar.read_text()
     try:
         sidecar.write_text(f'{text}\n[coordinates]\nq = "x"\n[bindings]\n"x" = "y"\n')
-        found = run([kuka], OUTCOMES, lambda *_: None).results
+        results = run([kuka], OUTCOMES, lambda *_: None).results
     finally:
         sidecar.write_text(text)
-    for case in found.cases:
+    for case in results.cases:
         assert case.outcome is Outcome.FAILED
         assert "model.urdf.toml: [coordinates], [bindings]: system.py declares" in case.reason
 
 
-def test_without_its_settings_contacts_and_limits_act_and_it_is_no_longer_the_same(
+def test_contacts_and_limits_act_without_the_smooth_setting(
     tmp_path: Path,
 ) -> None:
-    """They are stated, and nothing is added to them."""
+    """Confirm that the sidecar states the setting."""
     from_model(ASSETS / "inverted_pendulum.xml", tmp_path / "made")
     sidecar = tmp_path / "made" / "inverted_pendulum.xml.toml"
     sidecar.write_text(sidecar.read_text().replace("smooth = true", "smooth = false"))
@@ -244,7 +244,7 @@ def test_without_its_settings_contacts_and_limits_act_and_it_is_no_longer_the_sa
     assert "the extrapolation is not trusted" in case.reason
 
 
-@pytest.mark.parametrize(("old", "new", "says"), [
+@pytest.mark.parametrize(("old", "new", "message"), [
     ("mass=4.0,", 'mass="four",', "mass and lift of body 'lbr_iiwa_link_1' is "),
     ('parent="lbr_iiwa_link_0"', 'parent="link_0"', "'link_0', must come before it"),
     ('kind="hinge"', 'kind="screw"', "joint 'lbr_iiwa_joint_1' is of kind 'screw'; known kinds:"),
@@ -253,28 +253,28 @@ def test_without_its_settings_contacts_and_limits_act_and_it_is_no_longer_the_sa
     ('name="lbr_iiwa_joint_2"', 'name="lbr_iiwa_joint_1"', "two joints have the name"),
     ("mass=4.0,", "weight=4.0,", "unexpected keyword argument 'weight'"),
 ])  # fmt: skip
-def test_a_mistake_in_a_declaration_is_told_with_its_line(
-    kuka: Path, tmp_path: Path, old: str, new: str, says: str
+def test_mistake_in_a_declaration_is_reported_with_its_line(
+    kuka: Path, tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     text = (kuka / "system.py").read_text()
     assert old in text
     (tmp_path / "system.py").write_text(text.replace(old, new, 1))
-    with pytest.raises(DeclarationError, match=rf"system\.py:\d+: .*{says}"):
+    with pytest.raises(DeclarationError, match=rf"system\.py:\d+: .*{message}"):
         load_declaration(tmp_path)
 
 
-def test_what_needs_energies_says_so(kuka: Path) -> None:
+def test_load_system_refuses_bodies(kuka: Path) -> None:
     with pytest.raises(DeclarationError, match="it declares bodies instead of energies"):
         load_system(kuka)
 
 
 def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    # As at a desk: a robot in CI may not accept.
+    # Run as outside of CI, where `accept` is refused.
     return commands.crosscheck(*arguments, cwd=folder, CI=None, GITHUB_ACTIONS=None)
 
 
 @pytest.mark.slow
-def test_from_the_command_line_to_a_gate(tmp_path: Path) -> None:
+def test_new_folder_passes_accept_and_gate(tmp_path: Path) -> None:
     (tmp_path / "m").mkdir()
     file = tmp_path / "arm.urdf"
     file.write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())

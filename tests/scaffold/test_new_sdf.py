@@ -1,4 +1,4 @@
-"""A folder of an SDFormat file: its bodies, and what a world would state."""
+"""A folder of an SDFormat file: its bodies, and the settings of its world."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from tests.robots.test_sdf import ARM, BASE, WELD, joint
 WORLD = "<gravity>0 0 -3.7</gravity><physics><max_step_size>0.004</max_step_size></physics>"
 
 
-def written(folder: Path, world: str = "") -> Path:
+def write_folder(folder: Path, world: str = "") -> Path:
     model = f"<model name='m'>{WELD}{BASE}{ARM}{joint()}</model>"
-    # Where an inertial is turned, engines are known to differ.
+    # Engines differ about rotated inertials.
     model = model.replace("0.1 0.2 -0.5 0.3 0.2 0.1", "0.1 0.2 -0.5 0 0 0")
     inner = f"<world name='w'>{world}{model}</world>" if world else model
     file = folder / "robot.sdf"
@@ -32,39 +32,39 @@ def written(folder: Path, world: str = "") -> Path:
     return folder / "made"
 
 
-def settings(made: Path) -> dict[str, object]:
-    found: dict[str, object] = tomllib.loads((made / "robot.sdf.toml").read_text())["settings"]
-    return found
+def settings(folder: Path) -> dict[str, object]:
+    values: dict[str, object] = tomllib.loads((folder / "robot.sdf.toml").read_text())["settings"]
+    return values
 
 
-def test_bodies_are_declared_and_what_no_world_states_is_set(tmp_path: Path) -> None:
-    made = written(tmp_path)
-    system = load_declaration(made)
+def test_default_settings_are_written_without_a_world(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path)
+    system = load_declaration(folder)
     assert isinstance(system, MultibodySystem)
     assert [joint.name for body in system.bodies for joint in body.joints] == ["q"]
-    found = settings(made)
-    assert (found["step"], found["gravity"]) == (0.002, [0.0, 0.0, -9.81])
-    assert read_sidecar(made / "robot.sdf.toml").engines == tuple(
+    values = settings(folder)
+    assert (values["step"], values["gravity"]) == (0.002, [0.0, 0.0, -9.81])
+    assert read_sidecar(folder / "robot.sdf.toml").engines == tuple(
         engine.name for engine in default_engines(".sdf")
     )
 
 
-def test_what_a_world_states_stands_once(tmp_path: Path) -> None:
-    made = written(tmp_path, WORLD)
-    found = settings(made)
-    assert (found["step"], found["gravity"]) == (0.004, [0, 0, -3.7])
-    assert "No world" not in (made / "robot.sdf.toml").read_text()
+def test_settings_of_a_world_are_written_once(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, WORLD)
+    values = settings(folder)
+    assert (values["step"], values["gravity"]) == (0.004, [0, 0, -3.7])
+    assert "No world" not in (folder / "robot.sdf.toml").read_text()
 
 
 @pytest.mark.parametrize("engine", [one.name for one in default_engines(".sdf")])
-def test_the_folder_agrees_and_a_wrong_number_does_not(tmp_path: Path, engine: str) -> None:
+def test_folder_agrees_and_a_wrong_number_differs(tmp_path: Path, engine: str) -> None:
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
-    made = written(tmp_path)
-    prepared = prepare(made)
+    folder = write_folder(tmp_path)
+    prepared = prepare(folder)
     assert isinstance(prepared, PreparedTree)
-    sidecar = read_sidecar(made / "robot.sdf.toml")
+    sidecar = read_sidecar(folder / "robot.sdf.toml")
     assert judge(model_task(prepared, engine, sidecar, resolution=1e-8)).outcome is Outcome.AGREES
-    file = made / "robot.sdf"
+    file = folder / "robot.sdf"
     file.write_text(file.read_text().replace("<mass>2</mass>", "<mass>2.001</mass>"))
     assert judge(model_task(prepared, engine, sidecar, resolution=1e-8)).outcome is Outcome.DIFFERS

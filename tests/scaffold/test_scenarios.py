@@ -19,7 +19,7 @@ INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
 
 
 def chain(first: str, second: str = "") -> str:
-    """An MJCF of one joint, or two, without gravity."""
+    """Return an MJCF with one joint or two."""
     inner = (
         f'<body name="b" pos="0.6 0 0"><joint name="two" {second}/>'
         '<inertial pos="0.3 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>'
@@ -40,63 +40,63 @@ SPRUNG_URDF = f"""<robot name="r">
 <gazebo reference="one"><springStiffness>100</springStiffness></gazebo></robot>
 """
 
-AT_ITS_STOP = chain(
+SPRING_AT_LIMIT = chain(
     'type="slide" axis="1 0 0" limited="true" range="0 0.5" stiffness="100" damping="1"'
 )
-BEYOND_IT = chain(
+SPRING_BEYOND_LIMIT = chain(
     'axis="0 1 0" limited="true" range="0.2 1.4" stiffness="20" springref="-0.4" damping="0.1"'
 )
 
 
-def made(tmp_path: Path, text: str, suffix: str = ".xml") -> Path:
-    """The folder of a model file."""
+def write_folder(tmp_path: Path, text: str, suffix: str = ".xml") -> Path:
+    """Write the folder of a model file."""
     model = tmp_path / f"m{suffix}"
     model.write_text(text)
     from_model(model, tmp_path / "read")
     return tmp_path / "read"
 
 
-def travelled(system: System) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Lowest and highest position of each coordinate, (n,) each, by scenario."""
+def position_ranges(system: System) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return the lowest and highest position of each coordinate, (n,) each, by scenario."""
     equations, n = derive(system), len(system.q)
-    found = {}
+    ranges = {}
     for scenario in system.scenarios:
         nodes = solve(equations, scenario).nodes.reshape(-1, 2 * n)[:, :n]
-        found[scenario.name] = nodes.min(axis=0), nodes.max(axis=0)
-    return found
+        ranges[scenario.name] = nodes.min(axis=0), nodes.max(axis=0)
+    return ranges
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("text", "suffix", "limits"), [
-    # Nothing pulls a vertical axis.
+    # Gravity has no effect about a vertical axis.
     (chain('axis="0 0 1" damping="0.1"', 'axis="0 0 1" limited="true" range="-2 2"'), ".xml",
      [(-np.inf, np.inf), (-2, 2)]),
     (chain('axis="0 0 1" damping="10"'), ".xml", [(-np.inf, np.inf)]),
     (chain('type="slide" axis="1 0 0"', 'type="slide" axis="0 1 0" limited="true" range="0 1"'),
      ".xml", [(-np.inf, np.inf), (0, 1)]),
-    # A spring holds it at its stop, or would take it farther.
-    (AT_ITS_STOP, ".xml", [(0, 0.5)]),
+    # A spring holds the joint at its limit, or pulls beyond it.
+    (SPRING_AT_LIMIT, ".xml", [(0, 0.5)]),
     (SPRUNG_URDF, ".urdf", [(0, 0.5)]),
-    (BEYOND_IT, ".xml", [(0.2, 1.4)]),
+    (SPRING_BEYOND_LIMIT, ".xml", [(0.2, 1.4)]),
 ])  # fmt: skip
-def test_every_joint_moves_within_its_limits_and_a_right_model_agrees(
+def test_every_joint_moves_within_its_limits_and_the_model_agrees(
     tmp_path: Path, text: str, suffix: str, limits: list[tuple[float, float]]
 ) -> None:
-    folder = made(tmp_path, text, suffix)
+    folder = write_folder(tmp_path, text, suffix)
     lower, upper = np.array(limits).T
-    for low, high in travelled(load_system(folder)).values():
+    for low, high in position_ranges(load_system(folder)).values():
         assert np.all(high - low > 1e-3)
         assert np.all((low > lower) & (high < upper))
     cases = Options(jobs=1, selection=Selection(models=None))
-    found = run([folder], cases, lambda *_: None).results
-    assert {case.outcome for case in found.cases} == {"AGREES"}
-    assert not any(model.findings or model.failures for model in found.models)
+    results = run([folder], cases, lambda *_: None).results
+    assert {case.outcome for case in results.cases} == {"AGREES"}
+    assert not any(model.findings or model.failures for model in results.models)
 
 
-def test_about_a_stop_nothing_is_linearized_and_that_is_said(tmp_path: Path) -> None:
-    folder = made(tmp_path, AT_ITS_STOP)
-    found = run([folder], Options(jobs=1), lambda *_: None).results
-    assert [model.linearizations for model in found.models] == [()]
+def test_skipped_linearization_at_a_limit_is_reported(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, SPRING_AT_LIMIT)
+    results = run([folder], Options(jobs=1), lambda *_: None).results
+    assert [model.linearizations for model in results.models] == [()]
     (model,) = audits([folder])
     (note,) = (one for one in model.findings if one.kind == "unresolved")
     assert note.message.startswith(
@@ -105,8 +105,8 @@ def test_about_a_stop_nothing_is_linearized_and_that_is_said(tmp_path: Path) -> 
     )
 
 
-def test_a_wrong_spring_at_a_stop_is_told_where_it_was_compared(tmp_path: Path) -> None:
-    folder = made(tmp_path, AT_ITS_STOP)
+def test_wrong_spring_at_a_limit_is_reported_with_its_position(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, SPRING_AT_LIMIT)
     model = folder / "m.xml"
     model.write_text(model.read_text().replace('damping="1"', 'damping="1" springref="0.01"'))
     (audit,) = audits([folder])
