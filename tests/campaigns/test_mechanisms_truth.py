@@ -1,4 +1,4 @@
-"""Reference equations of random mechanisms: compared with mpmath, and sensitive to faults."""
+"""Reference equations of random mechanisms, compared with mpmath and with planted faults."""
 
 from __future__ import annotations
 
