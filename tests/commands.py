@@ -17,13 +17,13 @@ from tests.faults.known_folder import KNOWN_ANSWER
 
 
 def crosscheck(
-    *arguments: object, cwd: Path, known: bool = False, **environment: str | None
+    *arguments: object, cwd: Path, known_engine: bool = False, **environment: str | None
 ) -> subprocess.CompletedProcess[str]:
     """Run `crosscheck` with arguments in a folder; return its exit code and output.
 
     Args:
         cwd: the folder.
-        known: whether the known-answer engine is registered.
+        known_engine: whether the known-answer engine is registered.
         environment: variables in addition to CI and a width; None unsets one.
     """
     words, out, err = [*map(str, arguments)], io.StringIO(), io.StringIO()
@@ -34,7 +34,7 @@ def crosscheck(
                 patch.delenv(name, raising=False)
             else:
                 patch.setenv(name, value)
-        if known:
+        if known_engine:
             patch.syspath_prepend(str(KNOWN_ANSWER))
         try:
             code = main(words)

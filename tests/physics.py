@@ -39,7 +39,7 @@ def physics(name: str) -> PreparedSystem:
     return prepared
 
 
-def redrawn(
+def copy_with_constants(
     system: System, sidecar: Sidecar, constants: Mapping[str, float], into: Path
 ) -> Sidecar:
     """Write a copy of a model with other constants, as a sweep does."""

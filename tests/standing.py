@@ -8,7 +8,7 @@ from pathlib import Path
 from physics_crosscheck.harness.engines.registry import engines
 
 
-def standing_only(folder: Path) -> None:
+def keep_default_engines(folder: Path) -> None:
     """Remove engines of extras and their settings from the sidecars of a folder.
 
     Remove a model that has no other engines.
@@ -24,7 +24,7 @@ def standing_only(folder: Path) -> None:
         path.write_text(re.sub(settings, "", text, flags=re.MULTILINE), encoding="utf-8")
 
 
-def brief(folder: Path, share: int = 4) -> None:
+def shorten_scenarios(folder: Path, share: int = 4) -> None:
     """Divide the duration of each scenario of a folder by `share`.
 
     Every motion keeps some swings, and each input its first discontinuity.

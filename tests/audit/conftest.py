@@ -9,7 +9,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
 from tests.audit.models import MODELS, Look, audit
 from tests.physics import physics as prepared
-from tests.standing import standing_only
+from tests.standing import keep_default_engines
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def look(tmp_path: Path) -> Look:
     ) -> tuple[AuditFinding, ...]:
         for file in (name, f"{name}.toml"):
             shutil.copy(MODELS / system / file, tmp_path / file)
-        standing_only(tmp_path)
+        keep_default_engines(tmp_path)
         for old, new in changes:
             files = [tmp_path / name, tmp_path / f"{name}.toml"]
             path = next(f for f in files if old in f.read_text())

@@ -11,7 +11,7 @@ import pytest
 
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.commands import crosscheck
-from tests.standing import brief, standing_only
+from tests.standing import keep_default_engines, shorten_scenarios
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +19,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where a folder `pendulum` is whose models all have the wrong gravity."""
     folder = tmp_path_factory.mktemp("audited") / "pendulum"
     shutil.copytree(builtin() / "simple_pendulum", folder)
-    standing_only(folder)
-    brief(folder)
+    keep_default_engines(folder)
+    shorten_scenarios(folder)
     system = folder / "system.py"
     system.write_text(system.read_text().replace("9.81", "9.8"))
     return folder.parent

@@ -23,7 +23,7 @@ def place(tmp_path: Path) -> Path:
 
 
 def crosscheck(place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return commands.crosscheck(*arguments, cwd=place, known=True)
+    return commands.crosscheck(*arguments, cwd=place, known_engine=True)
 
 
 def ran(place: Path) -> list[str]:

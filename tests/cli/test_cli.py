@@ -30,7 +30,7 @@ from physics_crosscheck.harness.render.terminal.table import print_results, summ
 from physics_crosscheck.harness.results.status import Decision, TestStatus, status_of
 from tests.commands import crosscheck
 from tests.records.made import case, finding, model, results
-from tests.standing import brief, standing_only, without
+from tests.standing import keep_default_engines, shorten_scenarios, without
 
 ROOT = Path(__file__).parents[2]
 
@@ -52,9 +52,9 @@ def by_itself(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[
 def folder(tmp_path: Path) -> Path:
     """A copy of a built-in folder, with a user's name for it."""
     shutil.copytree(builtin() / "mass_spring_damper", tmp_path / "my mass")
-    standing_only(tmp_path / "my mass")
+    keep_default_engines(tmp_path / "my mass")
     without(tmp_path / "my mass", "step", "resonance")
-    brief(tmp_path / "my mass", 8)
+    shorten_scenarios(tmp_path / "my mass", 8)
     return tmp_path / "my mass"
 
 
@@ -151,7 +151,7 @@ def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     (tmp_path / "empty").mkdir()
     shutil.copytree(builtin() / "simple_pendulum", tmp_path / "pendulum")
     without(tmp_path / "pendulum", "driven", "large", "chirp")
-    brief(tmp_path / "pendulum", 8)
+    shorten_scenarios(tmp_path / "pendulum", 8)
     only = [] if command == "derive" else ["--engine", "mujoco"]
     names = ("nowhere", folder.name, "empty", "pendulum")
     done = crosscheck(command, *names, *only, cwd=tmp_path)

@@ -93,7 +93,7 @@ def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
     known_folder(tmp_path / "osc", {"good": ""})
     command = "run osc --cache cache --jobs 1"
     _environment.cache_clear()  # a test before may have had other engines
-    assert crosscheck(*command.split(), cwd=tmp_path, known=True).returncode == 0
+    assert crosscheck(*command.split(), cwd=tmp_path, known_engine=True).returncode == 0
     commands = [command, "audit osc --cache cache"]
     there = imported(
         tmp_path, *commands, among=("sympy", "scipy", "mpmath"), path=(ROOT, KNOWN_ANSWER)

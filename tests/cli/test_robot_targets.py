@@ -121,17 +121,17 @@ def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None
 def test_an_audit_that_was_done_is_reused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ("robots/arm.urdf", "--engine", "mujoco", "--cache", "kept")
     # With the engines of the other tests of caches: their versions are read once a process.
-    done = crosscheck("audit", *words, cwd=place, known=True)
+    done = crosscheck("audit", *words, cwd=place, known_engine=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
     def submit(*_: object, **__: object) -> None:
         raise AssertionError("something is prepared")
 
     monkeypatch.setattr(Workers, "submit", submit)
-    done = crosscheck("audit", *words, "--jobs", "1", cwd=place, known=True)
+    done = crosscheck("audit", *words, "--jobs", "1", cwd=place, known_engine=True)
     assert (done.returncode, done.stdout.splitlines()[0]) == (0, "swing/arm.urdf [mujoco]")
     with pytest.raises(AssertionError, match="something is prepared"):
-        crosscheck("audit", *words, "--floating", cwd=place, known=True)
+        crosscheck("audit", *words, "--floating", cwd=place, known_engine=True)
 
 
 def test_audit_reports_a_file_that_can_t_be_read_and_needs_no_engine(

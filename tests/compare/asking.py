@@ -31,7 +31,7 @@ from physics_crosscheck.harness.records.comparison import (
     ComparisonResult,
 )
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
-from tests.standing import standing_only
+from tests.standing import keep_default_engines
 
 
 def compared(
@@ -130,7 +130,7 @@ def changed(folder: Path, path: Path, *replacements: tuple[str, str]) -> Path:
     sidecar = path.with_name(f"{path.name}.toml")
     for file in filter(Path.is_file, (path, sidecar)):
         shutil.copy(file, folder)
-    standing_only(folder)
+    keep_default_engines(folder)
     for old, new in replacements:
         found = [
             f

@@ -32,7 +32,7 @@ claims = 1
 
 
 def crosscheck(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return commands.crosscheck("compare", *arguments, cwd=cwd, known=True)
+    return commands.crosscheck("compare", *arguments, cwd=cwd, known_engine=True)
 
 
 def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:

@@ -12,15 +12,15 @@ import pytest
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.read import read_results
 from tests.commands import crosscheck
-from tests.standing import brief, standing_only
+from tests.standing import keep_default_engines, shorten_scenarios
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Callable[[str], Path]:
     def copy(name: str) -> Path:
         shutil.copytree(builtin() / name, tmp_path / name)
-        standing_only(tmp_path / name)
-        brief(tmp_path / name)
+        keep_default_engines(tmp_path / name)
+        shorten_scenarios(tmp_path / name)
         return tmp_path / name
 
     return copy

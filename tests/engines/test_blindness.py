@@ -23,7 +23,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.reference.mechanism.declaration import Constant
 from tests.engines.extras import EXTRAS
-from tests.standing import brief
+from tests.standing import shorten_scenarios
 
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "harness" / "engines"
@@ -134,7 +134,7 @@ def test_poisoned_constants_do_not_change_a_case(
 ) -> None:
     folder = tmp_path / SYSTEM
     shutil.copytree(builtin() / SYSTEM, folder, ignore=shutil.ignore_patterns("__pycache__"))
-    brief(folder, 16)
+    shorten_scenarios(folder, 16)
     for task in tasks(folder):
         assert engines()[task.engine].version() is not None
         shorter = dataclasses.replace(task, resolution=1e-6, thorough=True)

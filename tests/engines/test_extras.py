@@ -21,7 +21,7 @@ from physics_crosscheck.harness.modelfiles.folders import FolderError, check_eng
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.standing import brief
+from tests.standing import shorten_scenarios
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -118,7 +118,7 @@ def test_a_run_reports_missing_engines_once(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder.parent)
-    brief(folder)
+    shorten_scenarios(folder)
     assert main(["run", str(folder), "--resolution", "1e-6", "-v"]) == 0
     output = capsys.readouterr()
     assert output.err.count("crosscheck: not installed: pinocchio") == 1

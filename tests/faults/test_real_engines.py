@@ -16,7 +16,7 @@ from tests.faults.known_folder import (
     uncertainty,
     variant,
 )
-from tests.standing import brief, standing_only
+from tests.standing import keep_default_engines, shorten_scenarios
 
 Ran = dict[tuple[str, str, str], list[Case]]
 """Cases by system, file and name of the variant."""
@@ -116,9 +116,9 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
             variant(folder, system, source, f"{source.split('.')[0]}-{name}", *changes)
     used = [f for f in folders.values() if any(f.glob("*.toml"))]
     for folder in used:
-        standing_only(folder)
+        keep_default_engines(folder)
         if not folder.name.endswith("_long"):
-            brief(folder, 3)
+            shorten_scenarios(folder, 3)
     results = run_folders(*used, out=place / "results.json", verdicts=True)
     cases: Ran = {}
     for case in results.cases:

@@ -25,7 +25,7 @@ from physics_crosscheck.harness.modelfiles.bindings import (
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.reference.load import load_system
-from tests.physics import redrawn
+from tests.physics import copy_with_constants
 
 URDF = """<!-- Rod: <mass value="0.8"/>, gravity in the sidecar; à la carte. -->
 <robot name="r"><link name="rod"><inertial>
@@ -272,7 +272,7 @@ def test_changed_constants_update_every_dependent_literal(
     drum: System, write: Write, tmp_path: Path
 ) -> None:
     sidecar = write()
-    copy = redrawn(drum, sidecar, {"l": 0.9}, tmp_path / "copy")
+    copy = copy_with_constants(drum, sidecar, {"l": 0.9}, tmp_path / "copy")
     assert {a: p.value for a, p in locate(copy, NAMES).items()} == {
         "sidecar:settings.gravity[2]": -9.81,
         "mass@value": 0.8,

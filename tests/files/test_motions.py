@@ -25,7 +25,7 @@ from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.solving.segments import Segments
 from physics_crosscheck.reference.solving.solve import solve
 from tests.engines.extras import EXTRAS, need
-from tests.physics import redrawn
+from tests.physics import copy_with_constants
 
 SECONDS = 2.0
 SEGMENTS = 20
@@ -90,7 +90,7 @@ def test_a_model_and_equations_at_random_constants_agree(
 ) -> None:
     nominal = load_system(sidecar.model.parent)
     system, draw, motion = draw_system(sidecar.model.parent)
-    copy = redrawn(nominal, sidecar, draw, tmp_path / "copy")
+    copy = copy_with_constants(nominal, sidecar, draw, tmp_path / "copy")
     judgement = verdict(system, copy, engine, motion, 1e-9)
     assert judgement.outcome is Outcome.AGREES, judgement.reason
     # The draw changes the motion, so the original file differs.

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from tests.standing import brief, standing_only, without
+from tests.standing import keep_default_engines, shorten_scenarios, without
 
 SYSTEM = "mass_spring_damper"
 
@@ -63,9 +63,9 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
     shutil.copytree(
         builtin() / SYSTEM, repository.folder, ignore=shutil.ignore_patterns("__pycache__")
     )
-    standing_only(repository.folder)
+    keep_default_engines(repository.folder)
     without(repository.folder, "step")
-    brief(repository.folder, 8)
+    shorten_scenarios(repository.folder, 8)
     repository.accept("first baseline")
     return repository
 

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.diff import Status
-from tests.standing import brief, without
+from tests.standing import shorten_scenarios, without
 
 
 def gated(root: Path) -> GateResult:
@@ -29,7 +29,7 @@ def accepted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     hidden = shutil.ignore_patterns("__pycache__", "mujoco*", "robot*")
     shutil.copytree(builtin() / "events" / "bouncing_ball", root / "ball", ignore=hidden)
     without(root / "ball", "thrown")
-    brief(root / "ball", 2)
+    shorten_scenarios(root / "ball", 2)
     accept(gated(root), (), "first baseline", root / "baseline")
     return root
 

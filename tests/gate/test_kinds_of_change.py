@@ -16,7 +16,7 @@ from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.diff import Status
 from tests.gate.conftest import SYSTEM, Repository
-from tests.standing import brief, standing_only, without
+from tests.standing import keep_default_engines, shorten_scenarios, without
 
 CHANGED, WITHIN, IMPROVED = Status.CHANGED, Status.WITHIN, Status.IMPROVED
 NOT_RUN, NEW, GONE, SAME = Status.NOT_RUN, Status.NEW, Status.GONE, Status.SAME
@@ -232,9 +232,9 @@ def test_solver_settings_that_soften_a_constraint_move_the_model(repository: Rep
     for path in folder.iterdir():
         if path.name.startswith(("robot", "space", "mujoco.xml")):
             path.unlink() if path.is_file() else shutil.rmtree(path)
-    standing_only(folder)
+    keep_default_engines(folder)
     without(folder, "driven", "large")
-    brief(folder, 8)
+    shorten_scenarios(folder, 8)
     repository.accept("first baseline")
     path = folder / "mujoco_rolling.xml"
     path.write_text(path.read_text().replace('solref="1e-6 0.5"', 'solref="0.02 1"'))

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.run import Options, run
 from tests.gate.conftest import nothing
-from tests.standing import brief, standing_only, without
+from tests.standing import keep_default_engines, shorten_scenarios, without
 
 pytestmark = pytest.mark.skipif(
     engines()["mujoco"].version() is None, reason="mujoco is not installed"
@@ -34,9 +34,9 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Results:
     home = tmp_path_factory.mktemp("home")
     folder = home / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
-    standing_only(folder)
+    keep_default_engines(folder)
     without(folder, "step", "resonance")
-    brief(folder, 8)
+    shorten_scenarios(folder, 8)
     for end in ("", ".toml"):
         (folder / f"space.py{end}").unlink()
         for name in ("gone.xml", "left.xml"):

@@ -18,7 +18,7 @@ import pytest
 from tests.commands import crosscheck
 from tests.installed.conftest import CHECKOUT
 from tests.installed.documents import ROOT, check_shown, commands
-from tests.standing import brief
+from tests.standing import shorten_scenarios
 
 HERE = re.compile(r"crosscheck (?!engines)[^|;&$<>\n]*")
 """Lines that run in this process, which may have further engines."""
@@ -48,7 +48,7 @@ class CommandCache:
             return self._done[key]
         done = crosscheck(*words, cwd=here, CI=None, COLUMNS=None)
         if words[0] == "new" and "duration=" in (here / words[1] / "system.py").read_text():
-            brief(here / words[1])
+            shorten_scenarios(here / words[1])
         shutil.copytree(here, after)
         self._done[key] = done
         return done

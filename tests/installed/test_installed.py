@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.installed.conftest import ROOT, Installed
-from tests.standing import brief
+from tests.standing import shorten_scenarios
 
 pytestmark = pytest.mark.release
 
@@ -47,7 +47,7 @@ def new_rod(installed: Installed, place: Path, target: str) -> None:
     """Create the template's folder with short motions."""
     done = installed.shell(f"crosscheck new {target}", place)
     assert done.returncode == 0, done.stderr
-    brief(place / target)
+    shorten_scenarios(place / target)
 
 
 def test_new_and_run_work_with_user_packages_of_the_same_names(

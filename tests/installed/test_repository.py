@@ -15,7 +15,7 @@ from tests.commands import crosscheck
 from tests.installed.conftest import CHECKOUT
 from tests.installed.documents import commands
 from tests.installed.workflow import Job, run_job, steps_of
-from tests.standing import brief
+from tests.standing import shorten_scenarios
 
 REPOSITORY = Path(__file__).parent / "repository"
 ROOT = Path(__file__).parents[2]
@@ -29,7 +29,7 @@ def test_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> No
     place = tmp_path / "robots"
     system = place / "models" / "cart_pole"
     shutil.copytree(REPOSITORY / "models" / system.name, system)
-    brief(system)
+    shorten_scenarios(system)
     for file in system.glob("robot.urdf*"):
         file.unlink()
 
@@ -37,7 +37,7 @@ def test_fresh_repository_is_run_tested_accepted_and_gated(tmp_path: Path) -> No
         if command.startswith("crosscheck"):
             words = shlex.split(command)[1:]
             given: dict[str, str | None] = {"CI": None, "COLUMNS": None, **environment}
-            done = crosscheck(*words, cwd=place, known=False, **given)
+            done = crosscheck(*words, cwd=place, known_engine=False, **given)
         else:
             done = CHECKOUT.shell(command, place, **environment)
         assert done.returncode == code, f"{command}\n{done.stdout}{done.stderr}"

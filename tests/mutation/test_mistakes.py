@@ -38,7 +38,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from tests.mutation.conftest import make_task, rows, subject, try_fault
 from tests.physics import physics
-from tests.standing import brief, standing_only
+from tests.standing import keep_default_engines, shorten_scenarios
 
 CopyModel = Callable[..., Sidecar]
 
@@ -52,8 +52,8 @@ def copy_model(tmp_path: Path) -> CopyModel:
     def make(system: str, model: str, *edits: tuple[str, str, str]) -> Sidecar:
         folder = tmp_path / "copy"
         shutil.copytree(builtin() / system, folder, dirs_exist_ok=True)
-        standing_only(folder)
-        brief(folder)
+        keep_default_engines(folder)
+        shorten_scenarios(folder)
         for name, old, new in edits:
             text = (folder / name).read_text(encoding="utf-8")
             assert old in text

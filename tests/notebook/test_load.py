@@ -11,7 +11,7 @@ import pytest
 from physics_crosscheck import MotionError, check, compare, load, simulate, solve
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from tests.standing import brief, without
+from tests.standing import shorten_scenarios, without
 
 PENDULUM = """<robot name="pendulum">
   <link name="base"/>
@@ -153,7 +153,7 @@ def test_causes_name_the_wrong_number_and_its_line(tmp_path: Path) -> None:
         (folder / name).unlink()
         (folder / f"{name}.toml").unlink()
     without(folder, "free", "large", "chirp")
-    brief(folder, 8)
+    shorten_scenarios(folder, 8)
     file = folder / "robot.urdf"
     text = file.read_text()
     assert text.count('<mass value="0.45"/>') == 1

@@ -12,7 +12,7 @@ import pytest
 from physics_crosscheck import MotionError, Trajectory, simulate, solve
 from physics_crosscheck.harness.interfaces.notebook import ask
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
-from tests.standing import standing_only
+from tests.standing import keep_default_engines
 
 START = {"theta": 1.5}
 
@@ -38,7 +38,7 @@ def largest(errors: Trajectory, name: str) -> float:
 
 def copy(system: str, place: Path) -> Path:
     shutil.copytree(builtin() / system, place)
-    standing_only(place)
+    keep_default_engines(place)
     return place
 
 

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import Audit
 from tests.records.made import case
-from tests.standing import brief, standing_only
+from tests.standing import keep_default_engines, shorten_scenarios
 
 
 class Project:
@@ -39,8 +39,8 @@ class Project:
         folder.mkdir(parents=True)
         for file in ("system.py", *(g for f in files for g in (f, f"{f}.toml"))):
             shutil.copy(builtin() / source / file, folder / file)
-        standing_only(folder)
-        brief(folder)
+        keep_default_engines(folder)
+        shorten_scenarios(folder)
         return folder
 
     def edit(self, path: Path, old: str, new: str) -> None:

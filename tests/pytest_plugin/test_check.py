@@ -24,7 +24,7 @@ from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines
 from tests.faults.known_folder import environment, known_folder
 from tests.robots.files import ARM, LAMP, UNLIMITED
-from tests.standing import brief, standing_only, without
+from tests.standing import keep_default_engines, shorten_scenarios, without
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,9 +34,9 @@ def folder(tmp_path: Path) -> Path:
     """Create a folder with one model of wrong stiffness and a correct one."""
     folder = tmp_path / "mine"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
-    standing_only(folder)
+    keep_default_engines(folder)
     without(folder, "step")
-    brief(folder, 8)
+    shorten_scenarios(folder, 8)
     path = folder / "mujoco.xml"
     path.write_text(path.read_text().replace('stiffness="47.0"', 'stiffness="47.000047"'))
     return folder

@@ -45,7 +45,7 @@ from tests.schedule.clusters import (
     unsendable,
     where,
 )
-from tests.standing import standing_only
+from tests.standing import keep_default_engines
 from tests.sweep.made import swept_folder
 
 pytestmark = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
@@ -79,7 +79,7 @@ def pendulum(tmp_path: Path) -> Path:
     folder = one_scenario("simple_pendulum", tmp_path / "mine" / "pendulum", "free")
     for name in ("robot.urdf", "robot.urdf.toml"):
         shutil.copy(ROOT / "models" / "simple_pendulum" / name, folder)
-    standing_only(folder)
+    keep_default_engines(folder)
     return folder
 
 

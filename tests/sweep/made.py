@@ -11,7 +11,7 @@ from physics_crosscheck.harness.extras.sweep.main import Wanted, planned
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions
 from physics_crosscheck.harness.jobs.workers import Workers
 from tests.faults.known_folder import ROOT, one_scenario
-from tests.standing import standing_only
+from tests.standing import keep_default_engines
 
 SYSTEM = "mass_spring_damper"
 
@@ -24,7 +24,7 @@ def swept_folder(place: Path, *models: str) -> Path:
     for model in models:
         for name in (model, f"{model}.toml"):
             shutil.copy(ROOT / "models" / SYSTEM / name, folder / name)
-    standing_only(folder)
+    keep_default_engines(folder)
     return folder
 
 

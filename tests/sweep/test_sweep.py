@@ -23,7 +23,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_system
 from tests.faults.known_folder import ROOT, one_scenario
-from tests.physics import redrawn
+from tests.physics import copy_with_constants
 from tests.sweep.made import options, plan_of, swept_folder
 
 VARY = ("k=20:200:log", "m=0.8:2")
@@ -114,7 +114,8 @@ def test_row_is_reproduced_from_its_index(
 def written_by_hand(folder: Path, row: SweepRow, place: Path) -> tuple[Path, Sidecar]:
     """Create a folder that declares a row's constants, as a user would write it."""
     system = load_system(folder)
-    sidecar = redrawn(system, read_sidecar(folder / f"{row.model}.toml"), row.constants, place)
+    original = read_sidecar(folder / f"{row.model}.toml")
+    sidecar = copy_with_constants(system, original, row.constants, place)
     text = (folder / "system.py").read_text()
     declared = {c.name: c.value for c in system.constants}
     for name, value in row.constants.items():

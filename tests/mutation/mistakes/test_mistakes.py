@@ -33,7 +33,7 @@ from tests.mutation.mistakes.mistakes import (
     Mistake,
 )
 from tests.physics import physics
-from tests.standing import standing_only
+from tests.standing import keep_default_engines
 
 CopyModel = Callable[[Mistake, Edits], Sidecar]
 
@@ -66,7 +66,7 @@ def copy_model(tmp_path: Path) -> CopyModel:
     def make(mistake: Mistake, edits: Edits) -> Sidecar:
         folder = tmp_path / f"copy{len(list(tmp_path.iterdir()))}"
         shutil.copytree(builtin() / mistake.system, folder)
-        standing_only(folder)
+        keep_default_engines(folder)
         for name, old, new in edits:
             text = (folder / name).read_text(encoding="utf-8")
             assert old in text
