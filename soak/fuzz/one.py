@@ -25,7 +25,7 @@ def main() -> None:
     name, seconds, finds, corpus = sys.argv[1], int(sys.argv[2]), Path(sys.argv[3]), sys.argv[4]
     warnings.simplefilter("ignore")
     logging.disable()
-    with atheris.instrument_imports(include=["harness", "reference", "tomllib"]):
+    with atheris.instrument_imports(include=["physics_crosscheck", "tomllib"]):
         from soak.fuzz.targets import TARGETS
     from soak.fuzz.target import attack
 
