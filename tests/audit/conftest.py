@@ -7,13 +7,13 @@ import pytest
 
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
-from tests.audit.models import MODELS, Look, audit
+from tests.audit.models import MODELS, AuditCopy, audit
 from tests.physics import physics as prepared
 from tests.standing import keep_default_engines
 
 
 @pytest.fixture
-def look(tmp_path: Path) -> Look:
+def audit_copy(tmp_path: Path) -> AuditCopy:
     """Audit a copy of a built-in model after (old, new) changes of its text, or its sidecar's."""
 
     def run(

@@ -1,4 +1,4 @@
-"""Built-in systems, prepared once, and what an audit of a model says."""
+"""Built-in systems, prepared once, and audits of their models."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 
 MODELS = Path(__file__).parents[2] / "models"
 
-Look = Callable[..., tuple[AuditFinding, ...]]
+AuditCopy = Callable[..., tuple[AuditFinding, ...]]
 
 
 def audit(prepared: PreparedSystem, sidecar: Sidecar, engine: str) -> tuple[AuditFinding, ...]:
     return audit_declared(model_task(prepared, engine, sidecar)).findings
 
 
-def said(found: Iterable[AuditFinding], kind: str, severity: str = "finding") -> str:
-    """The messages of one kind, as one text."""
-    return "\n".join(f.message for f in found if f.kind == kind and f.severity == severity)
+def messages(findings: Iterable[AuditFinding], kind: str, severity: str = "finding") -> str:
+    """Return the messages of one kind as one text."""
+    return "\n".join(f.message for f in findings if f.kind == kind and f.severity == severity)
 
 
-def grave(found: Iterable[AuditFinding]) -> list[AuditFinding]:
-    return [f for f in found if f.severity == "finding"]
+def severe(findings: Iterable[AuditFinding]) -> list[AuditFinding]:
+    return [f for f in findings if f.severity == "finding"]

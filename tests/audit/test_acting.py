@@ -1,4 +1,4 @@
-"""The audit states what the numbers of a file act as."""
+"""Audits report how the numbers of a file act."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ ROBOT = """<mujoco><compiler angle="radian"/><option cone="{cone}"/><worldbody>
 def acting(folder: Path, cone: str = "pyramidal") -> dict[tuple[str, str], ActingQuantity]:
     file = folder / "robot.xml"
     file.write_text(ROBOT.format(cone=cone))
-    found = audit_acting(model_task(prepare_tree(file), "mujoco"))
-    return {(one.subject, one.quantity): one for one in found.acting}
+    result = audit_acting(model_task(prepare_tree(file), "mujoco"))
+    return {(one.subject, one.quantity): one for one in result.acting}
 
 
 def test_each_pair_has_its_friction_and_its_rule(tmp_path: Path) -> None:
-    """Lost: the larger of two, a higher priority, a shape that touches nothing, a pyramid."""
+    """Catch a lost rule: the larger of two, a higher priority, no contact, a pyramid."""
     rows = acting(tmp_path)
     pad, bar = rows["floor with pad", "friction"], rows["floor with bar", "friction"]
     assert (pad.value, pad.rule) == (0.9, "the larger of 0.4 and 0.9")
@@ -44,7 +44,7 @@ def test_each_pair_has_its_friction_and_its_rule(tmp_path: Path) -> None:
     assert elliptic["floor with pad", "restitution"].value == pytest.approx(0.135335, rel=1e-4)
 
 
-def test_limits_and_drives_have_their_motion(tmp_path: Path) -> None:
+def test_limits_and_drives_report_their_dynamics(tmp_path: Path) -> None:
     rows = acting(tmp_path)
     assert rows["limits of lift", "damping ratio"].value == pytest.approx(0.3)
     assert rows["limits of lift", "time constant"].value == pytest.approx(0.02)
@@ -54,17 +54,17 @@ def test_limits_and_drives_have_their_motion(tmp_path: Path) -> None:
     assert (rows["drive of lift", "gain over unstable gain"].value or 1) < 1e-2
 
 
-def test_a_limit_without_damping_has_no_time_constant(tmp_path: Path) -> None:
+def test_limit_without_damping_has_no_time_constant(tmp_path: Path) -> None:
     file = tmp_path / "robot.xml"
     text = ROBOT.format(cone="elliptic")
     file.write_text(text.replace('solreflimit="0.02 0.3"', 'solreflimit="-400 0"'))
-    found = audit_acting(model_task(prepare_tree(file), "mujoco"))
-    rows = {(one.subject, one.quantity): one.value for one in found.acting}
+    result = audit_acting(model_task(prepare_tree(file), "mujoco"))
+    rows = {(one.subject, one.quantity): one.value for one in result.acting}
     assert rows["limits of lift", "damping ratio"] == 0
     assert ("limits of lift", "time constant") not in rows
 
 
-def test_the_command_prints_a_line_for_each_subject(
+def test_command_prints_a_line_for_each_subject(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     acting(tmp_path)

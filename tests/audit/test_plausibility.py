@@ -19,7 +19,7 @@ def link(
     center: str = "0 0 0",
     shape: str = BOX,
 ) -> str:
-    """A box of 0.1 x 0.1 x 0.4 m with its moments at uniform density."""
+    """Return a link that is a box of 0.1 x 0.1 x 0.4 m with uniform density."""
     xx, yy, zz = moments
     return f"""
   <link name="{name}">
@@ -40,127 +40,127 @@ def advice(folder: Path, *parts: str, suffix: str = ".urdf") -> list[AuditFindin
     base = link("base", mass=2.5)
     whole = f'<robot name="r">{base}{"".join(parts)}\n</robot>\n'
     file.write_text(whole if suffix == ".urdf" else parts[0])
-    found = [one for one in plausibility_findings(read_robot(file)) if one.severity == "advice"]
-    for one in found:
-        assert one.code
-        assert one.location is not None
-    return found
+    findings = [f for f in plausibility_findings(read_robot(file)) if f.severity == "advice"]
+    for finding in findings:
+        assert finding.code
+        assert finding.location is not None
+    return findings
 
 
 def only(folder: Path, kind: str, *parts: str, suffix: str = ".urdf") -> AuditFinding:
-    found = advice(folder, *parts, suffix=suffix)
-    assert [one.kind for one in found] == [kind], [one.message for one in found]
-    return found[0]
+    findings = advice(folder, *parts, suffix=suffix)
+    assert [f.kind for f in findings] == [kind], [f.message for f in findings]
+    return findings[0]
 
 
-def text_at(one: AuditFinding) -> str:
-    assert one.location is not None
-    assert one.location.line is not None
-    return Path(one.location.file).read_text().splitlines()[one.location.line - 1]
+def text_at(finding: AuditFinding) -> str:
+    assert finding.location is not None
+    assert finding.location.line is not None
+    return Path(finding.location.file).read_text().splitlines()[finding.location.line - 1]
 
 
-def test_a_robot_of_uniform_boxes_gets_no_advice(tmp_path: Path) -> None:
+def test_robot_of_uniform_boxes_gets_no_advice(tmp_path: Path) -> None:
     parts = (link("left_arm"), joint("left_arm"), link("right_arm"), joint("right_arm"))
     assert advice(tmp_path, *parts) == []
 
 
-def test_unlike_links_with_one_round_tensor_are_a_placeholder(tmp_path: Path) -> None:
+def test_equal_inertias_of_different_links_are_reported(tmp_path: Path) -> None:
     tensor = (0.01, 0.01, 0.01)
     parts = (link("a", 1.0, tensor), joint("a"), link("b", 3.0, tensor), joint("b"))
-    one = only(tmp_path, "equal inertias", *parts)
-    assert one.subject == ("a", "b")
-    assert one.actual == 0.01
-    assert one.expected == pytest.approx(1.0 / 12 * (0.1**2 + 0.4**2), rel=1e-9)
+    finding = only(tmp_path, "equal inertias", *parts)
+    assert finding.subject == ("a", "b")
+    assert finding.actual == 0.01
+    assert finding.expected == pytest.approx(1.0 / 12 * (0.1**2 + 0.4**2), rel=1e-9)
 
 
-def test_like_links_with_one_tensor_are_fine(tmp_path: Path) -> None:
+def test_equal_inertias_of_equal_links_are_fine(tmp_path: Path) -> None:
     parts = [text for name in "abc" for text in (link(name), joint(name))]
     assert advice(tmp_path, *parts) == []
 
 
-def test_moments_beyond_all_mass_at_the_corners_are_too_large(tmp_path: Path) -> None:
-    one = only(tmp_path, "inertia too large", link("a", 2.0, (0.5, 0.5, 0.1)), joint("a"))
-    assert "impossible" in one.message
-    assert "<inertial>" in text_at(one)
-    assert one.expected == pytest.approx(0.0283, rel=0.01)
+def test_inertia_beyond_all_mass_at_the_corners_is_too_large(tmp_path: Path) -> None:
+    finding = only(tmp_path, "inertia too large", link("a", 2.0, (0.5, 0.5, 0.1)), joint("a"))
+    assert "impossible" in finding.message
+    assert "<inertial>" in text_at(finding)
+    assert finding.expected == pytest.approx(0.0283, rel=0.01)
 
 
-def test_moments_of_a_point_are_too_small(tmp_path: Path) -> None:
-    one = only(tmp_path, "inertia too small", link("a", 2.0, (1e-6, 1e-6, 1e-6)), joint("a"))
-    assert one.actual == pytest.approx(1e-6)
+def test_inertia_of_a_point_is_too_small(tmp_path: Path) -> None:
+    finding = only(tmp_path, "inertia too small", link("a", 2.0, (1e-6, 1e-6, 1e-6)), joint("a"))
+    assert finding.actual == pytest.approx(1e-6)
 
 
-def test_a_center_of_mass_outside_the_box_is_noted_with_its_distance(tmp_path: Path) -> None:
-    one = only(tmp_path, "center outside", link("a", center="0 0 0.3"), joint("a"))
-    assert one.actual == pytest.approx(0.1)
+def test_center_of_mass_outside_the_box_is_noted_with_its_distance(tmp_path: Path) -> None:
+    finding = only(tmp_path, "center outside", link("a", center="0 0 0.3"), joint("a"))
+    assert finding.actual == pytest.approx(0.1)
 
 
-def test_a_mass_denser_than_lead_is_noted(tmp_path: Path) -> None:
-    one = only(tmp_path, "density", link("a", 80.0, (1.1, 1.1, 0.13)), joint("a", EFFORT))
-    assert one.expected == pytest.approx(4.0)
+def test_mass_denser_than_lead_is_noted(tmp_path: Path) -> None:
+    finding = only(tmp_path, "density", link("a", 80.0, (1.1, 1.1, 0.13)), joint("a", EFFORT))
+    assert finding.expected == pytest.approx(4.0)
 
 
-def test_a_mass_below_that_of_a_box_of_paper_is_noted_and_a_box_of_cardboard_is_not(
+def test_mass_below_a_paper_box_is_noted(
     tmp_path: Path,
 ) -> None:
     cube = '<geometry><box size="1 1 1"/></geometry>'  # 6 m^2
     for mass, kinds in ((0.4, ["density"]), (1.0, [])):
         moments = (mass / 6,) * 3
-        found = advice(tmp_path, link("a", mass, moments, shape=cube), joint("a"))
-        assert [one.kind for one in found] == kinds
+        findings = advice(tmp_path, link("a", mass, moments, shape=cube), joint("a"))
+        assert [finding.kind for finding in findings] == kinds
 
 
 EFFORT = 'lower="-1" upper="1" effort="1000" velocity="1"'
 
 
-def test_moments_along_other_axes_than_the_shape_are_swapped(tmp_path: Path) -> None:
+def test_inertia_along_other_axes_than_the_shape_is_noted(tmp_path: Path) -> None:
     moments = (0.0033, 0.0283, 0.0283)
-    one = only(tmp_path, "swapped axes", link("a", 2.0, moments), joint("a"))
-    assert "rotation" in one.message
+    finding = only(tmp_path, "swapped axes", link("a", 2.0, moments), joint("a"))
+    assert "rotation" in finding.message
 
 
 def test_left_and_right_with_different_masses_are_noted(tmp_path: Path) -> None:
     parts = (link("left_arm", 2.2), joint("left_arm"), link("right_arm"), joint("right_arm"))
-    one = only(tmp_path, "left and right", *parts)
-    assert one.subject == ("left_arm", "right_arm")
-    assert (one.actual, one.expected) == (2.2, 2.0)
+    finding = only(tmp_path, "left and right", *parts)
+    assert finding.subject == ("left_arm", "right_arm")
+    assert (finding.actual, finding.expected) == (2.2, 2.0)
 
 
-def test_a_moving_mass_without_moments_is_noted(tmp_path: Path) -> None:
+def test_moving_mass_without_inertia_is_noted(tmp_path: Path) -> None:
     part = link("a", 2.0, (0, 0, 0), center="0.04 0 0")
-    one = only(tmp_path, "moving without inertia", part, joint("a"))
-    assert one.expected == pytest.approx(0.0283, rel=0.01)
+    finding = only(tmp_path, "moving without inertia", part, joint("a"))
+    assert finding.expected == pytest.approx(0.0283, rel=0.01)
 
 
-def test_a_joint_that_engines_hold_is_noted(tmp_path: Path) -> None:
+def test_joint_that_engines_lock_is_noted(tmp_path: Path) -> None:
     frame = '<link name="a"/>'
-    one = only(tmp_path, "moving without inertia", frame, joint("a"), link("b"), joint("b"))
-    assert one.subject == ("a_joint",)
-    assert 'name="a_joint"' in text_at(one)
+    finding = only(tmp_path, "moving without inertia", frame, joint("a"), link("b"), joint("b"))
+    assert finding.subject == ("a_joint",)
+    assert 'name="a_joint"' in text_at(finding)
 
 
-def test_limits_that_exclude_the_drawn_pose_are_noted_at_the_limit(tmp_path: Path) -> None:
+def test_limits_that_exclude_the_zero_pose_are_noted(tmp_path: Path) -> None:
     limit = 'lower="0.2" upper="1" effort="100" velocity="1"'
-    one = only(tmp_path, "rest outside limits", link("a"), joint("a", limit))
-    assert one.expected == 0.2
-    assert one.actual == 0.0
-    assert "<limit" in text_at(one)
+    finding = only(tmp_path, "rest outside limits", link("a"), joint("a", limit))
+    assert finding.expected == 0.2
+    assert finding.actual == 0.0
+    assert "<limit" in text_at(finding)
 
 
-def test_an_effort_below_gravity_is_noted_with_the_torque(tmp_path: Path) -> None:
+def test_effort_below_gravity_is_noted_with_the_torque(tmp_path: Path) -> None:
     limit = 'lower="-1" upper="1" effort="0.5" velocity="1"'
     part = link("a", center="0.04 0 0")
-    one = only(tmp_path, "weak drive", part, joint("a", limit))
-    assert one.expected == pytest.approx(2.0 * 9.81 * 0.04, rel=1e-3)
-    assert one.actual == 0.5
+    finding = only(tmp_path, "weak drive", part, joint("a", limit))
+    assert finding.expected == pytest.approx(2.0 * 9.81 * 0.04, rel=1e-3)
+    assert finding.actual == 0.5
 
 
-def test_a_joint_without_transmission_has_no_drive_where_others_have_one(tmp_path: Path) -> None:
+def test_joint_without_transmission_has_no_drive_if_others_have_one(tmp_path: Path) -> None:
     limit = 'lower="-1" upper="1" effort="0.5" velocity="1"'
     part = link("a", center="0.04 0 0")
     driven = '<transmission name="t"><joint name="{}"/></transmission>'
-    one = only(tmp_path, "weak drive", part, joint("a", limit), driven.format("a_joint"))
-    assert one.actual == 0.5
+    finding = only(tmp_path, "weak drive", part, joint("a", limit), driven.format("a_joint"))
+    assert finding.actual == 0.5
     assert advice(tmp_path, part, joint("a", limit), driven.format("other_joint")) == []
 
 
@@ -176,18 +176,18 @@ ARM = """<mujoco>
 """
 
 
-def test_a_drive_without_damping_oscillates(tmp_path: Path) -> None:
-    one = only(tmp_path, "damping ratio", ARM.format(damping=0.001), suffix=".xml")
-    assert one.actual is not None
-    assert one.actual < 0.1
-    assert "<position" in text_at(one)
+def test_drive_without_damping_oscillates(tmp_path: Path) -> None:
+    finding = only(tmp_path, "damping ratio", ARM.format(damping=0.001), suffix=".xml")
+    assert finding.actual is not None
+    assert finding.actual < 0.1
+    assert "<position" in text_at(finding)
 
 
-def test_a_drive_near_critical_damping_is_fine(tmp_path: Path) -> None:
+def test_drive_near_critical_damping_is_fine(tmp_path: Path) -> None:
     assert advice(tmp_path, ARM.format(damping=2.0), suffix=".xml") == []
 
 
-def test_a_keyframe_states_an_initial_pose(tmp_path: Path) -> None:
+def test_keyframe_states_an_initial_pose(tmp_path: Path) -> None:
     text = ARM.format(damping=2.0).replace('range="-60 60"', 'range="10 60"')
     only(tmp_path, "rest outside limits", text, suffix=".xml")
     key = '<keyframe><key qpos="0.5"/></keyframe></mujoco>'
@@ -195,7 +195,7 @@ def test_a_keyframe_states_an_initial_pose(tmp_path: Path) -> None:
 
 
 def stl(size: float) -> str:
-    """A cube as an STL file."""
+    """Return a cube as the text of an STL file."""
     corners = [(x, y, z) for x in (0, size) for y in (0, size) for z in (0, size)]
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     facets = [three for a, b, c, d in sides for three in ((a, b, c), (a, c, d))]
@@ -206,19 +206,19 @@ def stl(size: float) -> str:
     return "\n".join([*lines, "endsolid cube"])
 
 
-def test_a_mesh_in_millimetres_is_recognized_by_its_density(tmp_path: Path) -> None:
+def test_mesh_in_millimetres_is_recognized_by_its_density(tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
     (tmp_path / "cube.stl").write_text(stl(50.0))
     mesh = '<geometry><mesh filename="package://r/cube.stl"/></geometry>'
     part = link("a", 0.1, (4e-5, 4e-5, 4e-5), center="0.025 0.025 0.025", shape=mesh)
-    one = only(tmp_path, "mesh unit", part, joint("a"))
-    assert one.expected == 0.001
+    finding = only(tmp_path, "mesh unit", part, joint("a"))
+    assert finding.expected == 0.001
     small = part.replace("cube.stl", 'cube.stl" scale="0.001 0.001 0.001')
     assert advice(tmp_path, small, joint("a")) == []
 
 
 def collada(folder: Path, upper: str, size: tuple[float, float, float], unit: str = "1") -> str:
-    """Write a box whose middle is 0.4 above its frame, if upper is Z; return its element."""
+    """Write a box with its center 0.4 above its frame if upper is Z; return its element."""
     box = pytest.importorskip("trimesh").creation.box(size)
     pytest.importorskip("collada")
     box.apply_translation((0, 0, 0.4))
@@ -230,41 +230,41 @@ def collada(folder: Path, upper: str, size: tuple[float, float, float], unit: st
     return '<geometry><mesh filename="package://r/box.dae"/></geometry>'
 
 
-def test_the_unit_of_a_collada_mesh_is_applied(tmp_path: Path) -> None:
+def test_unit_of_a_collada_mesh_is_applied(tmp_path: Path) -> None:
     kind = {}
     for unit in ("1", "0.001"):
         mesh = collada(tmp_path / unit, "Z", (50.0, 50.0, 50.0), unit)
         part = link("a", 0.1, (4e-5, 4e-5, 4e-5), shape=mesh)
-        kind[unit] = [one.kind for one in advice(tmp_path / unit, part, joint("a"))]
+        kind[unit] = [finding.kind for finding in advice(tmp_path / unit, part, joint("a"))]
     assert kind == {"1": ["mesh unit"], "0.001": []}
 
 
-def test_a_collada_mesh_whose_upper_axis_is_y_gives_no_advice(tmp_path: Path) -> None:
-    """Some programs turn it, others do not: its center is beside the link, or in it."""
+def test_collada_mesh_whose_upper_axis_is_y_gives_no_advice(tmp_path: Path) -> None:
+    """Accept both poses: some programs rotate such a mesh, others do not."""
     kind = {}
     for upper in "YZ":
         mesh = collada(tmp_path / upper, upper, (0.1, 0.1, 0.4))
         part = link("a", center="0 -0.4 0", shape=mesh)
-        kind[upper] = [one.kind for one in advice(tmp_path / upper, part, joint("a"))]
+        kind[upper] = [finding.kind for finding in advice(tmp_path / upper, part, joint("a"))]
     assert kind == {"Y": [], "Z": ["center outside"]}
 
 
-def test_a_missing_mesh_gives_no_advice_about_shapes(tmp_path: Path) -> None:
+def test_missing_mesh_gives_no_advice_about_shapes(tmp_path: Path) -> None:
     mesh = '<geometry><mesh filename="package://r/absent.stl"/></geometry>'
     part = link("a", 0.1, (0.5, 0.5, 0.5), shape=mesh)
     assert advice(tmp_path, part, joint("a")) == []
 
 
 def test_shapes_of_welded_links_count_for_their_body(tmp_path: Path) -> None:
-    """A frame without shapes that carries the inertia of its parent is a common pattern."""
+    """Accept a common pattern: a frame without shapes carries its parent's inertia."""
     bare = link("inner", 2.0).replace("<collision>", "<!--").replace("</collision>", "-->")
     fixed = """<joint name="weld" type="fixed"><parent link="a"/><child link="inner"/></joint>"""
     shell = '<link name="a"><collision>' + BOX + "</collision></link>"
     assert advice(tmp_path, shell, joint("a"), bare, fixed) == []
 
 
-def test_a_shape_that_is_fitted_to_a_mesh_has_no_size_of_its_own(tmp_path: Path) -> None:
-    """Fitted to the small mesh that replaces the file, it would be a metre large."""
+def test_shape_fitted_to_a_mesh_has_no_size(tmp_path: Path) -> None:
+    """Catch a shape fitted to the placeholder mesh, which would be a metre large."""
     (tmp_path / "cube.stl").write_text(stl(0.1))
     text = ARM.format(damping=2.0)
     text = text.replace("<worldbody>", '<asset><mesh file="cube.stl"/></asset><worldbody>')
@@ -273,6 +273,6 @@ def test_a_shape_that_is_fitted_to_a_mesh_has_no_size_of_its_own(tmp_path: Path)
         '<geom type="capsule" size="0.03" fromto="0 0 0 0 0 -0.3"/>',
         f'{geom} diaginertia="0.00017 0.00017 0.00017"/>',
     )
-    kinds = [one.kind for one in advice(tmp_path, text, suffix=".xml")]
+    kinds = [finding.kind for finding in advice(tmp_path, text, suffix=".xml")]
     assert "density" not in kinds
     assert "inertia too small" not in kinds

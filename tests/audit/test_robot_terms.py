@@ -1,4 +1,4 @@
-"""The terms that an engine compiles from a robot file, against the file's equations."""
+"""Compare the terms that an engine compiles from a robot file with its equations."""
 
 from __future__ import annotations
 
@@ -18,23 +18,25 @@ from tests.robots.files import TIPPED
 DATA = Path(pybullet_data.getDataPath())
 
 
-@pytest.mark.parametrize(("old", "new", "says"), [
+@pytest.mark.parametrize(("old", "new", "expected"), [
     ('damping="0.7"', 'damping="0.75"', "damping of lift is 0.75 in the model and 0.7 in the"),
     ('iyy="0.018"', 'iyy="0.02"', "inertia of lift is 0.1375 in the model and 0.1355 in the"),
     ("0.02 0 -0.3", "0.12 0 -0.3", "a force of -1.67832 acts on lift at rest where lift = 0.8"),
 ])  # fmt: skip
-def test_a_wrong_number_is_told_by_its_term(tmp_path: Path, old: str, new: str, says: str) -> None:
+def test_wrong_number_is_reported_by_its_term(
+    tmp_path: Path, old: str, new: str, expected: str
+) -> None:
     file, copy = tmp_path / "arm.urdf", tmp_path / "copy.urdf"
     file.write_text(ARM)
     copy.write_text(ARM.replace(old, new))
     task = model_task(prepare_tree(file, states=8), "mujoco")
     assert not [one for one in audit_terms(task).findings if one.severity == "finding"]
-    found = audit_terms(task.with_file(copy)).findings
-    messages = [one.message for one in found if one.severity == "finding"]
-    assert any(message.startswith(says) for message in messages), messages
+    findings = audit_terms(task.with_file(copy)).findings
+    messages = [one.message for one in findings if one.severity == "finding"]
+    assert any(message.startswith(expected) for message in messages), messages
 
 
-def test_what_mujoco_makes_of_a_massless_inertia_is_told_by_the_audit_command(
+def test_audit_command_reports_massless_inertia_in_mujoco(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "arm.urdf"
@@ -46,7 +48,7 @@ def test_what_mujoco_makes_of_a_massless_inertia_is_told_by_the_audit_command(
 
 
 @pytest.mark.slow
-def test_a_large_robot_is_left_to_its_accelerations() -> None:
+def test_large_robot_is_compared_by_accelerations_only() -> None:
     (note,) = audit_terms(
         model_task(prepare_tree(DATA / "a1" / "a1.urdf", floating=True, states=4), "mujoco")
     ).findings
@@ -54,13 +56,13 @@ def test_a_large_robot_is_left_to_its_accelerations() -> None:
     assert "18 coordinates are not compared one by one" in note.message
 
 
-def test_what_an_engine_refuses_keeps_the_findings_of_reading_it(tmp_path: Path) -> None:
-    """MuJoCo refuses an inertia that no body can have."""
+def test_file_rejected_by_an_engine_keeps_its_reading_findings(tmp_path: Path) -> None:
+    """Use an inertia that no body can have, which MuJoCo rejects."""
     file = tmp_path / "arm.urdf"
     file.write_text(ARM.replace('iyy="0.018"', 'iyy="0.028"'))
-    (one,) = audits([file], engines=("mujoco",))
-    assert not one.failure
-    inertia, note = (row for row in one.findings if row.severity != "advice")
+    (result,) = audits([file], engines=("mujoco",))
+    assert not result.failure
+    inertia, note = (row for row in result.findings if row.severity != "advice")
     assert inertia.code == "XC107"
     assert note.severity == "note"
     assert note.message.startswith("its compiled terms are not compared: ")

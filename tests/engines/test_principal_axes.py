@@ -20,7 +20,7 @@ from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
-from tests.audit.models import grave, said
+from tests.audit.models import messages, severe
 
 pytest.importorskip("pybullet")
 
@@ -139,7 +139,7 @@ def test_the_audit_notes_the_rounding_without_findings(
     hinge: PreparedSystem, right: Sidecar
 ) -> None:
     findings = audit(hinge, right)
-    assert grave(list(findings)) == []
+    assert severe(list(findings)) == []
     (remark,) = [
         one for one in findings if one.message.startswith("PyBullet computes the principal axes")
     ]
@@ -148,7 +148,7 @@ def test_the_audit_notes_the_rounding_without_findings(
     assert 1e-13 < remark.actual < 1e-8
     assert remark.location is not None
     assert remark.location.line == 4
-    assert "the engine's own rounding explains it" in said(findings, "inertia", "note")
+    assert "the engine's own rounding explains it" in messages(findings, "inertia", "note")
     assert "loss of digits" not in "".join(one.message for one in audit(hinge, exact(right)))
 
 
@@ -156,8 +156,8 @@ def test_the_audit_finds_a_fault_larger_than_the_rounding(
     hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
     findings = audit(hinge, wrong(right, {"inertia@iyy": 0.06006}, tmp_path))
-    assert "inertia of theta" in said(findings, "inertia")
-    assert "loss of digits" not in said(findings, "inertia")
+    assert "inertia of theta" in messages(findings, "inertia")
+    assert "loss of digits" not in messages(findings, "inertia")
 
 
 def test_the_tensor_of_a_flat_body_satisfies_the_triangle_inequality(tmp_path: Path) -> None:
