@@ -1,4 +1,4 @@
-"""Comparisons in this process, and copies of the built-in models with something changed."""
+"""Run comparisons in this process, on edited copies of the built-in models."""
 
 import io
 import shutil
@@ -75,7 +75,7 @@ def sampled(
     engine_b: str | None = None,
     starts: tuple[Mapping[str, float], ...] = (),
 ) -> SampledStates:
-    """The states from which the comparison of two files starts its runs."""
+    """Return the states from which the comparison of two files starts its runs."""
     options = CompareOptions(
         a=candidate("A", a, engine_a), b=candidate("B", b, engine_b), starts=starts
     )
@@ -114,7 +114,7 @@ def acting(
 
 
 def printed(comparison: ComparisonResult, width: int = 300) -> str:
-    """The printed comparison, with single spaces."""
+    """Return the printed comparison with single spaces."""
     text = io.StringIO()
     print_comparison(Console(file=text, width=width, highlight=False, emoji=False), comparison)
     return " ".join(text.getvalue().split())
@@ -125,25 +125,25 @@ def model(system: str, name: str) -> Path:
 
 
 def changed(folder: Path, path: Path, *replacements: tuple[str, str]) -> Path:
-    """A copy of a model file and its sidecar, with some text replaced in either."""
+    """Copy a model file and its sidecar, with some text replaced in either."""
     folder.mkdir(parents=True, exist_ok=True)
     sidecar = path.with_name(f"{path.name}.toml")
     for file in filter(Path.is_file, (path, sidecar)):
         shutil.copy(file, folder)
     keep_default_engines(folder)
     for old, new in replacements:
-        found = [
+        matches = [
             f
             for f in (folder / path.name, folder / sidecar.name)
             if f.is_file() and old in f.read_text()
         ]
-        assert found, f"{old!r} is in no file"
-        found[0].write_text(found[0].read_text().replace(old, new, 1))
+        assert matches, f"{old!r} is in no file"
+        matches[0].write_text(matches[0].read_text().replace(old, new, 1))
     return folder / path.name
 
 
 def written(folder: Path, name: str, text: str, *replacements: tuple[str, str]) -> Path:
-    """A file of a given text, with some of it replaced."""
+    """Write a text to a file, with some of it replaced."""
     folder.mkdir(parents=True, exist_ok=True)
     for old, new in replacements:
         assert old in text

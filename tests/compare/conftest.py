@@ -1,4 +1,4 @@
-"""The known-answer engine is found as a third party's is: by its entry point."""
+"""Put the known-answer engine on the path: its entry point registers it."""
 
 import sys
 from collections.abc import Iterator

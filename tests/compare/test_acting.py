@@ -1,4 +1,4 @@
-"""Two files side by side: what their numbers act as, and the usual mistake that explains it."""
+"""Compare how the numbers of two files act, and name the usual mistake."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
     ('size="1 1 1"', 'size="1 1 1" friction="0.7"',
      "friction 1 in A, 0.7 in B: the friction of B is the product of the two of the other file"),
 ])  # fmt: skip
-def test_a_usual_mistake_is_named(old: str, new: str, words: str, tmp_path: Path) -> None:
+def test_usual_mistake_is_named(old: str, new: str, words: str, tmp_path: Path) -> None:
     assert words in lines_of(tmp_path, ARM, ARM.replace(old, new))
 
 
@@ -47,7 +47,7 @@ def lines(rows: tuple[ComparedActing, ...]) -> str:
     return " ".join(out.getvalue().split())
 
 
-def test_another_order_of_clamps_is_named(tmp_path: Path) -> None:
+def test_different_order_of_clamps_is_named(tmp_path: Path) -> None:
     """Catch equal limits of force that act before forces add up in one file, after in the other."""
     servo, motor = ARM.replace("dampratio", 'forcerange="-5 5" dampratio'), '<motor joint="hinge"'
     for other, words in (
@@ -61,8 +61,8 @@ def test_another_order_of_clamps_is_named(tmp_path: Path) -> None:
         assert words in lines_of(tmp_path, servo, other)
 
 
-def test_a_comparison_has_such_lines_unless_files_are_equal(tmp_path: Path) -> None:
-    """Catch a comparison without them."""
+def test_comparison_prints_acting_quantities_unless_files_are_equal(tmp_path: Path) -> None:
+    """Catch a comparison that omits them."""
     assert not lines_of(tmp_path, ARM, ARM.replace('name="arm"', 'name="arm" rgba="1 0 0 1"'))
     (tmp_path / "b.xml").write_text(ARM.replace('friction="0.7"', 'friction="1.7"'))
     text = printed(compared(tmp_path / "a.xml", tmp_path / "b.xml"))
@@ -82,8 +82,8 @@ SOFT = """<mujoco><compiler angle="radian"/><worldbody><body name="upper" pos="0
 <actuator><position joint="shoulder" kp="50" forcerange="-20 20"/></actuator></mujoco>"""
 
 
-def test_impulses_and_soft_constraints_are_side_by_side(tmp_path: Path) -> None:
-    """Catch quantities of an impulse engine that compare leaves out, or pairs with nothing."""
+def test_impulses_and_soft_constraints_are_compared(tmp_path: Path) -> None:
+    """Catch quantities of an impulse engine that compare leaves out or does not pair."""
     pytest.importorskip("pybullet")
     (tmp_path / "a.urdf").write_text(URDF)
     (tmp_path / "b.xml").write_text(SOFT)

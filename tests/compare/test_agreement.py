@@ -18,44 +18,44 @@ PAIRS = (
 )  # fmt: skip
 
 
-def agrees(found: ComparisonResult) -> ComparisonResult:
-    judged = result(found)
-    assert found.outcome is Outcome.AGREES, found.reason
+def agrees(comparison: ComparisonResult) -> ComparisonResult:
+    judged = result(comparison)
+    assert comparison.outcome is Outcome.AGREES, comparison.reason
     assert (judged.discrepancy or 0.0) < 1e-9
     assert (judged.uncertainty or 1.0) < 1e-9
     assert not judged.terms
-    return found
+    return comparison
 
 
 # The drum has most of the terms, the pairs have tendons, a Space has no root.
 @pytest.mark.parametrize(("a", "engine_a", "b", "engine_b", "system"), PAIRS)
-def test_the_built_in_models_agree_across_formats_and_engines(
+def test_built_in_models_agree_across_formats_and_engines(
     system: str, a: str, engine_a: str | None, b: str, engine_b: str | None
 ) -> None:
-    found = agrees(compared(model(system, a), model(system, b), engine_a, engine_b))
+    comparison = agrees(compared(model(system, a), model(system, b), engine_a, engine_b))
     # A free motion can't fix the overall scale: half of the runs or so are driven.
-    assert result(found).runs.driven >= 12
-    if (system, b) == ("drum_pendulum", "robot.urdf"):  # which has a following joint more
-        assert (result(found).states_of, result(found).left_out) == ("B", ("phi",))
+    assert result(comparison).runs.driven >= 12
+    if (system, b) == ("drum_pendulum", "robot.urdf"):  # which has one more mimic joint
+        assert (result(comparison).states_of, result(comparison).left_out) == ("B", ("phi",))
 
 
 @pytest.mark.slow
-def test_a_drum_that_rolls_by_an_equality_agrees_with_one_that_rolls_by_a_gear() -> None:
+def test_drum_rolling_by_an_equality_agrees_with_one_rolling_by_a_gear() -> None:
     drum = "drum_pendulum"
-    found = agrees(compared(model(drum, "mujoco_rolling.xml"), model(drum, "robot.urdf")))
-    assert result(found).joints == ("x", "phi", "theta")
+    comparison = agrees(compared(model(drum, "mujoco_rolling.xml"), model(drum, "robot.urdf")))
+    assert result(comparison).joints == ("x", "phi", "theta")
     paths = model(drum, "mujoco_rolling.xml"), model(drum, "robot.urdf")
     assert len(sampled(*paths).independent) == 2
 
 
 @pytest.mark.slow
-def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path: Path) -> None:
+def test_expression_defines_a_joint_without_a_match(tmp_path: Path) -> None:
     drum = "drum_pendulum"
-    # The Space has a drum that slides; the URDF's turns too.
+    # The drum of the Space only slides; that of the URDF also turns.
     table = written(tmp_path, "map.toml", '[joints]\nphi = "drum.x / 0.18"\n')
     a, b = model(drum, "space.py"), model(drum, "robot.urdf")
-    found = agrees(compared(a, b, None, "pybullet", table=table))
-    assert result(found).map == (
+    comparison = agrees(compared(a, b, None, "pybullet", table=table))
+    assert result(comparison).map == (
         "x of B is drum.x of A",
         "phi of B is 50*drum.x/9 of A",
         "theta of B is rod.angle of A",
@@ -63,13 +63,13 @@ def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
-def test_an_arm_written_by_hand_in_both_formats_agrees(tmp_path: Path, engine: str) -> None:
+def test_arm_written_by_hand_in_both_formats_agrees(tmp_path: Path, engine: str) -> None:
     a, b = written(tmp_path, "arm.xml", MJCF), written(tmp_path, "arm.urdf", URDF)
-    found = agrees(compared(a, b, engine_b=engine))
-    assert "gravity (0, 0, -9.81) and a step of 0.002 s are assumed" in result(found).notes[0]
+    comparison = agrees(compared(a, b, engine_b=engine))
+    assert "gravity (0, 0, -9.81) and a step of 0.002 s are assumed" in result(comparison).notes[0]
 
 
-def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path: Path) -> None:
+def test_joint_with_another_name_direction_and_zero_agrees_if_mapped(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(
         tmp_path,
@@ -82,13 +82,13 @@ def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path:
     agrees(compared(path, other, joints="theta=0.3-swing"))
 
 
-def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path: Path) -> None:
+def test_step_and_integrator_of_a_sidecar_are_no_difference(tmp_path: Path) -> None:
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
-    found = agrees(compared(path, other, "mujoco", "mujoco"))
+    comparison = agrees(compared(path, other, "mujoco", "mujoco"))
     moved = {
         t.edits[0].what: (str(t.edits[0].where_a).rpartition("/")[2], t.moved)
-        for t in result(found).differences
+        for t in result(comparison).differences
         if len(t.edits) == 1
     }
     assert moved == {
@@ -97,7 +97,7 @@ def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path: Path) -> Non
     }
 
 
-def test_a_state_of_the_users_own_is_run_too() -> None:
+def test_given_start_state_is_run_too() -> None:
     path = model("simple_pendulum", "mujoco.xml")
     starts = ({"theta": 2.9, "theta_dot": 0.25},)
     assert result(agrees(compared(path, path, starts=starts))).runs.count > 12
@@ -112,16 +112,16 @@ def test_random_chains_agree_across_formats(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_pybullet_loses_of_turned_inertias_is_told(tmp_path: Path) -> None:
+def test_rounding_of_turned_inertias_in_pybullet_is_noted(tmp_path: Path) -> None:
     mjcf, urdf = chain(1, 2)
     a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
-    found = compared(a, b, engine_b="pybullet")
-    assert (result(found).discrepancy or 1.0) < 1e-8
-    assert "PyBullet finds their principal axes only to about 1e-9" in result(found).notes[-1]
+    comparison = compared(a, b, engine_b="pybullet")
+    assert (result(comparison).discrepancy or 1.0) < 1e-8
+    assert "PyBullet finds their principal axes only to about 1e-9" in result(comparison).notes[-1]
 
 
 @pytest.mark.usefixtures("usual_states")
-def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path: Path) -> None:
+def test_runs_that_touch_a_wall_are_left_out_with_a_note(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     wall = '<geom type="sphere" pos="0.6 0 0.55" size="0.1" contype="1" conaffinity="1"/>\n'
     bob = '<geom name="bob" type="sphere" pos="0 0 -0.75" size="0.05"'
@@ -131,6 +131,6 @@ def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path: Path) -> None:
         ('<body name="pendulum"', f"{wall}<body name='pendulum'"),
         (bob, f'{bob} contype="1" conaffinity="1"'),
     )
-    found = agrees(compared(touching, touching, include_constraints=True))
-    assert 0 < result(found).runs.lost < result(found).runs.count
-    assert "runs left out" in result(found).notes[-1]
+    comparison = agrees(compared(touching, touching, include_constraints=True))
+    assert 0 < result(comparison).runs.lost < result(comparison).runs.count
+    assert "runs left out" in result(comparison).notes[-1]

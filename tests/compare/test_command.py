@@ -1,4 +1,4 @@
-"""`crosscheck compare` as a person uses it: exit codes, messages, the record."""
+"""`crosscheck compare` as a user runs it: exit codes, messages, the record."""
 
 import io
 import re
@@ -20,7 +20,7 @@ from tests.robots.files import LAMP
 
 ROOT = Path(__file__).parents[2]
 
-KNOWN = """names = ["a"]
+MODEL = """names = ["a"]
 M = [[2.0]]
 C = [[0.5]]
 K = [[40.0]]
@@ -35,7 +35,7 @@ def crosscheck(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str
     return commands.crosscheck("compare", *arguments, cwd=cwd, known_engine=True)
 
 
-def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:
+def test_difference_exits_1_and_is_printed_and_recorded(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path / "new", path, ("0.024 0.024 0.0001", "0.024 0.024012 0.0001"))
     done = crosscheck(path, other, "--json", "out/record.json", cwd=tmp_path)
@@ -53,21 +53,21 @@ def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:
     assert first.startswith(f"FAIL  XC320 {a} {address}: 0.024, {b}: 0.024012")
     assert first.endswith("(100 % of the difference)")
     assert fix == f"Fix: set {a} to 0.024012, or {b} to 0.024"
-    written_down = decoded((tmp_path / "out" / "record.json").read_bytes(), ComparisonResult)
-    assert written_down.outcome is Outcome.DIFFERS
-    assert list(written_down.models[0].gravity or ()) == [0, 0, -9.81]
-    found = written_down.compared
-    assert found is not None
-    assert [(one.kind, one.about) for one in found.properties] == [("inertia", "rod")]
-    assert found.explained is not None
-    assert found.explained > 0.999
-    assert found.terms == ()
-    assert str(found.differences[0].edits[0].where_a).endswith(f"mujoco.xml:{line}")
-    assert found.runs.count > found.runs.driven > 0
-    assert [one.case for one in written_down.models] == [None, None]  # sidecars add to the files
+    record = decoded((tmp_path / "out" / "record.json").read_bytes(), ComparisonResult)
+    assert record.outcome is Outcome.DIFFERS
+    assert list(record.models[0].gravity or ()) == [0, 0, -9.81]
+    comparison = record.compared
+    assert comparison is not None
+    assert [(one.kind, one.about) for one in comparison.properties] == [("inertia", "rod")]
+    assert comparison.explained is not None
+    assert comparison.explained > 0.999
+    assert comparison.terms == ()
+    assert str(comparison.differences[0].edits[0].where_a).endswith(f"mujoco.xml:{line}")
+    assert comparison.runs.count > comparison.runs.driven > 0
+    assert [one.case for one in record.models] == [None, None]  # sidecars add to the files
 
 
-def test_an_engine_that_changes_its_file_is_named_with_the_line(tmp_path: Path) -> None:
+def test_engine_that_alters_its_file_is_named_with_the_line(tmp_path: Path) -> None:
     """PyBullet gives 1 kg to a link without <inertial>; MuJoCo does not."""
     path = ROOT / "docs" / "cases" / "leg.urdf"
     engines = ("--engine-a", "mujoco", "--engine-b", "pybullet")
@@ -76,25 +76,25 @@ def test_an_engine_that_changes_its_file_is_named_with_the_line(tmp_path: Path) 
     begin = lines.index("each engine against the equations of its own file")
     assert lines[0].startswith("FAIL  XC320 leg.urdf in pybullet: XC207 PyBullet's own 1 kg ")
     assert lines[begin + 1].startswith("ok  leg.urdf in mujoco: difference ")
-    written_down = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult)
-    cases = [one.case for one in written_down.models]
+    record = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult)
+    cases = [one.case for one in record.models]
     assert [one.outcome for one in cases if one] == [Outcome.AGREES, Outcome.DIFFERS]
 
 
-def test_the_first_lines_have_both_places_and_the_remedy(
+def test_first_lines_name_both_places_and_the_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written(tmp_path, "a.xml", MJCF)
     written(tmp_path, "b.xml", MJCF, ('damping="0.07"', 'damping="0.08"'))
     monkeypatch.chdir(tmp_path)
-    found = compared("a.xml", "b.xml")
+    comparison = compared("a.xml", "b.xml")
     cause = (
         "FAIL XC320 a.xml:6 joint[shoulder]@damping: 0.07, b.xml:6: 0.08 (100 % of the difference)"
     )
     fix = "Fix: set a.xml:6 to 0.08, or b.xml:6 to 0.07"
     for width in (60, 80, 120):
         text = io.StringIO()
-        print_comparison(Console(file=text, width=width, highlight=False, emoji=False), found)
+        print_comparison(Console(file=text, width=width, highlight=False, emoji=False), comparison)
         lines = text.getvalue().splitlines()
         top = " ".join(" ".join(lines[:8]).split())
         assert top.startswith(f"{cause} {fix} motions differ by")
@@ -112,12 +112,12 @@ def test_comments_and_white_space_are_no_difference_and_exit_0(tmp_path: Path) -
     )
     done = crosscheck(path, other, "--json", "record.json", cwd=tmp_path)
     assert (done.returncode, done.stdout[:4]) == (0, "ok  "), done.stdout + done.stderr
-    found = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult).compared
-    assert found is not None
-    assert found.differences == ()
+    comparison = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult).compared
+    assert comparison is not None
+    assert comparison.differences == ()
 
 
-def test_a_range_that_no_run_shows_differs_by_its_law(tmp_path: Path) -> None:
+def test_range_that_no_run_reaches_differs_by_its_law(tmp_path: Path) -> None:
     for name, end in (("a.xml", "90"), ("b.xml", "91")):
         written(tmp_path, name, LAMP, ('name="hinge"', f'name="hinge" range="-90 {end}"'))
     done = crosscheck("a.xml", "b.xml", cwd=tmp_path)
@@ -128,7 +128,7 @@ def test_a_range_that_no_run_shows_differs_by_its_law(tmp_path: Path) -> None:
     assert "not compared: limits" not in done.stdout
 
 
-def test_alike_differences_and_rounding_are_one_line_each(tmp_path: Path) -> None:
+def test_similar_differences_and_rounding_take_one_line_each(tmp_path: Path) -> None:
     joints = re.findall(r'<joint name="\w+"', MJCF)
     armature = [(joint, f'{joint} armature="0.01"') for joint in joints]
     numbers = ("0.041", "0.039", "0.017", "0.0008")
@@ -136,8 +136,8 @@ def test_alike_differences_and_rounding_are_one_line_each(tmp_path: Path) -> Non
     written(tmp_path, "a.xml", MJCF)
     written(tmp_path, "b.xml", MJCF, *armature, *other, ('mass="0.35"', 'mass="0.36"'))
     text = io.StringIO()
-    found = compared(tmp_path / "a.xml", tmp_path / "b.xml")
-    print_comparison(Console(file=text, width=300, highlight=False, emoji=False), found)
+    comparison = compared(tmp_path / "a.xml", tmp_path / "b.xml")
+    print_comparison(Console(file=text, width=300, highlight=False, emoji=False), comparison)
     printed = [line.strip() for line in text.getvalue().splitlines()]
     assert "armature of 3 joints: 0 in A, 0.01 in B" in printed
     mass = next(i for i, line in enumerate(printed) if "link hand: mass 0.35 in A" in line)
@@ -146,17 +146,17 @@ def test_alike_differences_and_rounding_are_one_line_each(tmp_path: Path) -> Non
     assert any(line.endswith("(below 1e-5), see --json") for line in printed)
 
 
-def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_path: Path) -> None:
-    a = written(tmp_path, "a.known", KNOWN)
-    b = written(tmp_path, "b.known", KNOWN + "[fault]\nsegfault = 1\n")
+def test_crash_of_an_engine_exits_3_and_is_reported(tmp_path: Path) -> None:
+    a = written(tmp_path, "a.known", MODEL)
+    b = written(tmp_path, "b.known", MODEL + "[fault]\nsegfault = 1\n")
     done = crosscheck(a, b, "--json", "record.json", cwd=tmp_path)
     assert done.returncode == 3, done.stdout + done.stderr
     assert done.stdout.startswith("ERROR  XC604 ")
     assert f"{b} [known]: the process died (SIGSEGV)" in done.stdout
-    found = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult)
-    assert found.outcome is Outcome.FAILED
-    assert "SIGSEGV" in found.reason
-    assert found.compared is None
+    record = decoded((tmp_path / "record.json").read_bytes(), ComparisonResult)
+    assert record.outcome is Outcome.FAILED
+    assert "SIGSEGV" in record.reason
+    assert record.compared is None
 
 
 def test_wrong_usage_exits_2_in_one_line(tmp_path: Path) -> None:
@@ -166,15 +166,15 @@ def test_wrong_usage_exits_2_in_one_line(tmp_path: Path) -> None:
 
 
 def test_joints_without_a_match_exit_2_in_one_line(tmp_path: Path) -> None:
-    a = written(tmp_path, "a.known", KNOWN)
-    b = written(tmp_path, "b.known", KNOWN, ('"a"', '"swing"'))
+    a = written(tmp_path, "a.known", MODEL)
+    b = written(tmp_path, "b.known", MODEL, ('"a"', '"swing"'))
     done = crosscheck(a, b, cwd=tmp_path)
     assert done.returncode == 2
     assert "--joints a=swing" in done.stderr
     assert done.stderr.count("\n") == 1
 
 
-def test_files_that_are_refused_are_failures_told_before_a_worker_is_started(
+def test_rejected_files_fail_before_a_worker_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def started(*_: object) -> None:
@@ -185,10 +185,10 @@ def test_files_that_are_refused_are_failures_told_before_a_worker_is_started(
         "a.urdf": "<!DOCTYPE r [<!ENTITY a 'b'>]><robot/>", "b.urdf": "hello", "c.xml": "",
     }.items():  # fmt: skip
         (tmp_path / name).write_text(text)
-    for one, other, message in (
+    for first, second, message in (
         ("a.urdf", "b.urdf", "a.urdf:1: refused: it declares entities or a DTD"),
         ("b.urdf", "a.urdf", "b.urdf:1: not XML at column 1: syntax error; write well-formed XML"),
         ("c.xml", "a.urdf", "c.xml:1: not XML: the file has no element; write well-formed XML"),
     ):
-        done = commands.crosscheck("compare", one, other, cwd=tmp_path)
+        done = commands.crosscheck("compare", first, second, cwd=tmp_path)
         assert (done.returncode, done.stderr) == (3, f"crosscheck: {message}\n")

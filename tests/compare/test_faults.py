@@ -1,4 +1,4 @@
-"""One thing made wrong in a copy: what differs is named by joint, by term and by line."""
+"""A planted fault in a copy: the difference is named by joint, term and line."""
 
 from pathlib import Path
 
@@ -28,9 +28,9 @@ FAULTS = (
 )  # fmt: skip
 
 
-def single(found: ComparisonResult) -> dict[str, FileDifference]:
-    """What each difference of the files explains alone, by its label."""
-    return {t.edits[0].what: t for t in result(found).differences if len(t.edits) == 1}
+def single(comparison: ComparisonResult) -> dict[str, FileDifference]:
+    """Return the differences that were tried alone, by label."""
+    return {t.edits[0].what: t for t in result(comparison).differences if len(t.edits) == 1}
 
 
 @pytest.mark.parametrize(("system", "name", "old", "new", "messages", "literal"), FAULTS)
@@ -46,23 +46,23 @@ def test_one_literal_off_by_a_millionth_is_named(
     path = model(system, name)
     engine = {".urdf": "mujoco"}.get(path.suffix)
     other = changed(tmp_path, path, (old, new))
-    found = compared(path, other, engine, engine)
-    assert found.outcome is Outcome.DIFFERS
-    # A millionth of a term is seen as about that, not as rounding.
-    assert 1e-9 < (result(found).discrepancy or 0.0) < 1e-5
-    # What the files say is told where both have bodies, and measured elsewhere.
+    comparison = compared(path, other, engine, engine)
+    assert comparison.outcome is Outcome.DIFFERS
+    # An error of a millionth is measured as such, not as rounding.
+    assert 1e-9 < (result(comparison).discrepancy or 0.0) < 1e-5
+    # Files that both declare bodies are compared directly, others by measured terms.
     reported = [
-        *(one.message for one in result(found).properties),
-        *(one.message for one in result(found).terms),
+        *(one.message for one in result(comparison).properties),
+        *(one.message for one in result(comparison).terms),
     ]
-    assert bool(result(found).terms) != bool(result(found).properties)
+    assert bool(result(comparison).terms) != bool(result(comparison).properties)
     for message in messages:
         assert any(message in one for one in reported), reported
-    # Nothing else is accused: every term told has a share in the fault.
+    # Nothing else is blamed: every reported term belongs to the fault.
     kinds = {message.partition(" ")[0] for message in messages} - {"(+1.0e-06)"}
     assert {one.partition(" ")[0] for one in reported} <= kinds
-    assert len(reported) <= (1 if result(found).properties else 4)
-    (trial,) = result(found).differences
+    assert len(reported) <= (1 if result(comparison).properties else 4)
+    (trial,) = result(comparison).differences
     (edit,) = trial.edits
     assert trial.explained == 1.0
     assert edit.what == literal
@@ -73,7 +73,7 @@ def test_one_literal_off_by_a_millionth_is_named(
     assert any(old.split("=")[0].strip('<"> ').split()[0] in one for one in near)
 
 
-def test_of_several_differences_each_is_told_its_share(tmp_path: Path) -> None:
+def test_each_of_several_differences_has_its_share(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(
         tmp_path,
@@ -83,18 +83,18 @@ def test_of_several_differences_each_is_told_its_share(tmp_path: Path) -> None:
         ('size="0.18 0.1"', 'size="0.2 0.1"'),
         ('timestep="0.002" integrator="Euler"', 'timestep="0.004" integrator="RK4"'),
     )
-    found = compared(path, other)
-    alone = single(found)
-    assert 0.9 < (alone["joint[x]@stiffness"].explained or 0) < 1.0
-    assert abs(alone["body[rod]/inertial@mass"].explained or 0) < 0.1
-    assert (alone["body[rod]/inertial@mass"].moved or 0) > 1e-7
+    comparison = compared(path, other)
+    differences = single(comparison)
+    assert 0.9 < (differences["joint[x]@stiffness"].explained or 0) < 1.0
+    assert abs(differences["body[rod]/inertial@mass"].explained or 0) < 0.1
+    assert (differences["body[rod]/inertial@mass"].moved or 0) > 1e-7
     for name in ("option@timestep", "option@integrator", "body[drum]/geom@size[0]"):
-        assert alone[name].moved == 0.0
-    (together,) = [t for t in result(found).differences if len(t.edits) > 1]
+        assert differences[name].moved == 0.0
+    (together,) = [t for t in result(comparison).differences if len(t.edits) > 1]
     assert (len(together.edits), together.explained) == (5, 1.0)
 
 
-def test_an_element_more_is_tried_as_a_whole(tmp_path: Path) -> None:
+def test_additional_element_is_tried_as_a_whole(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     extra = '<body name="knob" pos="0 0 -0.2"><inertial pos="0 0 0" mass="0.01"'
     extra += ' diaginertia="1e-6 1e-6 1e-6"/></body>\n    </body>\n  </worldbody>'
@@ -104,95 +104,97 @@ def test_an_element_more_is_tried_as_a_whole(tmp_path: Path) -> None:
     assert trial.edits[0].a == "nothing"
 
 
-def test_an_attribute_more_is_tried(tmp_path: Path) -> None:
+def test_additional_attribute_is_tried(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" armature="1e-5"/>'))
-    found = compared(other, path)
-    armature = single(found)["joint[theta]@armature"]
+    comparison = compared(other, path)
+    armature = single(comparison)["joint[theta]@armature"]
     assert (armature.explained, armature.edits[0].b) == (1.0, "nothing")
-    assert [one.kind for one in result(found).properties] == ["armature"]
+    assert [one.kind for one in result(comparison).properties] == ["armature"]
 
 
 @pytest.mark.usefixtures("usual_states")
-def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path: Path) -> None:
+def test_friction_is_not_reported_as_a_force_at_rest(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" frictionloss="0.001"/>'))
-    found = compared(path, other, include_constraints=True)
-    assert found.outcome is Outcome.DIFFERS
-    assert [t.message for t in result(found).terms] == [
+    comparison = compared(path, other, include_constraints=True)
+    assert comparison.outcome is Outcome.DIFFERS
+    assert [t.message for t in result(comparison).terms] == [
         "friction on theta: 0 in A, 0.001 in B, whatever its speed"
     ]
-    assert (result(found).differences[0].explained or 0) > 0.99
-    # Left out unless it is asked for, and told.
-    found = compared(path, other)
-    assert found.outcome is Outcome.AGREES
-    assert result(found).notes == ("not compared: dry friction, in B",)
-    assert [one.message for one in result(found).properties] == ["dry friction: 0 in A, 1 in B"]
+    assert (result(comparison).differences[0].explained or 0) > 0.99
+    # By default it is left out, with a note.
+    comparison = compared(path, other)
+    assert comparison.outcome is Outcome.AGREES
+    assert result(comparison).notes == ("not compared: dry friction, in B",)
+    assert [one.message for one in result(comparison).properties] == [
+        "dry friction: 0 in A, 1 in B"
+    ]
 
 
 @pytest.mark.slow
-def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path: Path) -> None:
+def test_quadratic_drag_is_not_reported_as_damping(tmp_path: Path) -> None:
     path = model("mass_spring_damper", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.002\nlink_damping = 0.04"))
-    found = compared(path, other, "pybullet", "pybullet")
-    assert [t.kind for t in result(found).terms] == ["friction"]
-    assert "depends on the velocity, not linearly" in result(found).terms[0].message
-    assert result(found).differences[0].edits[0].what == "sidecar:settings.link_damping"
-    assert result(found).differences[0].explained == 1.0
+    comparison = compared(path, other, "pybullet", "pybullet")
+    assert [t.kind for t in result(comparison).terms] == ["friction"]
+    assert "depends on the velocity, not linearly" in result(comparison).terms[0].message
+    assert result(comparison).differences[0].edits[0].what == "sidecar:settings.link_damping"
+    assert result(comparison).differences[0].explained == 1.0
 
 
-def test_gravity_that_differs_is_told_by_its_force(tmp_path: Path) -> None:
+def test_different_gravity_is_reported(tmp_path: Path) -> None:
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("gravity = [0, 0, -9.81]", "gravity = [0, 0, -9.80665]"))
-    found = compared(path, other, "mujoco", "pybullet")
-    assert [one.message for one in result(found).properties] == [
+    comparison = compared(path, other, "mujoco", "pybullet")
+    assert [one.message for one in result(comparison).properties] == [
         "gravity: (0, 0, -9.81) in A, (0, 0, -9.80665) in B"
     ]
-    assert (result(found).explained or 0.0) > 1 - 1e-6
-    assert not result(found).terms
-    assert found.models[1].gravity == (0, 0, -9.80665)
+    assert (result(comparison).explained or 0.0) > 1 - 1e-6
+    assert not result(comparison).terms
+    assert comparison.models[1].gravity == (0, 0, -9.80665)
 
 
-def test_a_joint_that_turns_the_other_way_is_named(tmp_path: Path) -> None:
+def test_joint_with_reversed_axis_is_named(tmp_path: Path) -> None:
     old, new, joint = '<axis xyz="0.6 0.8 0"/>', '<axis xyz="-0.6 -0.8 0"/>', "elbow"
     a = written(tmp_path, "arm.xml", MJCF, ('springref="0.4"', 'springref="0"'))
     urdf = URDF.replace("Reference>0.4<", "Reference>0<").replace(
         'lower="-0.2" upper="0.3"', 'lower="-0.3" upper="0.3"'
     )
     b = written(tmp_path, "arm.urdf", urdf, (old, new))
-    found = compared(a, b, engine_b="mujoco")
-    assert found.outcome is Outcome.DIFFERS
-    assert result(found).turned == (joint,)
-    assert (result(found).left_when_turned or 0.0) < 1e-9
-    assert not result(found).terms
+    comparison = compared(a, b, engine_b="mujoco")
+    assert comparison.outcome is Outcome.DIFFERS
+    assert result(comparison).turned == (joint,)
+    assert (result(comparison).left_when_turned or 0.0) < 1e-9
+    assert not result(comparison).terms
     mapped = compared(a, b, engine_b="mujoco", joints=f"{joint}=-{joint}")
     assert mapped.outcome is Outcome.AGREES
 
 
 @pytest.mark.slow
-def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path: Path) -> None:
+def test_mirror_image_leaves_the_reversed_joint_ambiguous(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     b = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 1 0"/>'))
-    # A Space has no joints whose axes could be told apart.
+    # A Space has no joints with distinguishable axes.
     assert result(compared(model("drum_pendulum", "space.py"), b)).turned == ("x or theta",)
     assert result(compared(path, b)).turned == ("theta",)
 
 
-def test_a_product_of_inertia_shows_across_formats(tmp_path: Path) -> None:
+def test_product_of_inertia_differs_across_formats(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('izz="0.003" ixy="0"', 'izz="0.003" ixy="0.00002"'))
-    found = compared(a, b, engine_b="mujoco")
-    assert found.outcome is Outcome.DIFFERS
-    (difference,) = (one for one in result(found).properties if one.moves)
+    comparison = compared(a, b, engine_b="mujoco")
+    assert comparison.outcome is Outcome.DIFFERS
+    (difference,) = (one for one in result(comparison).properties if one.moves)
     assert (difference.kind, difference.about) == ("inertia", "fore")
     assert str(difference.where_b).endswith("arm.urdf:10")
-    assert (result(found).explained or 0.0) > 1 - 1e-6
+    assert (result(comparison).explained or 0.0) > 1 - 1e-6
 
 
-def test_across_formats_a_constant_names_both_lines(tmp_path: Path) -> None:
+def test_constant_across_formats_names_both_lines(tmp_path: Path) -> None:
     a = changed(tmp_path, model("drum_pendulum", "mujoco.xml"), ('mass="0.8"', 'mass="0.8001"'))
-    found = compared(a, model("drum_pendulum", "robot.urdf"), engine_b="mujoco")
-    (trial,) = result(found).differences
+    comparison = compared(a, model("drum_pendulum", "robot.urdf"), engine_b="mujoco")
+    (trial,) = result(comparison).differences
     assert trial.explained == 1.0
     (edit,) = trial.edits
     assert edit.what.endswith("both m")
@@ -201,17 +203,17 @@ def test_across_formats_a_constant_names_both_lines(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path: Path) -> None:
+def test_released_mimic_joint_is_reported_as_a_constraint(tmp_path: Path) -> None:
     path = model("drum_pendulum", "robot.urdf")
     line = '<mimic joint="x" multiplier="5.555555555555555" offset="0"/>'
     other = changed(tmp_path, path, (line, ""))
-    found = compared(path, other, "pybullet", "pybullet")
-    assert found.outcome is Outcome.DIFFERS
-    assert [t.kind for t in result(found).terms] == ["constraint"]
-    assert "3 joints can move independently in B, 2 in A" in result(found).terms[0].message
+    comparison = compared(path, other, "pybullet", "pybullet")
+    assert comparison.outcome is Outcome.DIFFERS
+    assert [t.kind for t in result(comparison).terms] == ["constraint"]
+    assert "3 joints can move independently in B, 2 in A" in result(comparison).terms[0].message
 
 
-def test_a_model_without_gravity_to_set_still_names_the_stiffness(tmp_path: Path) -> None:
+def test_model_without_gravity_setting_names_the_stiffness(tmp_path: Path) -> None:
     text = """names = ["a", "b"]
 M = [[2.0, 0.3], [0.3, 1.0]]
 C = [[0.5, 0.0], [0.0, 0.2]]
@@ -223,8 +225,8 @@ claims = 1
 """
     a = written(tmp_path, "a.known", text)
     b = written(tmp_path, "b.known", text, ("-5.0], [-5.0", "-5.001], [-5.001"))
-    found = compared(a, b)
-    assert [t.message for t in result(found).terms] == [
+    comparison = compared(a, b)
+    assert [t.message for t in result(comparison).terms] == [
         "stiffness between a and b: -5 in A, -5.001 in B (+0.02 %)"
     ]
-    assert result(found).differences == ()
+    assert result(comparison).differences == ()

@@ -1,4 +1,4 @@
-"""What differs between two files, and what would have to be written in the first to make it so."""
+"""Differences between two files, and the edits that turn the first into the second."""
 
 from pathlib import Path
 
@@ -21,10 +21,10 @@ from tests.compare.asking import written
 
 
 def between(
-    folder: Path, suffix: str, one: str, other: str
+    folder: Path, suffix: str, a: str, b: str
 ) -> tuple[list[tuple[str, int | None, int | None, str, str]], str]:
-    """Differences of two texts, as (label, line in A, line in B, old, new), and A made B."""
-    files = written(folder, f"a{suffix}", one), written(folder, f"b{suffix}", other)
+    """Return differences as (label, line in A, line in B, old, new), and A with B's edits."""
+    files = written(folder, f"a{suffix}", a), written(folder, f"b{suffix}", b)
     sides = [
         Candidate(
             "A",
@@ -41,35 +41,36 @@ def between(
         )
         for f in files
     ]
-    found = edits(*sides)
+    differences = edits(*sides)
     rows = [
-        (e.what, e.where_a.line, e.where_b.line, e.a, e.b) for e in (one.record for one in found)
+        (e.what, e.where_a.line, e.where_b.line, e.a, e.b)
+        for e in (edit.record for edit in differences)
     ]
-    return rows, applied(one.encode(), found).decode()
+    return rows, applied(a.encode(), differences).decode()
 
 
-def test_a_number_of_a_vector_is_one_difference(tmp_path: Path) -> None:
-    found, made = between(
+def test_number_of_a_vector_is_one_difference(tmp_path: Path) -> None:
+    rows, patched = between(
         tmp_path,
         ".xml",
         '<m>\n<b name="rod" pos="0 1\n 2"/></m>',
         '<m><b name="rod" pos="0  1.0 2.5"/></m>',
     )
-    assert found == [("b[rod]@pos[2]", 2, 1, "2", "2.5")]
-    assert made == '<m>\n<b name="rod" pos="0 1\n 2.5"/></m>'
+    assert rows == [("b[rod]@pos[2]", 2, 1, "2", "2.5")]
+    assert patched == '<m>\n<b name="rod" pos="0 1\n 2.5"/></m>'
 
 
-@pytest.mark.parametrize(("one", "other"), [
+@pytest.mark.parametrize(("a", "b"), [
     ('<m><b x="1"/></m>', '<m><b   x = \'1.0\'></b></m>'),
     ("<m><b>1</b></m>", "<m><!-- new -->\n<b> 1e0 <!-- old --></b></m>"),
     ('<m><b name="one"/><b name="two"/></m>', '<m><b name="two"/><b name="one"/></m>'),
     ('<m a="1" b="2"/>', '<m b="2" a="1"/>'),
 ])  # fmt: skip
-def test_the_same_said_otherwise_is_no_difference(tmp_path: Path, one: str, other: str) -> None:
-    assert between(tmp_path, ".xml", one, other)[0] == []
+def test_other_notation_is_no_difference(tmp_path: Path, a: str, b: str) -> None:
+    assert between(tmp_path, ".xml", a, b)[0] == []
 
 
-@pytest.mark.parametrize(("one", "other", "expected"), [
+@pytest.mark.parametrize(("a", "b", "expected"), [
     ('<m><b n="1"/></m>', '<m><b n="1" k="2"/></m>', ("b@k", "nothing", "2")),
     ('<m><b n="1" k="2"/></m>', '<m><b n="1"/></m>', ("b@k", "2", "nothing")),
     ('<m><b n="1 2"/></m>', '<m><b n="1 2 3"/></m>', ("b@n", "1 2", "1 2 3")),
@@ -79,28 +80,28 @@ def test_the_same_said_otherwise_is_no_difference(tmp_path: Path, one: str, othe
     ('<m><b/><c k="1"><d/></c></m>', "<m><b/></m>", ("c", '<c k="1"><d/></c>', "nothing")),
     ('<m><j name="a"/></m>', '<m><j name="b"/></m>', ("j[a]@name", "a", "b")),
 ])  # fmt: skip
-def test_every_kind_of_difference_can_be_made(
-    tmp_path: Path, one: str, other: str, expected: tuple[str, ...]
+def test_every_kind_of_difference_can_be_applied(
+    tmp_path: Path, a: str, b: str, expected: tuple[str, ...]
 ) -> None:
-    found, made = between(tmp_path, ".xml", one, other)
-    assert [(label, old, new) for label, _, _, old, new in found] == [expected]
-    assert between(tmp_path, ".xml", made, other)[0] == []
+    rows, patched = between(tmp_path, ".xml", a, b)
+    assert [(label, old, new) for label, _, _, old, new in rows] == [expected]
+    assert between(tmp_path, ".xml", patched, b)[0] == []
 
 
-def test_numbers_of_python_are_told_by_their_names_or_lines(tmp_path: Path) -> None:
-    one = "MASS = 2.0  # kg\n\ndef build():\n    '''Old.'''\n    return MASS, -0.5, 7\n"
-    other = "\nMASS = 2.5\ndef build():\n    'New.'\n    return MASS, +0.5, 7.0\n"
-    found, made = between(tmp_path, ".py", one, other)
-    assert found == [("MASS", 1, 2, "2.0", "2.5"), ("number", 5, 5, "-0.5", "+0.5")]
-    assert "MASS = 2.5  # kg" in made
-    assert "return MASS, +0.5, 7" in made
+def test_numbers_in_python_are_labelled_by_name_or_line(tmp_path: Path) -> None:
+    a = "MASS = 2.0  # kg\n\ndef build():\n    '''Old.'''\n    return MASS, -0.5, 7\n"
+    b = "\nMASS = 2.5\ndef build():\n    'New.'\n    return MASS, +0.5, 7.0\n"
+    rows, patched = between(tmp_path, ".py", a, b)
+    assert rows == [("MASS", 1, 2, "2.0", "2.5"), ("number", 5, 5, "-0.5", "+0.5")]
+    assert "MASS = 2.5  # kg" in patched
+    assert "return MASS, +0.5, 7" in patched
 
 
-def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path: Path) -> None:
-    one, other = "a = 1\nb = a\n", "a = 1\nb = a * 2\n"
-    found, made = between(tmp_path, ".py", one, other)
-    assert [entry[:3] for entry in found] == [("code", 2, 2)]
-    assert made == other
+def test_changed_code_is_one_difference_at_its_first_line(tmp_path: Path) -> None:
+    a, b = "a = 1\nb = a\n", "a = 1\nb = a * 2\n"
+    rows, patched = between(tmp_path, ".py", a, b)
+    assert [entry[:3] for entry in rows] == [("code", 2, 2)]
+    assert patched == b
 
 
 @pytest.mark.parametrize(("suffix", "text", "sentence"), [
@@ -108,7 +109,7 @@ def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path: Pat
     (".xml", "<!DOCTYPE m [<!ENTITY a 'b'>]><m/>", "entities or a DTD"),
     (".py", "a = (", r"b.py:1: no Python"),
 ])  # fmt: skip
-def test_a_file_that_cannot_be_read_is_named_with_its_line(
+def test_unreadable_file_is_named_with_its_line(
     tmp_path: Path, suffix: str, text: str, sentence: str
 ) -> None:
     with pytest.raises(LocationError, match=sentence):
@@ -132,7 +133,7 @@ EFFECTS = (
 
 
 def sides(folder: Path, base: str, *changes: tuple[str, str]) -> tuple[list[Difference], ModelSide]:
-    """Differences of an arm in MJCF and a changed one, and the changed one."""
+    """Return the differences of an arm in MJCF from a changed copy, and the changed side."""
     pair = [
         written(folder / label, "arm.xml", base, *some)
         for label, some in (("a", ()), ("b", changes))
@@ -146,8 +147,8 @@ def sides(folder: Path, base: str, *changes: tuple[str, str]) -> tuple[list[Diff
     return properties(here, there, pairs)[0], there
 
 
-def test_the_turn_of_a_symmetric_body_is_that_of_its_axis(tmp_path: Path) -> None:
-    """Any two axes in the plane of equal moments are principal, so their angle means nothing."""
+def test_rotation_of_a_symmetric_body_is_that_of_its_axis(tmp_path: Path) -> None:
+    """Ignore the angle of axes in the plane of equal moments of inertia: all are principal."""
     old = 'diaginertia="0.0008 0.0008 0.0005"'
     base = MJCF.replace('diaginertia="0.0008 0.0009 0.0005"', old)
     ((row, _),), _ = sides(tmp_path, base, (old, f'{old} euler="0.1 0 0.7"'))
@@ -155,10 +156,10 @@ def test_the_turn_of_a_symmetric_body_is_that_of_its_axis(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(("kind", "old", "new"), EFFECTS)
-def test_a_difference_put_into_the_tree_of_a_makes_that_of_b(
+def test_difference_applied_to_the_tree_of_a_gives_that_of_b(
     tmp_path: Path, kind: str, old: str, new: str
 ) -> None:
-    """Effects of differences are those of these trees, so both must accelerate alike."""
+    """Check the effect of a difference: both trees must have equal accelerations."""
     base = MJCF.replace(' euler="0.3 0 0"', "") if "xyaxes" in new else MJCF
     differences, there = sides(tmp_path, base, (old, new))
     ((row, tree),) = [one for one in differences if one[0].moves]

@@ -1,4 +1,4 @@
-"""Limits, friction, contacts and drives of two files: named with lines, and weighed by a step."""
+"""Differences of limits, friction, contacts and drives: their lines, and effects over a step."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def hoppers(folder: Path, old: str, new: str) -> tuple[Path, Path]:
 def test_one_number_of_the_laws_is_named_with_its_line(
     old: str, new: str, message: str, line: int, tmp_path: Path
 ) -> None:
-    """Catch a number of the laws that compare passes over, or weighs as nothing."""
+    """Catch a number of the laws that compare skips or gives no effect."""
     (row,) = laws(*hoppers(tmp_path, old, new))
     assert row.message == message
     assert row.effect is not None
@@ -51,18 +51,18 @@ def test_one_number_of_the_laws_is_named_with_its_line(
 
 
 @pytest.mark.parametrize(("new", "outcome"), [("0.4", Outcome.AGREES), ("0.9", Outcome.DIFFERS)])
-def test_a_number_is_a_difference_if_it_has_an_effect(
+def test_number_is_a_difference_if_it_has_an_effect(
     new: str, outcome: Outcome, tmp_path: Path
 ) -> None:
-    """Catch a verdict by numbers that no contact takes: the larger friction acts."""
+    """Catch a verdict from numbers that no contact uses: the larger friction acts."""
     floor = 'size="5 5 1" friction="{}"'
-    found = compared(*hoppers(tmp_path, floor.format("0.5"), floor.format(new)))
-    (row,) = result(found).laws or ()
-    assert found.outcome is outcome
-    assert result(found).by_law == bool(row.effect) == (outcome is Outcome.DIFFERS)
+    comparison = compared(*hoppers(tmp_path, floor.format("0.5"), floor.format(new)))
+    (row,) = result(comparison).laws or ()
+    assert comparison.outcome is outcome
+    assert result(comparison).by_law == bool(row.effect) == (outcome is Outcome.DIFFERS)
 
 
-def test_equal_files_have_no_such_difference(tmp_path: Path) -> None:
+def test_equal_files_have_no_different_laws(tmp_path: Path) -> None:
     assert not laws(*hoppers(tmp_path, 'name="trunk" type', 'name="trunk" rgba="1 0 0 1" type'))
 
 
@@ -75,7 +75,7 @@ def test_equal_files_have_no_such_difference(tmp_path: Path) -> None:
 def test_limits_of_a_urdf_are_compared_with_those_of_an_mjcf(
     old: str, new: str, message: str, is_first: bool, tmp_path: Path
 ) -> None:
-    """Catch limits of rigid and soft joints that compare leaves out, or finds where none differ."""
+    """Catch limits of rigid and soft joints that compare leaves out or invents."""
     pytest.importorskip("pybullet")
     urdf = written(tmp_path, "a.urdf", URDF, (old, new)), "pybullet"
     mjcf = written(tmp_path, "b.xml", SOFT), "mujoco"
@@ -111,7 +111,7 @@ LEG = """<robot name="leg"><link name="body"><contact><lateral_friction value="0
 def test_numbers_of_impulses_are_compared(
     old: str, new: str, message: str, line: int, tmp_path: Path
 ) -> None:
-    """Catch numbers of limits, motors and contacts that two URDFs state otherwise."""
+    """Catch numbers of limits, motors and contacts that differ between two URDFs."""
     pytest.importorskip("pybullet")
     a = written(tmp_path, "a.urdf", LEG)
     b = written(tmp_path, "b.urdf", LEG, (old, new))

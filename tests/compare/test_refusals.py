@@ -1,4 +1,4 @@
-"""What can't be compared is refused in one line, with the place and the remedy."""
+"""Comparisons that are rejected: one line, with the place and the remedy."""
 
 from pathlib import Path
 
@@ -19,12 +19,12 @@ from tests.compare.asking import changed, compared, model, written
 NONE: tuple[dict[str, str], dict[str, str]] = ({}, {})
 
 
-def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(
+def test_renamed_joint_is_rejected_with_a_remedy(
     tmp_path: Path,
 ) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('joint name="theta"', 'joint name="theta_2"'))
-    # A Space has no tree in which a joint has a place.
+    # A Space has no tree to match joints by geometry.
     with pytest.raises(CompareError) as error:
         compared(model("drum_pendulum", "space.py"), other)
     assert "no match for joint" in str(error.value)
@@ -32,11 +32,11 @@ def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(
     assert "none was found by name, order or geometry, and none can be held" in str(error.value)
 
 
-def test_a_joint_that_the_other_model_has_locked_is_refused_where_it_cannot_be_held(
+def test_joint_locked_in_the_other_model_is_rejected_if_it_cannot_be_held(
     tmp_path: Path,
 ) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
-    # What a sidecar tells may follow from other joints.
+    # Coordinates of a sidecar may depend on other joints.
     written(tmp_path, "arm.xml.toml", 'engines = ["mujoco"]\n')
     b = written(
         tmp_path,
@@ -55,7 +55,7 @@ def test_a_joint_that_the_other_model_has_locked_is_refused_where_it_cannot_be_h
     ("theta=hip", "hip is neither a coordinate nor a constant; the joints of B are x, theta"),
     ("theta=2+", "can't read '2\\+'"),
 ])  # fmt: skip
-def test_a_map_that_cannot_be_read_is_refused(joints: str, sentence: str) -> None:
+def test_unreadable_map_is_rejected(joints: str, sentence: str) -> None:
     with pytest.raises(CompareError, match=sentence):
         match(("x", "theta"), ("x", "theta"), declared(joints, None), NONE)
 
@@ -64,30 +64,28 @@ def test_a_map_that_cannot_be_read_is_refused(joints: str, sentence: str) -> Non
     ("[joints", "map.toml: can't be read"),
     ("[coordinates]\na = 'b'", "it needs one table, \\[joints\\]"),
 ])  # fmt: skip
-def test_a_map_file_that_cannot_be_read_is_refused(
-    tmp_path: Path, text: str, sentence: str
-) -> None:
+def test_unreadable_map_file_is_rejected(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(CompareError, match=sentence):
         declared("", written(tmp_path, "map.toml", text))
 
 
-def test_a_map_may_scale_turn_and_shift(tmp_path: Path) -> None:
+def test_map_may_scale_reverse_and_shift(tmp_path: Path) -> None:
     z, w = [[0.4, 0.7]], [[2.0, 3.0]]
     pairs = declared("a=2*q-1, b=-r", None)
     table = written(tmp_path, "map.toml", '[joints]\nq = "(a + 1) / 2"\nr = "-b"\n')
     for given in (pairs, declared("", table)):
-        found = match(("a", "b"), ("q", "r"), given, NONE)
-        assert found.source == "A"
-        states = found.convert(np.hstack([z, w]))
+        mapping = match(("a", "b"), ("q", "r"), given, NONE)
+        assert mapping.source == "A"
+        states = mapping.convert(np.hstack([z, w]))
         assert np.allclose(states, [[0.7, -0.7, 1.0, -3.0]], atol=1e-15)
 
 
-def test_a_name_that_has_a_partner_is_not_matched_again() -> None:
+def test_mapped_joint_is_not_matched_again() -> None:
     with pytest.raises(CompareError, match="no match for joint b of A and joint a of B"):
         match(("a", "b"), ("a", "c"), declared("a=c", None), NONE)
 
 
-def test_a_state_of_a_joint_that_is_not_there_is_refused() -> None:
+def test_start_of_an_unknown_joint_is_rejected() -> None:
     path = model("simple_pendulum", "mujoco.xml")
     with pytest.raises(CompareError, match=r"--start: 'phi' is not a joint, .* are theta"):
         compared(path, path, starts=({"phi": 1.0},))
@@ -99,7 +97,7 @@ def test_a_state_of_a_joint_that_is_not_there_is_refused() -> None:
     ("mujoco.xml", "pybullet", "pybullet reads .urdf files alone; choose another with --engine-b"),
     ("system.py.toml", None, "no engine reads it; they read"),
 ])  # fmt: skip
-def test_a_path_or_engine_that_will_not_do_is_refused(
+def test_unusable_path_or_engine_is_rejected(
     tmp_path: Path, name: str, engine: str | None, sentence: str
 ) -> None:
     changed(tmp_path, model("simple_pendulum", "mujoco.xml"))
@@ -108,7 +106,7 @@ def test_a_path_or_engine_that_will_not_do_is_refused(
         candidate("B", tmp_path / name, engine)
 
 
-def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_engine_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
@@ -119,7 +117,7 @@ def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch: pytest.MonkeyPa
         candidate("A", model("simple_pendulum", "space.py"), None)
 
 
-def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(
+def test_urdf_runs_in_the_first_installed_engine_of_its_sidecar(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from physics_crosscheck.harness.engines.pybullet import PybulletEngine
@@ -134,13 +132,13 @@ def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(
     assert candidate("A", path, None).engine == "mujoco"
 
 
-def test_a_sidecar_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+def test_unreadable_sidecar_is_named(tmp_path: Path) -> None:
     path = changed(tmp_path, model("simple_pendulum", "robot.urdf"), ("[settings]", "[settings"))
     with pytest.raises(SidecarError, match=r"robot.urdf.toml: "):
         candidate("A", path, None)
 
 
-def test_a_model_that_cannot_be_loaded_is_named_with_its_engine(tmp_path: Path) -> None:
+def test_model_that_fails_to_load_is_named_with_its_engine(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('mass="0.45"', 'mass="-0.45"'))
     with pytest.raises(FailureError, match=r"mujoco.xml:34: MuJoCo can't load it"):

@@ -34,20 +34,20 @@ LIMITS = 'lower="-0.2" upper="0.3"'
 
 
 def gymnasium(name: str) -> Path:
-    found = pytest.importorskip("gymnasium")
-    return Path(found.__file__).parent / "envs" / "mujoco" / "assets" / name
+    module = pytest.importorskip("gymnasium")
+    return Path(module.__file__).parent / "envs" / "mujoco" / "assets" / name
 
 
-def moving(found: ComparisonResult) -> list[str]:
-    return [one.message for one in result(found).properties if one.moves]
+def with_effect(comparison: ComparisonResult) -> list[str]:
+    return [one.message for one in result(comparison).properties if one.moves]
 
 
-def idle(found: ComparisonResult) -> list[str]:
-    return [one.message for one in result(found).properties if not one.moves]
+def without_effect(comparison: ComparisonResult) -> list[str]:
+    return [one.message for one in result(comparison).properties if not one.moves]
 
 
 def shaped(shape: str) -> tuple[tuple[str, str], ...]:
-    """The arm's first two links with a shape."""
+    """Return the edits that give a shape to the first two links of the arm."""
     return (
         ('<link name="ground"/>', f'<link name="ground">{shape}</link>'),
         ('<link name="upper">', f'<link name="upper">{shape}'),
@@ -55,67 +55,67 @@ def shaped(shape: str) -> tuple[tuple[str, str], ...]:
     )
 
 
-def test_a_base_that_touches_its_first_link_is_no_difference_of_two_engines(
+def test_base_touching_its_first_link_is_no_difference(
     tmp_path: Path,
 ) -> None:
     path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[1]))
-    found = agrees(compared(path, path, "pybullet", "mujoco"))
-    assert "not compared: limits of position, collision geometry (2)" in result(found).notes
+    comparison = agrees(compared(path, path, "pybullet", "mujoco"))
+    assert "not compared: limits of position, collision geometry (2)" in result(comparison).notes
 
 
-def test_meshes_that_are_not_there_are_not_looked_for(tmp_path: Path) -> None:
+def test_missing_meshes_are_not_needed(tmp_path: Path) -> None:
     path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[0]))
     agrees(compared(path, path, "pybullet", "mujoco"))
 
 
-def test_a_range_without_zero_is_no_difference(tmp_path: Path) -> None:
-    """As that of a panda's fourth joint."""
+def test_range_without_zero_is_no_difference(tmp_path: Path) -> None:
+    """Use a range like that of the fourth joint of a Panda."""
     near = ('type="continuous">\n    <parent link="upper"/>',
             'type="revolute">\n    <limit lower="-3.07" upper="-0.07" effort="87" velocity="2"/>'
             '\n    <parent link="upper"/>')  # fmt: skip
     path = written(tmp_path, "arm.urdf", URDF, near)
-    found = agrees(compared(path, path, "pybullet", "mujoco"))
-    names = found.models[0].coordinates or ()
+    comparison = agrees(compared(path, path, "pybullet", "mujoco"))
+    names = comparison.models[0].coordinates or ()
     elbow = sampled(path, path, "pybullet", "mujoco").runs.start[:, names.index("elbow")]
     assert elbow.min() > -3.07
     assert elbow.max() < -0.07
 
 
 @pytest.mark.parametrize("include_constraints", [False, True])
-def test_a_home_at_a_limit_is_no_obstacle(tmp_path: Path, include_constraints: bool) -> None:
+def test_home_pose_at_a_limit_agrees(tmp_path: Path, include_constraints: bool) -> None:
     a = written(tmp_path, "arm.xml", MJCF, ('range="-0.2 0.3"', 'range="0 0.3"'))
     b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0" upper="0.3"'))
-    found = compared(a, b, engine_b="mujoco", include_constraints=include_constraints)
-    assert found.outcome is Outcome.AGREES, found.reason
-    assert result(found).runs.count > 12
+    comparison = compared(a, b, engine_b="mujoco", include_constraints=include_constraints)
+    assert comparison.outcome is Outcome.AGREES, comparison.reason
+    assert result(comparison).runs.count > 12
 
 
 def test_starts_are_within_the_limits_of_both(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0.1" upper="0.4"'))
-    found = agrees(compared(a, b, engine_b="mujoco"))
-    reach = sampled(a, b, engine_b="mujoco").runs.start[:, 2]
-    assert reach.min() > 0.1
-    assert reach.max() < 0.3
-    assert idle(found) == ["range of joint reach: -0.2 to 0.3 in A, 0.1 to 0.4 in B"]
+    comparison = agrees(compared(a, b, engine_b="mujoco"))
+    starts = sampled(a, b, engine_b="mujoco").runs.start[:, 2]
+    assert starts.min() > 0.1
+    assert starts.max() < 0.3
+    assert without_effect(comparison) == ["range of joint reach: -0.2 to 0.3 in A, 0.1 to 0.4 in B"]
 
 
 def test_one_mass_across_formats_is_one_line(tmp_path: Path) -> None:
     mass = "0.90000009"
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('mass value="0.9"', f'mass value="{mass}"'))
-    found = compared(a, b, engine_b="mujoco")
-    assert found.outcome is Outcome.DIFFERS
-    assert moving(found) == [f"link fore: mass 0.9 in A, {mass} in B (+1.0e-07)"]
+    comparison = compared(a, b, engine_b="mujoco")
+    assert comparison.outcome is Outcome.DIFFERS
+    assert with_effect(comparison) == [f"link fore: mass 0.9 in A, {mass} in B (+1.0e-07)"]
     line = MJCF[: MJCF.index('mass="0.9"')].count("\n") + 1
-    difference = result(found).properties[0]
+    difference = result(comparison).properties[0]
     assert str(difference.where_a) == f"{a}:{line}"
     assert str(difference.where_b).endswith("arm.urdf:10")
-    assert result(found).terms == ()
+    assert result(comparison).terms == ()
 
 
-def test_frames_of_links_lumps_and_zeros_of_joints_are_conventions(tmp_path: Path) -> None:
-    """The same arm: the hand in two links, the forearm's frame turned, the elbow from elsewhere."""
+def test_link_frames_welds_and_joint_zeros_are_conventions(tmp_path: Path) -> None:
+    """Split the hand into two links, turn the frame of the forearm, and move the elbow's zero."""
     a = written(tmp_path, "arm.xml", MJCF, ('stiffness="2.5" springref="0.4"', ""))
     hand = '<mass value="0.35"/>'
     half = URDF[URDF.index('<link name="hand">') :].partition("</link>")[0] + "</link>"
@@ -135,15 +135,15 @@ def test_frames_of_links_lumps_and_zeros_of_joints_are_conventions(tmp_path: Pat
         ('<joint name="shoulder"', palm + weld),
         ('<origin xyz="0.01 0.05 -0.45"/>', turned()),
     )
-    found = compared(a, b, engine_b="mujoco")
-    (message,) = moving(found)
+    comparison = compared(a, b, engine_b="mujoco")
+    (message,) = with_effect(comparison)
     assert message.startswith("zero of joint elbow: 0.3 rad from that of A")
     remedy = message.partition("--joints=")[2].rstrip(")")
     agrees(compared(a, b, engine_b="mujoco", joints=remedy))
 
 
 def turned() -> str:
-    """The elbow's place, turned about its axis (0.6, 0.8, 0) by 0.3."""
+    """Return the origin of the elbow, turned about its axis (0.6, 0.8, 0) by 0.3 rad."""
     axis, angle = np.array([0.6, 0.8, 0.0]), 0.3
     cross = np.cross(np.eye(3), axis)
     m = np.eye(3) - np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
@@ -157,20 +157,20 @@ def turned() -> str:
 RENAMED = tuple((f'"{name}"', f'"{name}_x"') for name in ("shoulder", "elbow", "reach"))
 
 
-def test_joints_of_other_names_are_paired_by_their_order(tmp_path: Path) -> None:
+def test_renamed_joints_are_paired_by_order(tmp_path: Path) -> None:
     motor = '<actuator><motor joint="elbow"/></actuator></mujoco>'
     a = written(tmp_path, "arm.xml", MJCF, ("</mujoco>", motor))
     b = written(tmp_path, "arm.urdf", URDF, *RENAMED)
-    found = agrees(compared(a, b, engine_b="mujoco"))
-    assert result(found).map == tuple(
+    comparison = agrees(compared(a, b, engine_b="mujoco"))
+    assert result(comparison).map == tuple(
         f"joint {name} of A is {name}_x of B: by order" for name in ("shoulder", "elbow", "reach")
     )
     left_out = "not compared: actuators (1) of A, since the other file's format has none"
-    assert left_out in result(found).notes
+    assert left_out in result(comparison).notes
 
 
 def two_arms(first: str, second: str) -> str:
-    """Two pendulums on one base, in some order."""
+    """Return two pendulums on one base, in a given order."""
     bodies = {
         name: f'<body name="{name}" pos="0 {y} 1"><joint name="{name}_{first}" axis="0 1 0"/>'
         f'<inertial pos="0 0 -{far}" mass="{mass}" diaginertia="0.01 0.02 0.03"/></body>'
@@ -180,49 +180,52 @@ def two_arms(first: str, second: str) -> str:
     return f"<mujoco><worldbody>{inner}</worldbody></mujoco>"
 
 
-def test_joints_of_other_names_and_order_are_paired_by_geometry(tmp_path: Path) -> None:
+def test_renamed_and_reordered_joints_are_paired_by_geometry(tmp_path: Path) -> None:
     a = written(tmp_path, "a.xml", two_arms("hip", "left right"))
     b = written(tmp_path, "b.xml", two_arms("joint", "right left"))
-    found = agrees(compared(a, b))
-    assert set(result(found).map) == {
+    comparison = agrees(compared(a, b))
+    assert set(result(comparison).map) == {
         "joint left_hip of A is left_joint of B: by geometry",
         "joint right_hip of A is right_joint of B: by geometry",
     }
 
 
-def test_a_joint_without_a_partner_is_named_and_held(tmp_path: Path) -> None:
+def test_unmatched_joint_is_named_and_held(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     spring = URDF[URDF.index('<gazebo reference="reach">') :].partition("</robot>")[0]
     locked = ('"reach" type="prismatic"', '"reach" type="fixed"'), (spring, "")
     b = written(tmp_path, "arm.urdf", URDF, *locked)
-    for one, other, engines in ((a, b, (None, "mujoco")), (b, a, ("mujoco", None))):
-        found = agrees(compared(one, other, *engines))
-        label, of = ("A", "B") if one == a else ("B", "A")
-        assert f"joint reach of {label} has no partner in {of}: held at 0" in result(found).notes
-        assert moving(found) == []
+    for first, second, engines in ((a, b, (None, "mujoco")), (b, a, ("mujoco", None))):
+        comparison = agrees(compared(first, second, *engines))
+        label, other = ("A", "B") if first == a else ("B", "A")
+        assert (
+            f"joint reach of {label} has no partner in {other}: held at 0"
+            in result(comparison).notes
+        )
+        assert with_effect(comparison) == []
 
 
-# Of a link without any, PyBullet makes one of 1 kg.
-NOTHING = (
+# PyBullet gives 1 kg to a link without <inertial>.
+MASSLESS = (
     '<inertial><mass value="0"/>'
     '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>'
 )
 
 
-def test_a_frame_of_one_name_is_held_against_its_namesake(tmp_path: Path) -> None:
+def test_frames_of_the_same_name_are_compared(tmp_path: Path) -> None:
     site = ('<inertial pos="0.015 -0.01 -0.06"', '<site name="tip" pos="0 0 -0.1"/>'
             '<inertial pos="0.015 -0.01 -0.06"')  # fmt: skip
     a = written(tmp_path, "arm.xml", MJCF, site)
     for z, turn, engine in (("-0.1", "0", "pybullet"), ("-0.12", "0.1", "mujoco")):
         tip = (
-            f'<link name="tip">{NOTHING}</link>'
+            f'<link name="tip">{MASSLESS}</link>'
             '<joint name="weld" type="fixed"><parent link="hand"/>'
             f'<child link="tip"/><origin xyz="0 0 {z}" rpy="0 0 {turn}"/></joint>'
             '<joint name="shoulder"'
         )
         b = written(tmp_path, "arm.urdf", URDF, ('<joint name="shoulder"', tip))
-        found = agrees(compared(a, b, engine_b=engine))
-        messages = [one for one in idle(found) if one.startswith("frame tip")]
+        comparison = agrees(compared(a, b, engine_b=engine))
+        messages = [one for one in without_effect(comparison) if one.startswith("frame tip")]
         if z == "-0.1":
             assert messages == []
         else:
@@ -231,18 +234,18 @@ def test_a_frame_of_one_name_is_held_against_its_namesake(tmp_path: Path) -> Non
             assert "turned by 0.1 rad" in sentence
 
 
-def test_actuators_are_held_against_each_other(tmp_path: Path) -> None:
+def test_actuators_are_compared(tmp_path: Path) -> None:
     motor = '<actuator><motor name="drive" joint="elbow" gear="{}"/></actuator></mujoco>'
     a, b = (
         written(tmp_path, f"{gear}.xml", MJCF, ("</mujoco>", motor.format(gear)))
         for gear in ("20", "21")
     )
-    found = compared(a, b)
-    assert found.outcome is Outcome.DIFFERS
-    assert "actuators (1), each held at a control within its range" in result(found).notes
-    assert moving(found) == ["gear of actuator drive: 20 in A, 21 in B"]
-    assert (result(found).explained or 0.0) > 1 - 1e-6
-    assert single(found).explained == 1.0
+    comparison = compared(a, b)
+    assert comparison.outcome is Outcome.DIFFERS
+    assert "actuators (1), each held at a control within its range" in result(comparison).notes
+    assert with_effect(comparison) == ["gear of actuator drive: 20 in A, 21 in B"]
+    assert (result(comparison).explained or 0.0) > 1 - 1e-6
+    assert single(comparison).explained == 1.0
 
 
 DYNAMICS = '<general name="drive" joint="elbow" gear="2" {}/>'
@@ -252,13 +255,13 @@ MIXED = '<joint joint="elbow" coef="0.1"/><joint joint="reach" coef="1"/>'
 
 
 def driven(folder: Path, name: str, actuators: str, *replaced: tuple[str, str]) -> Path:
-    """The arm with actuators."""
+    """Write the arm with actuators."""
     whole = f"<actuator>{actuators}</actuator></mujoco>"
     return written(folder, f"{name}.xml", MJCF, *replaced, ("</mujoco>", whole))
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "said"),
+    ("actuators_a", "actuators_b", "message"),
     [
         (DYNAMICS.format('dyntype="filter" dynprm="0.01"'),
          DYNAMICS.format('dyntype="filter" dynprm="9"'),
@@ -266,18 +269,18 @@ def driven(folder: Path, name: str, actuators: str, *replaced: tuple[str, str]) 
         ('<position name="drive" joint="elbow" kp="3"/>', "", "actuator drive: in A alone"),
     ],
 )  # fmt: skip
-def test_actuators_of_other_dynamics_and_those_of_one_file_alone_differ(
-    tmp_path: Path, one: str, other: str, said: str
+def test_different_or_missing_actuators_differ(
+    tmp_path: Path, actuators_a: str, actuators_b: str, message: str
 ) -> None:
-    a, b = driven(tmp_path, "a", one), driven(tmp_path, "b", other)
-    found = compared(a, b)
-    assert found.outcome is Outcome.DIFFERS
-    assert moving(found) == [said]
-    assert max(trial.explained or 0 for trial in result(found).differences) == 1.0
+    a, b = driven(tmp_path, "a", actuators_a), driven(tmp_path, "b", actuators_b)
+    comparison = compared(a, b)
+    assert comparison.outcome is Outcome.DIFFERS
+    assert with_effect(comparison) == [message]
+    assert max(trial.explained or 0 for trial in result(comparison).differences) == 1.0
 
 
-def test_a_filter_that_is_exact_agrees_with_itself_under_rk4(tmp_path: Path) -> None:
-    """RK4 is of order 1 there, which MuJoCo's adapter has to claim."""
+def test_exact_filter_agrees_with_itself_under_rk4(tmp_path: Path) -> None:
+    """Catch a claim of order 4: RK4 has order 1 there."""
     filtered = DYNAMICS.format('dyntype="filterexact" dynprm="0.01"')
     path = driven(tmp_path, "a", filtered, ('integrator="Euler"', 'integrator="RK4"'))
     assert result(agrees(compared(path, path))).runs.lost == 0
@@ -290,15 +293,15 @@ def test_actuators_are_paired_by_name_then_by_joint(tmp_path: Path) -> None:
     a = driven(tmp_path, "a", MOTOR.format("") + servo.format("push") + third)
     turned = third.partition("/>")[2] + third.partition("/>")[0] + "/>"
     others = servo.format("other") + MOTOR.format("").replace("drive", "turn")
-    found = agrees(compared(a, driven(tmp_path, "b", turned + others)))
-    assert [note for note in result(found).notes if note.startswith("actuator ")] == [
+    comparison = agrees(compared(a, driven(tmp_path, "b", turned + others)))
+    assert [note for note in result(comparison).notes if note.startswith("actuator ")] == [
         "actuator drive of A is turn of B: by joint",
         "actuator push of A is other of B: by joint",
     ]
 
 
-def test_sites_without_names_are_no_partners_of_each_other(tmp_path: Path) -> None:
-    """As the four actuators of a Crazyflie in MuJoCo Menagerie, which act on one site."""
+def test_two_actuators_on_one_site_agree(tmp_path: Path) -> None:
+    """Use actuators on one site, as the Crazyflie of MuJoCo Menagerie does."""
     thrust = '<motor name="{}" site="tip" gear="{}"/>'
     hand = ('<joint name="reach"', '<site name="tip"/><joint name="reach"')
     both = thrust.format("lift", "0 0 1 0 0 0") + thrust.format("turn", "0 0 0 1 0 0")
@@ -306,53 +309,53 @@ def test_sites_without_names_are_no_partners_of_each_other(tmp_path: Path) -> No
     assert result(agrees(compared(path, path))).properties == ()
 
 
-def test_a_spring_with_play_is_drawn_taut(tmp_path: Path) -> None:
-    one, other = "-1 4", "-1 5"
+def test_spring_with_play_is_stretched(tmp_path: Path) -> None:
+    rest_a, rest_b = "-1 4", "-1 5"
     a, b = (
         written(tmp_path, f"{i}.xml", MJCF, ("</mujoco>", TENDON.format(rest, MIXED) + "</mujoco>"))
-        for i, rest in enumerate((one, other))
+        for i, rest in enumerate((rest_a, rest_b))
     )
-    found = compared(a, b)
-    assert found.outcome is Outcome.DIFFERS
-    assert moving(found) == [f"rest of tendon cord: {one} in A, {other} in B"]
-    assert single(found).explained == 1.0
+    comparison = compared(a, b)
+    assert comparison.outcome is Outcome.DIFFERS
+    assert with_effect(comparison) == [f"rest of tendon cord: {rest_a} in A, {rest_b} in B"]
+    assert single(comparison).explained == 1.0
 
 
-def test_a_spring_whose_play_no_joint_leaves_is_not_compared(tmp_path: Path) -> None:
+def test_spring_that_stays_within_its_play_is_not_compared(tmp_path: Path) -> None:
     slide = '<joint joint="reach" coef="1"/>'
     a, b = (
         written(tmp_path, f"{i}.xml", MJCF, ("</mujoco>", TENDON.format(rest, slide) + "</mujoco>"))
         for i, rest in enumerate(("-0.2 0.5", "-0.2 0.6"))
     )
-    found = agrees(compared(a, b))
-    assert "rest of tendon cord: -0.2 0.5 in A, -0.2 0.6 in B" in result(found).untested
+    comparison = agrees(compared(a, b))
+    assert "rest of tendon cord: -0.2 0.5 in A, -0.2 0.6 in B" in result(comparison).untested
 
 
-def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
+def test_free_bodies_are_compared(tmp_path: Path) -> None:
     hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
     text = MJCF.replace(hinge, '<freejoint name="base"/>')
     a = written(tmp_path, "a.xml", text)
     b = written(tmp_path, "b.xml", text, ('mass="1.7"', 'mass="1.7000017"'))
-    found = compared(a, b)
-    assert found.outcome is Outcome.DIFFERS
-    assert moving(found) == ["link upper: mass 1.7 in A, 1.7000017 in B (+1.0e-06)"]
-    assert result(found).terms == ()
+    comparison = compared(a, b)
+    assert comparison.outcome is Outcome.DIFFERS
+    assert with_effect(comparison) == ["link upper: mass 1.7 in A, 1.7000017 in B (+1.0e-06)"]
+    assert result(comparison).terms == ()
 
 
-def test_a_servo_far_quicker_than_the_step_holds_no_joint(tmp_path: Path) -> None:
-    """As those of the KUKA iiwa 14 in MuJoCo Menagerie: 2e5 1/s, at a step of 2 ms."""
+def test_servo_much_faster_than_the_step_locks_no_joint(tmp_path: Path) -> None:
+    """Use a servo like those of the KUKA iiwa 14 in MuJoCo Menagerie: 2e5 1/s at dt = 2 ms."""
     light = ('mass="0.9" fullinertia="0.017 0.016 0.003 0 0.0004 0"',
              'mass="0.001" diaginertia="1e-7 1e-7 1e-7"')  # fmt: skip
     hand = ('mass="0.35" diaginertia="0.0008 0.0009 0.0005"',
             'mass="0.01" diaginertia="1e-6 1e-6 1e-6"')  # fmt: skip
     servo = '<actuator><position joint="elbow" kp="2000" kv="200"/></actuator></mujoco>'
     path = written(tmp_path, "arm.xml", MJCF, light, hand, ("</mujoco>", servo))
-    found = agrees(compared(path, path))
+    comparison = agrees(compared(path, path))
     assert sampled(path, path).independent == (0, 1, 2)
-    assert result(found).runs.lost == 0
+    assert result(comparison).runs.lost == 0
 
 
-def test_a_free_body_that_is_drawn_half_a_turn_round_turns_about_every_axis(
+def test_free_body_at_half_a_turn_rotates_about_every_axis(
     tmp_path: Path,
 ) -> None:
     hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
@@ -365,62 +368,63 @@ def test_a_free_body_that_is_drawn_half_a_turn_round_turns_about_every_axis(
 
 
 @pytest.mark.slow
-def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> None:
+def test_couplings_of_one_file_are_left_out_with_a_note(tmp_path: Path) -> None:
     mimic = ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="0.6 0.8 0"/><mimic joint="shoulder"/>')
     a, b = written(tmp_path, "a.urdf", URDF, mimic), written(tmp_path, "b.urdf", URDF)
-    found = agrees(compared(a, b, "pybullet", "mujoco"))
+    comparison = agrees(compared(a, b, "pybullet", "mujoco"))
     assert (
-        "not compared: joints that follow others, limits of position, in A" in result(found).notes
+        "not compared: joints that follow others, limits of position, in A"
+        in result(comparison).notes
     )
-    assert idle(found) == ["joints that follow others: 1 in A, 0 in B"]
-    shipped = compared(a, b, "pybullet", "pybullet", include_constraints=True)
-    assert shipped.outcome is Outcome.DIFFERS
+    assert without_effect(comparison) == ["joints that follow others: 1 in A, 0 in B"]
+    constrained = compared(a, b, "pybullet", "pybullet", include_constraints=True)
+    assert constrained.outcome is Outcome.DIFFERS
 
 
-def single(found: ComparisonResult) -> FileDifference:
-    (trial,) = (one for one in result(found).differences if len(one.edits) == 1)
+def single(comparison: ComparisonResult) -> FileDifference:
+    (trial,) = (one for one in result(comparison).differences if len(one.edits) == 1)
     return trial
 
 
-def test_a_mass_far_off_is_named(tmp_path: Path) -> None:
-    """In PyBullet, and of six times its value; smaller faults are those of two formats above."""
+def test_mass_far_off_is_named(tmp_path: Path) -> None:
+    """Plant a mass off by a factor of six in PyBullet; tests above plant smaller faults."""
     a = written(tmp_path, "a.urdf", URDF)
     b = written(tmp_path, "b.urdf", URDF, ('mass value="0.9"', 'mass value="0.15"'))
-    found = compared(a, b, "pybullet", "pybullet")
-    assert found.outcome is Outcome.DIFFERS
-    (message,) = moving(found)
+    comparison = compared(a, b, "pybullet", "pybullet")
+    assert comparison.outcome is Outcome.DIFFERS
+    (message,) = with_effect(comparison)
     assert message.startswith("link fore: mass 0.9 in A, 0.15 in B")
-    assert result(found).terms == ()
-    (edit,) = single(found).edits
-    assert (edit.where_a.line, single(found).explained) == (13, 1.0)
+    assert result(comparison).terms == ()
+    (edit,) = single(comparison).edits
+    assert (edit.where_a.line, single(comparison).explained) == (13, 1.0)
 
 
 @pytest.mark.slow
-def test_a_literal_of_a_default_class_is_named(tmp_path: Path) -> None:
+def test_literal_of_a_default_class_is_named(tmp_path: Path) -> None:
     text, old = gymnasium("reacher.xml").read_text(), 'damping="1" limited'
     a = written(tmp_path, "a.xml", text)
     b = written(tmp_path, "b.xml", text, (old, 'damping="1.000001" limited'))
-    found = compared(a, b)
-    assert found.outcome is Outcome.DIFFERS
-    assert len(moving(found)) == 2
-    (edit,) = single(found).edits
+    comparison = compared(a, b)
+    assert comparison.outcome is Outcome.DIFFERS
+    assert len(with_effect(comparison)) == 2
+    (edit,) = single(comparison).edits
     assert edit.what.startswith("default/joint@")
     assert edit.where_a.line == text[: text.index(old)].count("\n") + 1
-    assert single(found).explained == 1.0
+    assert single(comparison).explained == 1.0
 
 
 @pytest.mark.slow
-def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says(tmp_path: Path) -> None:
-    """MuJoCo drops the moments of a link without mass."""
+def test_engine_effects_are_separated_from_file_differences(tmp_path: Path) -> None:
+    """Use a link without mass: MuJoCo drops its inertia."""
     path = written(tmp_path, "tipped.urdf", TIPPED)
-    found = compared(path, path, "pybullet", "mujoco", own_files=True)
-    assert found.outcome is Outcome.DIFFERS
-    assert result(found).properties == ()
-    assert result(found).explained is not None
-    here, there = result(found).off or ()
+    comparison = compared(path, path, "pybullet", "mujoco", own_files=True)
+    assert comparison.outcome is Outcome.DIFFERS
+    assert result(comparison).properties == ()
+    assert result(comparison).explained is not None
+    here, there = result(comparison).off or ()
     assert (here or 0.0) < 1e-9 < (there or 0.0)
-    assert any("link 'tip' has inertia" in one for one in result(found).impossible)
-    mine, its = found.models
+    assert any("link 'tip' has inertia" in one for one in result(comparison).impossible)
+    mine, its = comparison.models
     assert mine.case is not None
     assert its.case is not None
     assert its.diagnosis is not None
@@ -428,48 +432,48 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says(tmp_path
     (cause,) = its.diagnosis.explanations[0].causes
     assert cause.kind == "dropped"
     assert "link[tip]/inertial" in str(cause)
-    assert {term.kind for term in result(found).terms} <= {"inertia"}
+    assert {term.kind for term in result(comparison).terms} <= {"inertia"}
 
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.slow
-def test_equations_are_held_against_ends_that_have_no_limit() -> None:
-    """Under PyBullet's motors no run has a limit; the sidecar that leaves them on is named."""
+def test_equations_are_compared_with_runs_without_a_limit() -> None:
+    """Leave PyBullet's motors on, so that no run has a limit; the sidecar is named."""
     cases = ROOT / "docs" / "cases"
-    found = compared(cases / "pendulum.urdf", cases / "pendulum_with_motors.urdf", "pybullet")
-    assert result(found).explained is not None
-    here, there = result(found).off or ()
+    comparison = compared(cases / "pendulum.urdf", cases / "pendulum_with_motors.urdf", "pybullet")
+    assert result(comparison).explained is not None
+    here, there = result(comparison).off or ()
     assert (here or 0.0) < 1e-9 < (there or 0.0)
-    text = printed(found)
+    text = printed(comparison)
     assert "no joint of B moves under a force; 1 joint of A can" in text
     assert "sidecar:settings.motors: nothing, pendulum_with_motors.urdf.toml: True" in text
 
 
-def test_a_urdf_floats_beside_an_mjcf_that_floats(tmp_path: Path) -> None:
+def test_urdf_floats_if_the_mjcf_floats(tmp_path: Path) -> None:
     hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
     a = written(tmp_path, "arm.xml", MJCF.replace(hinge, '<freejoint name="root"/>'))
     start, end = URDF.index('<joint name="shoulder"'), URDF.index('<joint name="elbow"')
     floating = URDF[:start].replace('<link name="ground"/>', "") + URDF[end:]
     b = written(tmp_path, "arm.urdf", floating)
-    found = agrees(compared(a, b, engine_b="pybullet"))
-    assert "the root link of B moves freely, as that of A" in result(found).notes
-    assert len(result(found).joints) == 8
+    comparison = agrees(compared(a, b, engine_b="pybullet"))
+    assert "the root link of B moves freely, as that of A" in result(comparison).notes
+    assert len(result(comparison).joints) == 8
 
 
-def test_an_arm_stays_fixed_beside_a_file_with_a_free_body(tmp_path: Path) -> None:
+def test_arm_stays_fixed_if_the_other_file_has_a_free_body(tmp_path: Path) -> None:
     cube = '<body name="cube" pos="2 0 0"><freejoint/><geom size="0.1"/></body></worldbody>'
     a = written(tmp_path, "arm.xml", MJCF, ("</worldbody>", cube),
                 ('inertiafromgeom="false"', 'inertiafromgeom="auto"'))  # fmt: skip
     b = written(tmp_path, "arm.urdf", URDF)
     models = candidate("A", a, None), candidate("B", b, "mujoco")
-    found = prepare(InThisProcess(), *models, ({}, {}), False)
-    assert found.facts[1].coordinates == ("shoulder", "elbow", "reach")
+    prepared = prepare(InThisProcess(), *models, ({}, {}), False)
+    assert prepared.facts[1].coordinates == ("shoulder", "elbow", "reach")
 
 
-def test_keyframes_of_a_joint_that_is_held_go_with_it(tmp_path: Path) -> None:
-    """Held joints of Unitree's G1 in MuJoCo Menagerie left a keyframe of another length."""
+def test_keyframe_is_shortened_with_a_held_joint(tmp_path: Path) -> None:
+    """Catch a keyframe of wrong length, as with held joints of Unitree's G1."""
     key = '<keyframe><key qpos="0.1 0.2 0.3"/></keyframe></mujoco>'
     a = written(tmp_path, "arm.xml", MJCF, ("</mujoco>", key))
     fixed = ('<joint name="reach" type="prismatic">', '<joint name="reach" type="fixed">')
@@ -479,8 +483,8 @@ def test_keyframes_of_a_joint_that_is_held_go_with_it(tmp_path: Path) -> None:
     assert "joint reach of A has no partner in B: held at 0" in result(compared(a, b)).notes
 
 
-def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() -> None:
-    """The most certain one, by E/U, depended on last digits of U."""
+def test_largest_difference_is_named_and_those_within_uncertainty_are_not() -> None:
+    """Catch a choice by E/U, which depends on the last digits of U."""
     value = np.array([[0.0, 1.0], [1.0, 2.0]])
     runs = Segments.unsolved(np.array([[0.0, 1.0]] * 2), 1.0, np.zeros((2, 1)))
     states = SampledStates(runs=runs, fastest=1.0, unit=np.ones(1), typical=1.0, independent=(0,))
@@ -495,16 +499,16 @@ def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() 
     recorded = recorded_runs(states, source, pair, 1e-9)
     off = value + np.array([[0.3, 0.2], [0.0, 0.0]])
     target = replace(source, value=off, uncertainty=np.array([[1e-10, 1e-13]] * 2))
-    found = judge(recorded, target, pair, 1e-9)
-    assert found.verdict.component == "x"
-    assert found.verdict.discrepancy == pytest.approx(0.3)
-    assert found.verdict.discrepancy > found.verdict.uncertainty
+    judged = judge(recorded, target, pair, 1e-9)
+    assert judged.verdict.component == "x"
+    assert judged.verdict.discrepancy == pytest.approx(0.3)
+    assert judged.verdict.discrepancy > judged.verdict.uncertainty
     near = replace(target, value=value + np.array([[0.3, 1e-13], [0.0, 0.0]]))
     assert judge(recorded, near, pair, 1e-9).certain.tolist() == [True, False]
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 0.4), (-100.0, 100.0), (2.0, 2.1)])
-def test_a_state_of_an_actuator_begins_within_its_range(low: float, high: float) -> None:
+def test_state_of_an_actuator_begins_within_its_range(low: float, high: float) -> None:
     ranges = (("state range", (low, high)),)
     owner = SimpleNamespace(states=tuple(range(8)), ranges=ranges)
     compiled = SimpleNamespace(actuators=(owner,))
