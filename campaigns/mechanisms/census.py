@@ -1,4 +1,4 @@
-"""Mechanism after mechanism: each judged, in processes of their own, whatever becomes of one."""
+"""Judgement of many mechanisms in worker processes; a crash costs a single mechanism."""
 
 from __future__ import annotations
 
@@ -11,22 +11,28 @@ import numpy as np
 from msgspec.structs import replace
 
 from campaigns.mechanisms.drawn import draw
-from campaigns.mechanisms.faults import plant
-from campaigns.mechanisms.mechanism import Mechanism
-from campaigns.mechanisms.results import Result
-from campaigns.mechanisms.trial import Judged, Posed, examine, pose, undone
+from campaigns.mechanisms.faults import plant_faults
+from campaigns.mechanisms.mechanism import RandomMechanism
+from campaigns.mechanisms.results import MechanismResult
+from campaigns.mechanisms.trial import (
+    MechanismCase,
+    MechanismJudgement,
+    corrective_settings,
+    judge_motion,
+    prepare_case,
+)
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
 from physics_crosscheck.harness.records.outcome import Outcome
 
 RESOLUTION = 1e-9
 
 SECONDS = 120
-"""Of a processor, for one mechanism, before its process is ended."""
+"""Limit of processor time for a mechanism; its process ends then."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
-    """Of a census; `faults`: how many are planted in each mechanism."""
+class CensusOptions:
+    """Options of a census; `faults` is the number of faults in each mechanism."""
 
     seed: int
     engine: str = ""
@@ -35,61 +41,65 @@ class Options:
     faults: int = 0
 
 
-def study(options: Options, index: int) -> Result:
-    """Draw and judge the mechanism of that number; what goes wrong is told in the result."""
+def study(options: CensusOptions, index: int) -> MechanismResult:
+    """Draw and judge the mechanism of an index; an exception becomes the reason of the result."""
     began = process_time()
     mechanism = draw(options.seed, index, options.joints, options.engine)
-    result = Result(
+    result = MechanismResult(
         index=index, group=mechanism.group, joints=len(mechanism.links), outcome="FAILED"
     )
     try:
-        result = _studied(options, mechanism, result)
+        result = _judge(options, mechanism, result)
     except Exception as error:
         result = replace(result, reason=f"{type(error).__name__}: {error}")
     return replace(result, seconds=process_time() - began)
 
 
-def _studied(options: Options, mechanism: Mechanism, result: Result) -> Result:
-    posed = pose(mechanism, options.segments)
-    found = examine(posed, mechanism, RESOLUTION)
-    verdict = found.verdict
-    outside = int(np.sum(found.ratios > 1))
-    explained = _explained(posed, found) if outside else ""
+def _judge(
+    options: CensusOptions, mechanism: RandomMechanism, result: MechanismResult
+) -> MechanismResult:
+    case = prepare_case(mechanism, options.segments)
+    judgement = judge_motion(case, mechanism, RESOLUTION)
+    verdict = judgement.verdict
+    outside = int(np.sum(judgement.ratios > 1))
+    explained = _engine_loss(case, judgement) if outside else ""
     return replace(
         result,
         outcome=str(verdict.outcome),
         discrepancy=verdict.discrepancy,
         uncertainty=verdict.uncertainty,
-        worst=float(np.max(found.ratios)),
-        limits=found.ratios.size,
+        worst=float(np.max(judgement.ratios)),
+        limits=judgement.ratios.size,
         outside=outside,
         explained=explained,
-        truth=float(np.max(posed.truth.error / found.uncertainty)),
+        truth=float(np.max(case.truth.error / judgement.uncertainty)),
         reason=verdict.reason,
-        faults=plant(posed, np.random.default_rng((options.seed, result.index, 1)), options.faults),
+        faults=plant_faults(
+            case, np.random.default_rng((options.seed, result.index, 1)), options.faults
+        ),
     )
 
 
-def _explained(posed: Posed, found: Judged) -> str:
-    """What the engine does to the file's digits, if nothing is wrong once that is undone."""
-    settings = undone(posed.mechanism)
+def _engine_loss(case: MechanismCase, judgement: MechanismJudgement) -> str:
+    """Return a text on the digits that the engine loses; empty if they don't explain all errors."""
+    settings = corrective_settings(case.mechanism)
     if not settings:
         return ""
-    again = examine(posed, posed.mechanism, RESOLUTION, settings)
+    again = judge_motion(case, case.mechanism, RESOLUTION, settings)
     if again.verdict.outcome is not Outcome.AGREES or np.any(again.ratios > 1):
         return ""
-    felt = found.verdict.largest_discrepancy
-    return f"the engine's own, undone by {', '.join(settings)}; felt at {felt:.0e}"
+    effect = judgement.verdict.largest_discrepancy
+    return f"digits lost by the engine, corrected by {', '.join(settings)}; effect {effect:.0e}"
 
 
-def census(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:
-    """Results as they come, in order; a process that dies or hangs costs its mechanism alone."""
+def census(options: CensusOptions, indices: Sequence[int], jobs: int) -> Iterator[MechanismResult]:
+    """Yield the results in order; a process that dies or hangs costs a single mechanism."""
     with Workers(jobs, Limits(seconds=SECONDS)) as workers:
         tasks = [workers.submit(partial(study, options), index) for index in indices]
         for index, task in zip(indices, tasks, strict=True):
-            found = workers.outcome(task)
-            if isinstance(found, Failure):
-                found = Result(
-                    index=index, group="lost", joints=0, outcome="FAILED", reason=found.reason
+            result = workers.outcome(task)
+            if isinstance(result, Failure):
+                result = MechanismResult(
+                    index=index, group="lost", joints=0, outcome="FAILED", reason=result.reason
                 )
-            yield found
+            yield result

@@ -1,4 +1,4 @@
-"""Mechanisms drawn at random: frames, axes, tensors, springs, dampers and forces."""
+"""Random mechanisms: frames, axes, inertias, springs, dampers and forces."""
 
 from __future__ import annotations
 
@@ -7,13 +7,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from campaigns.mechanisms.dynamics import Dynamics
-from campaigns.mechanisms.mechanism import MJCF, URDF, AppliedForce, Link, Mechanism, Numbers
+from campaigns.mechanisms.dynamics import MechanismDynamics
+from campaigns.mechanisms.mechanism import (
+    MJCF,
+    URDF,
+    AppliedForce,
+    MechanismLink,
+    Numbers,
+    RandomMechanism,
+)
 
 Generator = np.random.Generator
 Array = NDArray[np.float64]
 
-WAYS = (
+VARIANTS = (
     ("mujoco", "Euler", MJCF),
     ("mujoco", "implicit", MJCF),
     ("mujoco", "implicitfast", MJCF),
@@ -24,34 +31,36 @@ WAYS = (
     ("pybullet", "", URDF),
     ("pybullet", "", URDF),
 )
-"""Engine, integrator and format, in turn: RK4 twice as often, whose uncertainty is the smallest;
-PyBullet once with moments in frames of their own, and once with products of inertia."""
+"""Engine, integrator and format, in turn. RK4, which has the smallest uncertainty, comes twice.
+PyBullet comes once with principal inertial frames, and once with products of inertia."""
 
 DIGITS = 6
-"""Of a number as people write them. Axes and turns have all that a double has."""
+"""Significant digits of a number, as people write them; axes have all digits of a double."""
 
 LIGHT = 0.3
-"""Share of the mechanisms whose outer bodies weigh a thousandth of the others."""
+"""Share of the mechanisms whose outer bodies are 10 to 1000 times lighter."""
 
 
 QUIET = 0.3
-"""Share of the mechanisms that move a little about where their springs hold their weight: what
-accelerates them is then a small difference of large forces."""
+"""Share of the mechanisms that move little about the equilibrium of springs and weight. Their
+acceleration is a small difference of large forces."""
 
 
-def draw(seed: int, index: int, most: int = 5, engine: str = "") -> Mechanism:
-    """The mechanism of that number, with one to `most` joints."""
+def draw(seed: int, index: int, max_joints: int = 5, engine: str = "") -> RandomMechanism:
+    """Return the mechanism of an index, with one to `max_joints` joints."""
     rng = np.random.default_rng((seed, index))
-    ways = [(place, way) for place, way in enumerate(WAYS) if engine in ("", way[0])]
-    place, (name, integrator, form) = ways[index % len(ways)]
-    count = int(rng.integers(1, most + 1))
+    variants = [
+        (place, variant) for place, variant in enumerate(VARIANTS) if engine in ("", variant[0])
+    ]
+    place, (name, integrator, form) = variants[index % len(variants)]
+    count = int(rng.integers(1, max_joints + 1))
     light = bool(rng.random() < LIGHT)
-    products = form == MJCF or place == len(WAYS) - 1 or name == "mujoco"
+    products = form == MJCF or place == len(VARIANTS) - 1 or name == "mujoco"
     links = tuple(
         _link(rng, i, parent, form, products=products, light=light)
         for i, parent in enumerate(_tree(rng, count))
     )
-    bare = Mechanism(
+    bare = RandomMechanism(
         links=links,
         gravity=_vector(rng, 9.81 * float(rng.integers(0, 4) > 0)),
         step=_number(rng.uniform(5e-4, 4e-3)),
@@ -62,11 +71,11 @@ def draw(seed: int, index: int, most: int = 5, engine: str = "") -> Mechanism:
         q=tuple(_number(rng.uniform(-1.5, 1.5) * (1 if k.hinge else 0.2)) for k in links),
         v=tuple(_number(rng.uniform(-3, 3) * (1 if k.hinge else 0.3)) for k in links),
     )
-    return _quiet(rng, bare) if rng.random() < QUIET else _with_forces(rng, bare)
+    return _near_equilibrium(rng, bare) if rng.random() < QUIET else _with_forces(rng, bare)
 
 
 def _tree(rng: Generator, count: int) -> list[int]:
-    """Parents of links in depth-first order, which is that of the engines' coordinates."""
+    """Return each link's parent, in the depth-first order of engines; -1: the world."""
     parents, branch = [-1], [-1, 0]
     for index in range(1, count):
         back = 1 if rng.random() < 0.7 else int(rng.integers(1, len(branch) + 1))
@@ -77,7 +86,7 @@ def _tree(rng: Generator, count: int) -> list[int]:
 
 def _link(
     rng: Generator, index: int, parent: int, form: str, *, products: bool, light: bool
-) -> Link:
+) -> MechanismLink:
     inner = index == 0 or not light
     mass = _number(10 ** rng.uniform(-0.7, 0.7) * (1.0 if inner else 10 ** rng.uniform(-3, -1)))
     size = rng.uniform(0.05, 0.4, 3)
@@ -91,17 +100,17 @@ def _link(
     axis = rng.normal(size=3)
     if rng.random() < 0.2:
         axis = np.eye(3)[rng.integers(3)]
-    return Link(
+    return MechanismLink(
         parent=parent,
         hinge=bool(rng.random() < 0.75),
         position=_vector(rng, float(rng.uniform(0.05, 0.6))),
         turn=_turn(rng, form),
         anchor=_vector(rng, 0.1) if mjcf and rng.random() < 0.5 else (0.0, 0.0, 0.0),
-        # Not every engine makes unit vectors of axes.
+        # Not every engine normalizes axes.
         axis=tuple(map(float, axis / np.linalg.norm(axis))),
         mass=mass,
         centre=_vector(rng, float(rng.uniform(0.02, 0.4))),
-        # MJCF has either a frame of the inertia or its products; a URDF may have both.
+        # MJCF takes an inertial frame or products of inertia; a URDF may have both.
         inertial_turn=_turn(rng, form) if turned or not mjcf else (),
         inertia=_tensor(inertia, full=products and not turned),
         reference=_number(rng.uniform(-0.5, 0.5)) if mjcf and rng.random() < 0.3 else 0.0,
@@ -113,10 +122,10 @@ def _tensor(inertia: Array, *, full: bool) -> Numbers:
     return tuple(_number(inertia[place]) for place in places)
 
 
-def _with_forces(rng: Generator, bare: Mechanism) -> Mechanism:
-    """Springs, dampers and drives of the size of what they act on."""
+def _with_forces(rng: Generator, bare: RandomMechanism) -> RandomMechanism:
+    """Return the mechanism with springs, dampers and drives, scaled by the inertia they act on."""
     start = np.array([bare.q])
-    inertias = np.diagonal(Dynamics(bare, np.float64).mass_matrix(start)[0])
+    inertias = np.diagonal(MechanismDynamics(bare, np.float64).mass_matrix(start)[0])
     links = []
     for link, inertia in zip(bare.links, inertias, strict=True):
         rate = rng.uniform(2.0, 10.0)
@@ -147,10 +156,10 @@ def _with_forces(rng: Generator, bare: Mechanism) -> Mechanism:
     return replace(bare, links=tuple(links), drives=tuple(drives))
 
 
-def _quiet(rng: Generator, bare: Mechanism) -> Mechanism:
-    """Springs on every joint, started near their equilibrium."""
+def _near_equilibrium(rng: Generator, bare: RandomMechanism) -> RandomMechanism:
+    """Return the mechanism with springs on every joint and a start near their equilibrium."""
     start = np.array([bare.q])
-    inertias = np.diagonal(Dynamics(bare, np.float64).mass_matrix(start)[0])
+    inertias = np.diagonal(MechanismDynamics(bare, np.float64).mass_matrix(start)[0])
     links = tuple(
         replace(
             link,
@@ -160,14 +169,14 @@ def _quiet(rng: Generator, bare: Mechanism) -> Mechanism:
         for link, inertia in zip(bare.links, inertias, strict=True)
     )
     sprung = replace(bare, links=links)
-    around = _balanced(Dynamics(sprung, np.float64))
+    around = _equilibrium(MechanismDynamics(sprung, np.float64))
     size = 10 ** rng.uniform(-2.5, -1)
     near = [_number(q + size * rng.normal()) for q in around]
     return replace(sprung, q=tuple(near), v=tuple(_number(5 * size * rng.normal()) for _ in links))
 
 
-def _balanced(dynamics: Dynamics) -> Array:
-    """Where springs and weight balance, by Newton's iteration; about there if it takes long."""
+def _equilibrium(dynamics: MechanismDynamics) -> Array:
+    """Return positions (n,) that balance springs and weight, by at most 30 Newton iterations."""
     n = len(dynamics.mechanism.links)
     q = np.zeros(n)
     step = 1e-6

@@ -1,9 +1,9 @@
-"""Equations of motion of a mechanism, written for itself: Newton's and Euler's laws for every body,
-projected on the joints by the bodies' Jacobians (Kane).
+"""Equations of motion of a mechanism: Newton's and Euler's laws for every body, projected on the
+joints by the bodies' Jacobians (Kane).
 
-Nothing is shared with the project's own reference, which derives Lagrange's equations from energies
-as formulas, nor with the engines' recursions. In numpy's `longdouble`, 64 bits of mantissa on x86:
-three digits more than a double. States lie along the last axis.
+They share no code with the project's reference, which derives Lagrange's equations from energies as
+formulas, nor with the engines' recursions. They use numpy's `longdouble`: 64 bits of mantissa on
+x86, three digits more than a double. States lie along the last axis.
 
 Source: Kane and Levinson 1985, Dynamics: Theory and Applications, ch. 4 to 6.
 """
@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from campaigns.mechanisms.mechanism import MJCF, Link, Mechanism, Numbers
+from campaigns.mechanisms.mechanism import MJCF, MechanismLink, Numbers, RandomMechanism
 
 Real = NDArray[Any]
 Precision = type[Any]
-"""`numpy.longdouble`, or `numpy.float64` where that will do."""
+"""`numpy.longdouble`, or `numpy.float64` where its precision suffices."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,13 +28,13 @@ class _Body:
     """A link's constants, in its body's frame.
 
     Attributes:
-        turn: of its frame in its parent's, 3 x 3.
-        about, across: its product with the axis's cross matrix K, and with K^2.
-        line: turn times what a velocity of one is: a unit vector, unless the engine takes the axis
-            as it stands.
+        turn: rotation from its frame to its parent's, 3 x 3.
+        about, across: `turn` times the axis's cross matrix K, and times K^2.
+        line: `turn` times the motion at joint velocity 1: the unit axis, or the axis as written in
+            engines that do not normalize it.
     """
 
-    link: Link
+    link: MechanismLink
     position: Real
     turn: Real
     about: Real
@@ -46,14 +46,14 @@ class _Body:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Poses:
-    """Of every body, at B states.
+class BodyPoses:
+    """Poses of every body in the world, at B states.
 
     Attributes:
-        turns: (links, 3, 3, B).
+        turns: rotation matrices, (links, 3, 3, B).
         origins: of the bodies' frames, (links, 3, B).
-        points: that joint and body share: a hinge's anchor, a slide's body frame, (links, 3, B).
-        axes: in the world, (links, 3, B).
+        points: a hinge's anchor or a slide's body frame, (links, 3, B).
+        axes: of the joints, (links, 3, B).
         centres: of mass, (links, 3, B).
     """
 
@@ -64,10 +64,10 @@ class Poses:
     centres: Real
 
 
-class Dynamics:
-    """A mechanism's accelerations, mass matrix and poses, at B states at once."""
+class MechanismDynamics:
+    """Accelerations, mass matrix and poses of a mechanism, at B states at once."""
 
-    def __init__(self, mechanism: Mechanism, dtype: Precision = np.longdouble) -> None:
+    def __init__(self, mechanism: RandomMechanism, dtype: Precision = np.longdouble) -> None:
         self.mechanism, self.dtype = mechanism, dtype
         self._bodies = [_body(link, mechanism, dtype) for link in mechanism.links]
         self._gravity = np.array(mechanism.gravity, dtype=dtype)[:, None]
@@ -86,8 +86,8 @@ class Dynamics:
     _armature: Real
     _reference: Real
 
-    def poses(self, q: Real) -> Poses:
-        """Where everything is, at positions (n, B)."""
+    def poses(self, q: Real) -> BodyPoses:
+        """Return the poses of all bodies at positions (n, B)."""
         count, size = q.shape
         turns = np.empty((count, 3, 3, size), self.dtype)
         origins, points, axes, centres = (np.empty((count, 3, size), self.dtype) for _ in range(4))
@@ -97,10 +97,10 @@ class Dynamics:
         for i, body in enumerate(self._bodies):
             parent = body.link.parent
             above = turns[parent] if parent >= 0 else world
-            origin = _turned(above, body.position)
+            origin = _rotate(above, body.position)
             if parent >= 0:
                 origin = origin + origins[parent]
-            axes[i] = _turned(above, body.line)
+            axes[i] = _rotate(above, body.line)
             if body.link.hinge:
                 local = (
                     body.turn[:, :, None]
@@ -108,33 +108,33 @@ class Dynamics:
                     + body.across[:, :, None] * cosines[i]
                 )
                 turns[i] = np.einsum("ijb,jkb->ikb", above, local)
-                points[i] = origin + _turned(above, body.turn @ body.anchor)
-                origins[i] = points[i] - _turned(turns[i], body.anchor)
+                points[i] = origin + _rotate(above, body.turn @ body.anchor)
+                origins[i] = points[i] - _rotate(turns[i], body.anchor)
             else:
                 turns[i] = np.einsum("ijb,jk->ikb", above, body.turn)
                 origins[i] = points[i] = origin + axes[i] * moved[i]
-            centres[i] = origins[i] + _turned(turns[i], body.centre)
-        return Poses(turns=turns, origins=origins, points=points, axes=axes, centres=centres)
+            centres[i] = origins[i] + _rotate(turns[i], body.centre)
+        return BodyPoses(turns=turns, origins=origins, points=points, axes=axes, centres=centres)
 
     def mass_matrix(self, q: Real) -> Real:
-        """(B, n, n) at positions (B, n)."""
+        """Return the mass matrices, (B, n, n), at positions (B, n)."""
         still = np.zeros_like(q.T)
         mass, _ = self._mechanics(q.T.astype(self.dtype), still, still)
         return np.moveaxis(mass, -1, 0)
 
     def static_forces(self, q: Real) -> Real:
-        """Of springs and weight on the joints, (B, n), at rest at positions (B, n)."""
+        """Return the joint forces of springs and weight at rest, (B, n), at positions (B, n)."""
         still = np.zeros_like(q.T)
         _, force = self._mechanics(q.T.astype(self.dtype), still, still)
         return force.T
 
     def acceleration(self, t: Real, q: Real, v: Real) -> Real:
-        """(n, B) at times (B,), positions and velocities (n, B)."""
+        """Return accelerations (n, B) at times (B,), positions and velocities (n, B)."""
         mass, force = self._mechanics(q, v, self.inputs(t, q.shape))
-        return solved(mass, force)
+        return solve_symmetric(mass, force)
 
     def inputs(self, t: Real, shape: tuple[int, ...]) -> Real:
-        """Forces of the drives at times (B,), (n, B)."""
+        """Return the forces of the drives, (n, B), at times (B,)."""
         force = np.zeros(shape, self.dtype)
         for drive in self.mechanism.drives:
             number = self.dtype
@@ -143,7 +143,7 @@ class Dynamics:
         return force
 
     def _mechanics(self, q: Real, v: Real, inputs: Real) -> tuple[Real, Real]:
-        """Mass matrix (n, n, B) and all that is not inertial in the joints' forces, (n, B)."""
+        """Return the mass matrix (n, n, B) and the force (n, B) of mass qdd = force."""
         poses = self.poses(q)
         spins, turning, moving = self._biases(poses, v)
         n, size = q.shape
@@ -158,12 +158,12 @@ class Dynamics:
             arm = poses.centres[i] - poses.points[i]
             spin, turned = spins[i], turning[i]
             weight = self.dtype(body.link.mass)
-            pull = weight * (
+            applied = weight * (
                 self._gravity - moving[i] - _cross(turned, arm) - _cross(spin, _cross(spin, arm))
             )
-            torque = -_applied(inertia, turned) - _cross(spin, _applied(inertia, spin))
+            torque = -_multiply(inertia, turned) - _cross(spin, _multiply(inertia, spin))
             linear, angular = self._jacobians(poses, i, chain)
-            force[chain] += np.einsum("ajb,jb->ab", linear, pull)
+            force[chain] += np.einsum("ajb,jb->ab", linear, applied)
             force[chain] += np.einsum("ajb,jb->ab", angular, torque)
             heavy = np.einsum("ijb,ajb->aib", inertia, angular)
             mass[np.ix_(chain, chain)] += weight * np.einsum("ajb,djb->adb", linear, linear)
@@ -171,8 +171,8 @@ class Dynamics:
         mass[np.arange(n), np.arange(n)] += self._armature
         return mass, force
 
-    def _biases(self, poses: Poses, v: Real) -> tuple[Real, Real, Real]:
-        """Angular velocities, and the angular and the joint points' accelerations at qdd = 0."""
+    def _biases(self, poses: BodyPoses, v: Real) -> tuple[Real, Real, Real]:
+        """Return angular velocities, and at qdd = 0 angular and joint-point accelerations."""
         spins, turning, moving = (np.zeros_like(poses.points) for _ in range(3))
         for i, body in enumerate(self._bodies):
             parent = body.link.parent
@@ -190,8 +190,8 @@ class Dynamics:
                 spins[i] += rate
         return spins, turning, moving
 
-    def _jacobians(self, poses: Poses, i: int, chain: list[int]) -> tuple[Real, Real]:
-        """Of body i's centre and of its turning, by joints of its chain, (joints, 3, B) each."""
+    def _jacobians(self, poses: BodyPoses, i: int, chain: list[int]) -> tuple[Real, Real]:
+        """Return the linear and angular Jacobians of body i for its chain, (joints, 3, B) each."""
         linear = np.empty((len(chain), *poses.centres[i].shape), self.dtype)
         angular = np.zeros_like(linear)
         for row, j in enumerate(chain):
@@ -203,7 +203,7 @@ class Dynamics:
         return linear, angular
 
 
-def _body(link: Link, mechanism: Mechanism, dtype: Precision) -> _Body:
+def _body(link: MechanismLink, mechanism: RandomMechanism, dtype: Precision) -> _Body:
     def vector(numbers: Numbers) -> Real:
         return np.array(numbers, dtype=dtype)
 
@@ -217,24 +217,24 @@ def _body(link: Link, mechanism: Mechanism, dtype: Precision) -> _Body:
     moments = np.diag(vector(link.inertia[:3]))
     for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), vector(link.inertia[3:]), strict=False):
         moments[i, j] = moments[j, i] = value
-    own = rotation(link.inertial_turn, quaternions, dtype)
-    # Bullet turns by unit axes, and moves along axes as they stand.
-    taken = axis if mechanism.engine == "pybullet" else unit
+    inertial = rotation(link.inertial_turn, quaternions, dtype)
+    # Bullet normalizes axes of rotation, but not the axes along which links move.
+    line = axis if mechanism.engine == "pybullet" else unit
     return _Body(
         link=link,
         position=vector(link.position),
         turn=turn,
         about=turn @ cross,
         across=turn @ cross @ cross,
-        line=turn @ taken,
+        line=turn @ line,
         anchor=vector(link.anchor),
         centre=vector(link.centre),
-        inertia=own @ moments @ own.T,
+        inertia=inertial @ moments @ inertial.T,
     )
 
 
 def rotation(turn: Numbers, quaternions: bool, dtype: Precision) -> Real:
-    """The matrix of a quaternion (w, x, y, z) of any length, or of roll, pitch and yaw."""
+    """Return the matrix of a quaternion (w, x, y, z) of any length, or of roll, pitch and yaw."""
     numbers = np.array(turn, dtype=dtype)
     if not turn:
         return np.eye(3, dtype=dtype)
@@ -254,8 +254,8 @@ def rotation(turn: Numbers, quaternions: bool, dtype: Precision) -> Real:
     return matrix
 
 
-def solved(mass: Real, force: Real) -> Real:
-    """The x of mass x = force, (n, B), by L D L^T: numpy has none for more digits than a double."""
+def solve_symmetric(mass: Real, force: Real) -> Real:
+    """Solve mass x = force for x (n, B) by L D L^T; numpy has no solver for `longdouble`."""
     n = len(force)
     lower = mass.copy()
     x = force.copy()
@@ -271,20 +271,20 @@ def solved(mass: Real, force: Real) -> Real:
     return x
 
 
-def _turned(turns: Real, vector: Real) -> Real:
-    """Matrices (3, 3, B) times a constant vector, (3, B)."""
+def _rotate(turns: Real, vector: Real) -> Real:
+    """Return matrices (3, 3, B) times a constant vector (3,), as (3, B)."""
     product: Real = np.einsum("ijb,j->ib", turns, vector)
     return product
 
 
-def _applied(matrices: Real, vectors: Real) -> Real:
-    """Matrices (3, 3, B) times vectors (3, B)."""
+def _multiply(matrices: Real, vectors: Real) -> Real:
+    """Return matrices (3, 3, B) times vectors (3, B), as (3, B)."""
     product: Real = np.einsum("ijb,jb->ib", matrices, vectors)
     return product
 
 
 def _cross(a: Real, b: Real) -> Real:
-    """Cross products along the first axis."""
+    """Return cross products along the first axis."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
     np.subtract(a[1] * b[2], a[2] * b[1], out=out[0])
     np.subtract(a[2] * b[0], a[0] * b[2], out=out[1])

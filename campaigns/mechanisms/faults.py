@@ -1,44 +1,52 @@
-"""Faults planted in the numbers of a mechanism's file, and whether each can be seen at all.
+"""Faults planted in the numbers of a mechanism's file, and whether each has a visible effect.
 
-What a fault does is found without the harness and without the engine: the equations are solved
-again with the wrong number, and the bodies posed again. The harness is asked afterwards.
+The equations give the effect of a fault, without the harness and the engine: the motion and poses
+are solved again with the wrong number. Then the harness judges the faulty file.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from campaigns.mechanisms.dynamics import Dynamics, Real
-from campaigns.mechanisms.mechanism import MJCF, Mechanism, Path, literals, with_fault
-from campaigns.mechanisms.results import Fate, Planted
-from campaigns.mechanisms.trial import Judged, Posed, Settings, examine, loaded, undone
+from campaigns.mechanisms.dynamics import MechanismDynamics, Real
+from campaigns.mechanisms.mechanism import MJCF, Path, RandomMechanism, literals, with_fault
+from campaigns.mechanisms.results import Detection, MechanismFault
+from campaigns.mechanisms.trial import (
+    MechanismCase,
+    Settings,
+    corrective_settings,
+    judge_motion,
+    loaded,
+)
 from campaigns.mechanisms.truth import ends
 from physics_crosscheck.harness.records.outcome import Outcome
 
 SIZES = (1e-6, 1e-8)
 
-SURE = 2.0
-"""A limit may be off by its uncertainty: a fault is sure to be told where it does twice as much."""
+DETECTION_MARGIN = 2.0
+"""Effect over uncertainty above which a fault must be detected; limits may be off by 1."""
 
 RESOLUTION = 0.0
-"""Limits are as good as they get, and whatever is larger than its uncertainty differs."""
+"""No tolerance: extrapolate as far as possible; any error above its uncertainty differs."""
 
-POSE = 1e-9
-"""What frames resolve: of a place, by the largest distance, or of a turn."""
+POSE_RESOLUTION = 1e-9
+"""Smallest resolved change of a pose: of a rotation matrix, or relative to the largest distance."""
 
-SAME = 1e-15
-"""Below it poses are the same but for rounding."""
+POSE_ROUNDING = 1e-15
+"""Change of a pose that rounding explains."""
 
 
-def plant(posed: Posed, rng: np.random.Generator, count: int) -> tuple[Planted, ...]:
-    """Plant so many faults, one at a time, of both sizes in turn, each in another number."""
-    numbers = literals(posed.mechanism)
-    # What the engine itself loses would hide a small fault.
-    settings = undone(posed.mechanism)
+def plant_faults(
+    case: MechanismCase, rng: np.random.Generator, count: int
+) -> tuple[MechanismFault, ...]:
+    """Plant and judge `count` faults one at a time, in different numbers, of both sizes in turn."""
+    numbers = literals(case.mechanism)
+    # Digits that the engine loses would hide a small fault.
+    settings = corrective_settings(case.mechanism)
     chosen = rng.permutation(len(numbers))[:count]
     return tuple(
-        planted(
-            posed,
+        judge_fault(
+            case,
             numbers[index],
             SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))),
             settings,
@@ -47,68 +55,78 @@ def plant(posed: Posed, rng: np.random.Generator, count: int) -> tuple[Planted, 
     )
 
 
-def planted(posed: Posed, where: Path, share: float, settings: Settings) -> Planted:
-    """What becomes of one fault, with settings of the engine's."""
-    faulty = with_fault(posed.mechanism, where, share)
-    motion, right = posed.motion, posed.truth
-    wrong = ends(Dynamics(faulty), motion.t, motion.start, float(motion.lengths[0]))
+def judge_fault(
+    case: MechanismCase, where: Path, share: float, settings: Settings
+) -> MechanismFault:
+    """Judge a fault of relative size `share`, with settings for the engine."""
+    faulty = with_fault(case.mechanism, where, share)
+    motion, right = case.motion, case.truth
+    wrong = ends(MechanismDynamics(faulty), motion.t, motion.start, float(motion.lengths[0]))
     change = np.abs(wrong.states - right.states)
-    # What both solutions' own errors may be is no effect.
+    # Errors of the two solutions are not an effect.
     change = np.where(change > 4 * (wrong.error + right.error), change, 0.0).astype(float)
-    found = examine(posed, faulty, RESOLUTION, settings)
-    effect = float(np.max(change / posed.motion.unit))
-    excess = float(np.max(change / found.uncertainty))
-    pose, seen = _moved(posed, faulty, settings)
-    error = np.abs(found.found.limit.value - wrong.states).astype(float)
-    return Planted(
+    judgement = judge_motion(case, faulty, RESOLUTION, settings)
+    effect = float(np.max(change / case.motion.unit))
+    excess = float(np.max(change / judgement.uncertainty))
+    pose, engine_pose = _pose_changes(case, faulty, settings)
+    error = np.abs(judgement.extrapolated.limit.value - wrong.states).astype(float)
+    is_different = judgement.verdict.outcome is Outcome.DIFFERS
+    return MechanismFault(
         where=".".join(map(str, where)),
         share=abs(share),
-        fate=fate_of(_told(found), effect, excess, pose, seen),
+        fate=detection_of(is_different, effect, excess, pose, engine_pose),
         effect=effect,
         excess=excess,
         pose=pose,
-        outside=int(np.sum(error > found.uncertainty)),
+        outside=int(np.sum(error > judgement.uncertainty)),
     )
 
 
-def _told(found: Judged) -> bool:
-    return found.verdict.outcome is Outcome.DIFFERS
+def detection_of(
+    is_different: bool, effect: float, excess: float, pose: float, engine_pose: float
+) -> Detection:
+    """Return whether and how a fault is detected.
 
-
-def fate_of(told: bool, effect: float, excess: float, pose: float, seen: float) -> Fate:
-    """See `Fate`: motions are asked first, then the engine's own poses."""
-    if seen > POSE and pose < POSE / SURE:
-        return Fate.FALSE
-    if pose > SURE * POSE and seen < POSE:
-        return Fate.MISSED
-    if told:
-        return Fate.MOTION if effect > 0 else Fate.FALSE
-    if excess > SURE:
-        return Fate.MISSED
-    if pose > POSE:
-        return Fate.FRAMES
+    Args:
+        is_different: whether the verdict is DIFFERS.
+        effect: largest relative change of a segment's end.
+        excess: the same over the uncertainty of that end.
+        pose, engine_pose: largest changes of a pose, by the equations and in the engine.
+    """
+    if engine_pose > POSE_RESOLUTION and pose < POSE_RESOLUTION / DETECTION_MARGIN:
+        return Detection.FALSE
+    if pose > DETECTION_MARGIN * POSE_RESOLUTION and engine_pose < POSE_RESOLUTION:
+        return Detection.MISSED
+    if is_different:
+        return Detection.MOTION if effect > 0 else Detection.FALSE
+    if excess > DETECTION_MARGIN:
+        return Detection.MISSED
+    if pose > POSE_RESOLUTION:
+        return Detection.FRAMES
     if effect > 0:
-        return Fate.BELOW
-    return Fate.FAINT if pose > SAME else Fate.INVISIBLE
+        return Detection.BELOW
+    return Detection.FAINT if pose > POSE_ROUNDING else Detection.INVISIBLE
 
 
-def _moved(posed: Posed, faulty: Mechanism, settings: Settings) -> tuple[float, float]:
-    """How far any body's place, by the largest distance, or turn is another, at all starts.
+def _pose_changes(
+    case: MechanismCase, faulty: RandomMechanism, settings: Settings
+) -> tuple[float, float]:
+    """Return the largest change of a body's pose at the starts, by the equations and in the engine.
 
-    By the equations, and as the engine has it of the faulty file.
+    Positions count relative to the largest distance, rotations by the entries of their matrices.
     """
     n = len(faulty.links)
-    starts = posed.motion.start[:, :n]
+    starts = case.motion.start[:, :n]
     q: Real = starts.T.astype(np.longdouble)
-    right, wrong = (Dynamics(mechanism).poses(q) for mechanism in (posed.mechanism, faulty))
+    right, wrong = (MechanismDynamics(mechanism).poses(q) for mechanism in (case.mechanism, faulty))
     size = np.max(np.abs(right.origins))
 
-    def apart(origins: Real, turns: Real) -> float:
+    def distance(origins: Real, turns: Real) -> float:
         places = np.max(np.abs(right.origins - origins)) / size
         return float(max(places, np.max(np.abs(right.turns - turns))))
 
     kind = "body" if faulty.format == MJCF else "link"
     with loaded(faulty, settings) as (model, _):
-        found = model.poses([f"{kind}:body{i + 1}" for i in range(n)], starts)
-    own = (np.moveaxis(one, 0, -1) for one in found)
-    return apart(wrong.origins, wrong.turns), apart(*own)
+        poses = model.poses([f"{kind}:body{i + 1}" for i in range(n)], starts)
+    engine = (np.moveaxis(array, 0, -1) for array in poses)
+    return distance(wrong.origins, wrong.turns), distance(*engine)

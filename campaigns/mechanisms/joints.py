@@ -1,4 +1,4 @@
-"""The coordinates and inputs of a mechanism as the harness takes them: joints, each itself."""
+"""Coordinates and inputs of a mechanism for the harness: each joint is a coordinate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from physics_crosscheck.reference.mechanism.signal import Inputs, SignalPiece, n
 
 
 def inputs(drives: tuple[AppliedForce, ...], duration: float) -> Inputs:
-    """What the drives do, over the whole motion."""
+    """Return the forces of the drives over the whole motion, `duration` seconds."""
     expressions = tuple(
         sp.Float(d.offset, 17) + sp.Float(d.amplitude, 17) * sp.sin(d.rate * t + d.phase)
         if d.varies
@@ -39,7 +39,13 @@ def inputs(drives: tuple[AppliedForce, ...], duration: float) -> Inputs:
 def identity(
     kinds: tuple[bool, ...], driven: tuple[int, ...], names: tuple[str, ...]
 ) -> CoordinateMap:
-    """The map of a system whose coordinates are the joints themselves."""
+    """Return the map of a system whose coordinates are the joints.
+
+    Args:
+        kinds: whether each joint is a hinge.
+        driven: indices of joints with a drive.
+        names: of the engine's coordinates.
+    """
     coordinates = tuple(
         Coordinate(joint_name(i), "rad" if hinge else "m", "of a joint")
         for i, hinge in enumerate(kinds)
@@ -71,7 +77,7 @@ def identity(
         ),
         published=(),
     )
-    beside = Sidecar(
+    sidecar = Sidecar(
         model=Path("mechanism"),
         engines=(),
         settings={},
@@ -80,4 +86,4 @@ def identity(
         readback={},
         springs=(),
     )
-    return coordinate_map(system, beside, names)
+    return coordinate_map(system, sidecar, names)

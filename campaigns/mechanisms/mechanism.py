@@ -1,8 +1,8 @@
 """A mechanism as plain data: a tree of bodies on hinges and slides, as a model file has it.
 
-Every number stands for one literal of the file that `campaigns.mechanisms.written` makes of it, so
-that a fault in a field is a fault in the file. What a format has no word for is at its neutral
-value: no armature, anchor or offset of a joint in a URDF.
+Every number is one literal of the file that `campaigns.mechanisms.written` writes, so a fault in a
+field is a fault in the file. Fields that a format lacks have their neutral value, such as the
+armature and anchor of a joint in URDF.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 Numbers = tuple[float, ...]
 Path = tuple[str | int, ...]
-"""Where a number stands: names of fields, and indices."""
+"""Path of a number: names of fields, and indices."""
 
 Node = TypeVar("Node")
 
@@ -21,23 +21,23 @@ MJCF, URDF = "mjcf", "urdf"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Link:
-    """A body and the joint that holds it to its parent.
+class MechanismLink:
+    """A body and its joint to the parent.
 
     Attributes:
-        parent: index of the link it hangs on; -1: the world.
-        hinge: or a slide.
-        position: of its frame in its parent's, m.
-        turn: of its frame: a quaternion (w, x, y, z) in MJCF; roll, pitch and yaw in URDF.
-        anchor: of the joint in the body's frame, m; MJCF alone, zero in URDF.
+        parent: index of the parent link; -1: the world.
+        hinge: whether the joint is a hinge; a slide otherwise.
+        position: of its frame in the parent's, m.
+        turn: rotation of its frame: a quaternion (w, x, y, z) in MJCF; roll, pitch, yaw in URDF.
+        anchor: of the joint in the body's frame, m; zero in URDF.
         axis: of the joint in the body's frame; of any length.
         mass: kg.
         centre: of mass in the body's frame, m.
-        inertial_turn: of the inertia's frame, as `turn`; empty: that of the body's.
-        inertia: xx, yy, zz, and where there are products xy, xz, yz, about the centre, kg m^2.
+        inertial_turn: rotation of the inertial frame, as `turn`; empty: the body's frame.
+        inertia: xx, yy, zz and, with products, xy, xz, yz, about the centre, kg m^2.
         stiffness, rest, damping: of the joint.
-        armature: inertia added to the joint; MJCF alone.
-        reference: where the joint is as the file draws it; MJCF alone.
+        armature: inertia added to the joint; zero in URDF.
+        reference: joint position in the pose that the file describes; zero in URDF.
     """
 
     parent: int
@@ -59,7 +59,7 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True)
 class AppliedForce:
-    """A force or torque on one joint: offset + amplitude sin(rate t + phase). Not in the file."""
+    """A force or torque on a joint, not in the file: offset + amplitude sin(rate t + phase)."""
 
     joint: int
     offset: float
@@ -69,24 +69,25 @@ class AppliedForce:
 
     @property
     def varies(self) -> bool:
+        """True if the force depends on time."""
         return self.amplitude != 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mechanism:
-    """A tree of links, with how it is stepped and where it starts.
+class RandomMechanism:
+    """A tree of links, with an engine, its settings, and a start.
 
     Attributes:
         links: parents before their children.
         gravity: m/s^2.
-        step: that the file ships with, seconds.
+        step: time step of the file, s.
         format: `MJCF` or `URDF`.
         engine, integrator: as in sidecars; the integrator may be empty.
         drives: forces on joints.
-        q, v: where it starts.
+        q, v: positions and velocities at the start.
     """
 
-    links: tuple[Link, ...]
+    links: tuple[MechanismLink, ...]
     gravity: Numbers
     step: float
     format: str
@@ -98,28 +99,28 @@ class Mechanism:
 
     @property
     def kinds(self) -> tuple[bool, ...]:
-        """Which joints are hinges."""
+        """True for each joint that is a hinge."""
         return tuple(link.hinge for link in self.links)
 
     @property
     def products(self) -> bool:
-        """Whether any body has products of inertia."""
+        """True if any body has products of inertia."""
         return any(any(link.inertia[3:]) for link in self.links)
 
     @property
     def group(self) -> str:
-        """How it is stepped, in a few words."""
-        own = self.engine + (f" {self.integrator}" if self.integrator else "")
+        """Engine, integrator and format, as a text."""
+        engine = self.engine + (f" {self.integrator}" if self.integrator else "")
         tensors = ", products" if self.engine == "pybullet" and self.products else ""
-        return f"{own}, {self.format}{tensors}"
+        return f"{engine}, {self.format}{tensors}"
 
 
-NOT_WRITTEN = ("drives", "q", "v")
+NOT_IN_FILE = ("drives", "q", "v")
 
 
-def literals(mechanism: Mechanism) -> tuple[Path, ...]:
-    """The numbers other than zero of the model file, by where they stand."""
-    return tuple(p for p in _numbers(mechanism, ()) if p[0] not in NOT_WRITTEN)
+def literals(mechanism: RandomMechanism) -> tuple[Path, ...]:
+    """Return the paths of the nonzero numbers in the model file."""
+    return tuple(p for p in _numbers(mechanism, ()) if p[0] not in NOT_IN_FILE)
 
 
 def _numbers(node: object, path: Path) -> Iterator[Path]:
@@ -134,12 +135,12 @@ def _numbers(node: object, path: Path) -> Iterator[Path]:
             yield from _numbers(getattr(node, field.name), (*path, field.name))
 
 
-def with_fault(mechanism: Mechanism, path: Path, share: float) -> Mechanism:
-    """The same with one number off by a share of itself."""
-    return _changed(mechanism, path, share)
+def with_fault(mechanism: RandomMechanism, path: Path, share: float) -> RandomMechanism:
+    """Return the mechanism with the number at `path` multiplied by 1 + `share`."""
+    return _with_change(mechanism, path, share)
 
 
-def _changed(node: Node, path: Path, share: float) -> Node:
+def _with_change(node: Node, path: Path, share: float) -> Node:
     if not path:
         value: Any = node
         changed: Node = value * (1 + share)
@@ -148,9 +149,9 @@ def _changed(node: Node, path: Path, share: float) -> Node:
     holder: Any = node
     if isinstance(first, int):
         items: Any = list(holder)
-        items[first] = _changed(items[first], tuple(rest), share)
+        items[first] = _with_change(items[first], tuple(rest), share)
         listed: Node = type(holder)(items)
         return listed
-    part = _changed(getattr(holder, first), tuple(rest), share)
+    part = _with_change(getattr(holder, first), tuple(rest), share)
     whole: Node = replace(holder, **{first: part})
     return whole

@@ -1,4 +1,4 @@
-"""What became of mechanisms: records of a line each, and the tables made of them."""
+"""Results of mechanisms: a record each, and tables of them."""
 
 from __future__ import annotations
 
@@ -11,33 +11,34 @@ import numpy as np
 from physics_crosscheck.harness.records.outcome import Outcome
 
 
-class Fate(StrEnum):
-    """What became of a planted fault."""
+class Detection(StrEnum):
+    """The detection of a planted fault."""
 
-    MOTION = "caught by a joint's motion"
-    FRAMES = "caught by frames alone: the engine poses a body elsewhere"
-    FAINT = "a pose is another by less than frames resolve, and no motion is"
-    INVISIBLE = "invisible: no motion and no pose is another"
-    BELOW = "below the uncertainty: its effect is smaller than what is claimed"
+    MOTION = "detected by a joint's motion"
+    FRAMES = "detected by poses of bodies alone"
+    FAINT = "invisible: no motion changes, poses change below their resolution"
+    INVISIBLE = "invisible: no motion and no pose changes"
+    BELOW = "below the uncertainty of the limits"
     MISSED = "MISSED"
-    FALSE = "TOLD WHERE THERE IS NOTHING"
+    FALSE = "FALSE ALARM"
 
 
-class Planted(msgspec.Struct, frozen=True, kw_only=True):
+class MechanismFault(msgspec.Struct, frozen=True, kw_only=True):
     """A fault in one number of a file.
 
     Attributes:
-        where: which number.
-        share: by which share of itself it is off.
-        effect: largest change of a segment's end, by what counts as one; 0 where none is known.
-        excess: the same by the uncertainty of that end.
-        pose: largest change of a body's place, by the largest distance of any, or turn.
-        outside: limits outside their uncertainty about what the faulty file must do.
+        where: path of the number, with dots.
+        share: size of the fault relative to the number.
+        fate: whether and how it is detected.
+        effect: largest relative change of a segment's end; 0 below the error of the equations.
+        excess: largest change of a segment's end over its uncertainty.
+        pose: largest change of a body's position over the largest distance, or of its rotation.
+        outside: number of limits whose error by the faulty equations exceeds their uncertainty.
     """
 
     where: str
     share: float
-    fate: Fate
+    fate: Detection
     effect: float
     excess: float
     pose: float
@@ -45,22 +46,26 @@ class Planted(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def wrong(self) -> bool:
-        return self.fate in (Fate.MISSED, Fate.FALSE) or self.outside > 0
+        """True for a missed fault, a false alarm, or a limit outside its uncertainty."""
+        return self.fate in (Detection.MISSED, Detection.FALSE) or self.outside > 0
 
 
-class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of a mechanism.
+class MechanismResult(msgspec.Struct, frozen=True, kw_only=True):
+    """The judgement of a mechanism.
 
     Attributes:
-        index: its number under the seed.
-        group: how it was stepped.
-        outcome: of the harness; "no mechanism" where none could be posed.
+        index: of the mechanism under the seed.
+        group: engine, integrator and format.
+        joints: number of joints.
+        outcome: of the verdict; FAILED after an exception.
         discrepancy, uncertainty: E and U of the verdict.
-        worst: largest error of a limit by its uncertainty.
-        limits, outside: how many there were, and how many with an error above it.
-        explained: why what would be wrong is the engine's own.
-        truth: error of what the limits are compared with, at most, by their uncertainty.
-        seconds: processor time of all of it.
+        worst: largest error of a limit over its uncertainty.
+        limits, outside: number of limits, and of those whose error exceeds their uncertainty.
+        explained: digits that the engine loses, if they explain everything outside; else empty.
+        truth: largest error bound of the reference ends over the uncertainty of the limits.
+        seconds: processor time.
+        reason: of an outcome other than AGREES.
+        faults: the planted faults with their results.
     """
 
     index: int
@@ -76,52 +81,55 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     truth: float = 0.0
     seconds: float = 0.0
     reason: str = ""
-    faults: tuple[Planted, ...] = ()
+    faults: tuple[MechanismFault, ...] = ()
 
     @property
     def unresolved(self) -> bool:
-        """Nothing is claimed: no wrong verdict, and none that is wanted."""
+        """True for the outcome UNRESOLVED, which is neither right nor wrong."""
         return self.outcome == Outcome.UNRESOLVED
 
     @property
     def wrong(self) -> bool:
-        claimed = self.outcome in (Outcome.AGREES, Outcome.UNRESOLVED) and not self.outside
-        return not (claimed or self.explained) or any(fault.wrong for fault in self.faults)
+        """True for an unexplained wrong outcome or limit, or a wrongly judged fault."""
+        is_right = self.outcome in (Outcome.AGREES, Outcome.UNRESOLVED) and not self.outside
+        return not (is_right or self.explained) or any(fault.wrong for fault in self.faults)
 
 
-SOME = 0.01
-"""Share of the mechanisms that may be left unresolved."""
+UNRESOLVED_SHARE = 0.01
+"""Largest accepted share of unresolved mechanisms."""
 
 
-def all_right(results: Sequence[Result]) -> bool:
-    """Whether no verdict and no limit is wrong, and few are left open."""
+def all_correct(results: Sequence[MechanismResult]) -> bool:
+    """Return whether no verdict and no limit is wrong, and few mechanisms are unresolved."""
     unresolved = sum(result.unresolved for result in results)
-    return not any(result.wrong for result in results) and unresolved <= SOME * len(results)
+    return not any(result.wrong for result in results) and unresolved <= UNRESOLVED_SHARE * len(
+        results
+    )
 
 
-def line(result: Result) -> bytes:
-    """As JSON, in a line."""
+def json_line(result: MechanismResult) -> bytes:
+    """Return a result as a line of JSON."""
     return msgspec.json.encode(result) + b"\n"
 
 
-def offender(result: Result, command: str) -> list[str]:
-    """What is wrong with it, and the command that shows it again."""
-    told = [
+def problem_lines(result: MechanismResult, command: str) -> list[str]:
+    """Return what is wrong with a mechanism, and the command that runs it again."""
+    lines = [
         f"{result.group}, {result.joints} joints: {result.outcome}, E {result.discrepancy:.1e},"
-        f" U {result.uncertainty:.1e}, {result.outside} of {result.limits} limits outside, by"
-        f" {result.worst:.2g} U at most {result.reason}".rstrip()
+        f" U {result.uncertainty:.1e}, {result.outside} of {result.limits} limits outside,"
+        f" worst {result.worst:.2g} U {result.reason}".rstrip()
     ]
-    told += [
+    lines += [
         f"    {f.where} off by {f.share:.0e}: {f.fate}; effect {f.effect:.1e}, {f.excess:.1e} U;"
         f" pose {f.pose:.1e}; {f.outside} limits outside"
         for f in result.faults
         if f.wrong
     ]
-    return [*told, f"    {command}"]
+    return [*lines, f"    {command}"]
 
 
-def table(results: Sequence[Result]) -> list[str]:
-    """A line a group, and one of all."""
+def table(results: Sequence[MechanismResult]) -> list[str]:
+    """Return a table with a row per group and a row for all, then notes."""
     groups = sorted({result.group for result in results})
     head = (
         "", "number", "AGREES", "UNRESOLVED", "explained", "wrong", "limits", "outside", "worst",
@@ -141,14 +149,14 @@ def table(results: Sequence[Result]) -> list[str]:
     seconds = [result.seconds for result in results]
     return [
         *lines,
-        "worst: error of a limit by its uncertainty; E and U: medians",
-        f"{sum(seconds):.0f} s of processor time, {np.median(seconds):.2f} s a mechanism in the"
-        f" median, {max(seconds):.1f} s at most",
+        "worst: largest error of a limit over its uncertainty; E and U: medians",
+        f"processor time: {sum(seconds):.0f} s, median {np.median(seconds):.2f} s per mechanism,"
+        f" maximum {max(seconds):.1f} s",
     ]
 
 
-def _row(name: str, results: Sequence[Result]) -> tuple[str, ...]:
-    free = [r for r in results if not r.explained]
+def _row(name: str, results: Sequence[MechanismResult]) -> tuple[str, ...]:
+    unexplained = [r for r in results if not r.explained]
     return (
         name,
         str(len(results)),
@@ -156,36 +164,36 @@ def _row(name: str, results: Sequence[Result]) -> tuple[str, ...]:
         str(sum(r.unresolved for r in results)),
         str(sum(bool(r.explained) for r in results)),
         str(sum(r.wrong for r in results)),
-        str(sum(r.limits for r in free)),
-        str(sum(r.outside for r in free)),
-        f"{max((r.worst for r in free), default=0.0):.2f}",
+        str(sum(r.limits for r in unexplained)),
+        str(sum(r.outside for r in unexplained)),
+        f"{max((r.worst for r in unexplained), default=0.0):.2f}",
         f"{np.median([r.discrepancy for r in results]):.1e}",
         f"{np.median([r.uncertainty for r in results]):.1e}",
     )
 
 
-def fates(planted: Iterable[Planted]) -> list[str]:
-    """How many faults of each size met which fate, and what is known of those not told."""
-    every = list(planted)
-    told = []
+def detection_lines(faults: Iterable[MechanismFault]) -> list[str]:
+    """Return the number of faults by size and detection, with the largest undetected effects."""
+    every = list(faults)
+    lines = []
     for share in sorted({f.share for f in every}, reverse=True):
-        own = [f for f in every if f.share == share]
-        told.append(f"{len(own)} faults of {share:.0e}")
-        for fate in Fate:
-            met = [f for f in own if f.fate is fate]
-            if met or fate is Fate.MISSED:
-                told.append(f"  {len(met):6d} {fate}{_known(fate, met)}")
-    return told
+        same_size = [f for f in every if f.share == share]
+        lines.append(f"{len(same_size)} faults of {share:.0e}")
+        for fate in Detection:
+            group = [f for f in same_size if f.fate is fate]
+            if group or fate is Detection.MISSED:
+                lines.append(f"  {len(group):6d} {fate}{_largest_effects(fate, group)}")
+    return lines
 
 
-def _known(fate: Fate, met: Sequence[Planted]) -> str:
-    if fate is Fate.INVISIBLE:
-        effect, pose = max(f.effect for f in met), max(f.pose for f in met)
-        return f"; largest effect {effect:.0e} of a segment's movement, pose {pose:.0e}"
-    if fate is Fate.BELOW:
-        return f"; largest effect {max(f.excess for f in met):.2g} U"
-    if fate is Fate.FRAMES:
-        return f"; smallest change of a pose {min(f.pose for f in met):.0e}"
-    if fate is Fate.FAINT:
-        return f"; largest change of a pose {max(f.pose for f in met):.0e}"
+def _largest_effects(fate: Detection, group: Sequence[MechanismFault]) -> str:
+    if fate is Detection.INVISIBLE:
+        effect, pose = max(f.effect for f in group), max(f.pose for f in group)
+        return f"; largest effect {effect:.0e} relative to the movement, pose {pose:.0e}"
+    if fate is Detection.BELOW:
+        return f"; largest effect {max(f.excess for f in group):.2g} U"
+    if fate is Detection.FRAMES:
+        return f"; smallest change of a pose {min(f.pose for f in group):.0e}"
+    if fate is Detection.FAINT:
+        return f"; largest change of a pose {max(f.pose for f in group):.0e}"
     return ""

@@ -1,4 +1,4 @@
-"""One mechanism through the harness's own segments and verdict, beside what it must do."""
+"""Judgement of a mechanism by the harness, and the error of each limit by the equations."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from campaigns.mechanisms.dynamics import Dynamics
+from campaigns.mechanisms.dynamics import MechanismDynamics
 from campaigns.mechanisms.joints import identity, inputs
-from campaigns.mechanisms.mechanism import Mechanism
-from campaigns.mechanisms.truth import Ends, TruthError, ends
+from campaigns.mechanisms.mechanism import RandomMechanism
+from campaigns.mechanisms.truth import SegmentEnds, TruthError, ends
 from campaigns.mechanisms.written import joint_name, sidecar
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
@@ -26,11 +26,11 @@ from physics_crosscheck.harness.numerics.ladder import movement
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
 from physics_crosscheck.reference.solving.segments import Segments
 
-SEGMENTS_A_PERIOD = 20
-"""As `reference.solving.solve` cuts its motions."""
+SEGMENTS_PER_PERIOD = 20
+"""Segments in a period of the fastest rate, as in `reference.solving.solve`."""
 
-SLOWEST = 1.0
-"""Least rate for which segments are made short, rad/s."""
+MIN_RATE = 1.0
+"""Smallest rate that sets the length of segments, rad/s."""
 
 Settings = Mapping[str, object]
 _NONE: Settings = MappingProxyType({})
@@ -39,55 +39,54 @@ EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Posed:
-    """A mechanism's motion, cut in segments.
+class MechanismCase:
+    """A mechanism and the segments of its motion.
 
     Attributes:
-        motion: as the harness takes it, its ends rounded to doubles.
-        truth: the same ends with all their digits.
+        motion: segments for the harness, with ends rounded to doubles.
+        truth: ends of the segments in `longdouble`.
     """
 
-    mechanism: Mechanism
+    mechanism: RandomMechanism
     motion: Segments
-    truth: Ends
+    truth: SegmentEnds
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
-    """What the harness found.
+class MechanismJudgement:
+    """The verdict of the harness on a mechanism, and the errors of its limits.
 
     Attributes:
-        verdict: at the resolution asked.
-        found: every limit with its uncertainty.
-        uncertainty: of every limit, with the truth's own bound, (K, 2n).
-        ratios: errors of the limits by their uncertainty, (K, 2n).
+        verdict: at the requested resolution.
+        extrapolated: every limit with its uncertainty.
+        uncertainty: of every limit, with the bound of the reference ends, (K, 2n).
+        ratios: errors of the limits over their uncertainty, (K, 2n).
         seconds: processor time.
     """
 
     verdict: CaseJudgement
-    found: Extrapolated
+    extrapolated: Extrapolated
     uncertainty: Array
     ratios: Array
     seconds: float
 
 
-def pose(mechanism: Mechanism, segments: int) -> Posed:
-    """Choose segments along a motion, and find where each must end.
+def prepare_case(mechanism: RandomMechanism, segments: int) -> MechanismCase:
+    """Choose segments along a motion, and solve for the end of each.
 
-    They start where the engine itself passes at some step: any states will do.
+    They start at states of a run of the engine: any states will do.
 
     Raises:
-        EngineError: where the engine refuses the file.
-        TruthError: where the equations can't be solved.
+        EngineError: if the engine refuses the file.
+        TruthError: if the equations can't be solved.
     """
-    fastest, starts = _passed(mechanism, segments)
+    fastest, starts = _starts(mechanism, segments)
     length = _length(fastest)
     t = length * np.arange(segments, dtype=np.float64)
-    truth = ends(Dynamics(mechanism), t, starts, length)
+    truth = ends(MechanismDynamics(mechanism), t, starts, length)
     end = truth.states.astype(float)
-    # The ends are rounded to doubles.
+    # Rounding the ends to doubles adds to their error.
     bound = truth.error.astype(float) + EPSILON / 2 * np.max(np.abs(end), axis=0)
-    still = not any(drive.varies for drive in mechanism.drives)
     motion = Segments(
         start=starts,
         lengths=np.full(segments, length),
@@ -95,58 +94,62 @@ def pose(mechanism: Mechanism, segments: int) -> Posed:
         end=end,
         bound=bound,
         t=t,
-        varying=not still,
+        varying=any(drive.varies for drive in mechanism.drives),
         fastest=fastest,
     )
-    # There is no other scenario that could say how far a component moves that hardly does here.
+    # No other scenario scales a component that hardly moves here.
     scale = np.maximum(component_scale(motion, []), movement(end, starts))
-    return Posed(mechanism=mechanism, motion=replace(motion, scale=scale), truth=truth)
+    return MechanismCase(mechanism=mechanism, motion=replace(motion, scale=scale), truth=truth)
 
 
-def examine(
-    posed: Posed, mechanism: Mechanism, resolution: float, settings: Settings = _NONE
-) -> Judged:
-    """Judge a mechanism, the posed one or one with a fault, over the posed motion.
+def judge_motion(
+    case: MechanismCase, mechanism: RandomMechanism, resolution: float, settings: Settings = _NONE
+) -> MechanismJudgement:
+    """Judge a mechanism over the segments of a case: that of the case, or a faulty copy.
 
-    With settings of the engine's, if any, beside the usual ones.
+    Args:
+        case: the segments and their ends.
+        mechanism: the mechanism to run.
+        resolution: of the verdict.
+        settings: added to the usual settings of the engine.
 
     Raises:
-        EngineError, BlownUpError: where it can't be run.
+        EngineError, BlownUpError: if the engine can't run it.
     """
     began = process_time()
-    motion = posed.motion
+    motion = case.motion
     with loaded(mechanism, settings) as (model, coordinates):
-        found = extrapolate(model, coordinates, motion, resolution=resolution)
+        extrapolated = extrapolate(model, coordinates, motion, resolution=resolution)
         claimed = model.exponents(motion.varying)[0]
     names = tuple(joint_name(i) for i in range(len(mechanism.links)))
     components = (*names, *(f"{name}_dot" for name in names))
-    verdict = judge(found.limit, motion, components, claimed, resolution)
-    uncertainty = found.limit.uncertainty + motion.bound
-    known = np.isfinite(uncertainty)
-    error = np.abs(found.limit.value - posed.truth.states).astype(float)
-    return Judged(
+    verdict = judge(extrapolated.limit, motion, components, claimed, resolution)
+    uncertainty = extrapolated.limit.uncertainty + motion.bound
+    finite = np.isfinite(uncertainty)
+    error = np.abs(extrapolated.limit.value - case.truth.states).astype(float)
+    return MechanismJudgement(
         verdict=verdict,
-        found=found,
+        extrapolated=extrapolated,
         uncertainty=uncertainty,
-        ratios=np.where(known, error / np.where(known, uncertainty, 1.0), 0.0),
+        ratios=np.where(finite, error / np.where(finite, uncertainty, 1.0), 0.0),
         seconds=process_time() - began,
     )
 
 
 @contextmanager
 def loaded(
-    mechanism: Mechanism, settings: Settings = _NONE
+    mechanism: RandomMechanism, settings: Settings = _NONE
 ) -> Iterator[tuple[LoadedModel, CoordinateMap]]:
-    """The mechanism in its engine, from a file, by the ordinary adapter."""
+    """Yield the mechanism, loaded from a file in its engine, and its coordinate map."""
     with tempfile.TemporaryDirectory() as folder:
-        beside = sidecar(mechanism, Path(folder), settings)
-        model = _engines()[mechanism.engine].load(beside.spec(mechanism.engine))
+        model_file = sidecar(mechanism, Path(folder), settings)
+        model = _engines()[mechanism.engine].load(model_file.spec(mechanism.engine))
         driven = tuple(drive.joint for drive in mechanism.drives)
         yield model, identity(mechanism.kinds, driven, model.coordinates)
 
 
-def undone(mechanism: Mechanism) -> Settings:
-    """Settings that undo what the engine loses of the file's digits, as its remarks have it."""
+def corrective_settings(mechanism: RandomMechanism) -> Settings:
+    """Return the settings by which the engine loses no digits of the file, from its remarks."""
     with loaded(mechanism) as (model, _):
         still = np.zeros((1, len(mechanism.links)))
         remarks = model.remarks(still, still)
@@ -159,51 +162,51 @@ def _engines() -> dict[str, Engine]:
 
 
 def _length(fastest: float) -> float:
-    return 2 * np.pi / fastest / SEGMENTS_A_PERIOD
+    return 2 * np.pi / fastest / SEGMENTS_PER_PERIOD
 
 
-def _passed(mechanism: Mechanism, segments: int) -> tuple[float, Array]:
-    """The fastest rate along the engine's motion, and the states that it passes, (segments, 2n)."""
-    dynamics = Dynamics(mechanism, np.float64)
+def _starts(mechanism: RandomMechanism, segments: int) -> tuple[float, Array]:
+    """Return the fastest rate along a run of the engine, rad/s, and its states, (segments, 2n)."""
+    dynamics = MechanismDynamics(mechanism, np.float64)
     start = np.array([*mechanism.q, *mechanism.v])[None]
-    fastest = max(SLOWEST, _rate(dynamics, start))
+    fastest = max(MIN_RATE, _rate(dynamics, start))
     with loaded(mechanism) as (model, _):
-        # Twice: the rate at the start may be a small one, and steps by it too long.
+        # Twice: the rate at the start may be small, and its steps too long.
         for _ in range(2):
             try:
-                states = _rolled(model, dynamics, start, _length(fastest), segments)
+                states = _rollout(model, dynamics, start, _length(fastest), segments)
             except TruthError:
                 fastest *= 4
             else:
                 fastest = max(fastest, _rate(dynamics, states[:: max(1, segments // 10)]))
-        return fastest, _rolled(model, dynamics, start, _length(fastest), segments)
+        return fastest, _rollout(model, dynamics, start, _length(fastest), segments)
 
 
-STEPS = 4
-"""A segment, on the way to the states where segments start."""
+STEPS_PER_SEGMENT = 4
+"""Steps per segment of the run that gives the starts."""
 
 
-def _rolled(
-    model: LoadedModel, dynamics: Dynamics, start: Array, length: float, segments: int
+def _rollout(
+    model: LoadedModel, dynamics: MechanismDynamics, start: Array, length: float, segments: int
 ) -> Array:
-    n, steps = start.shape[1] // 2, STEPS * (segments - 1)
-    h = length / STEPS
+    n, steps = start.shape[1] // 2, STEPS_PER_SEGMENT * (segments - 1)
+    h = length / STEPS_PER_SEGMENT
     force = dynamics.inputs(h * np.arange(steps), (n, steps)).T[None].astype(float)
-    q, v = model.rollout(start[:, :n], start[:, n:], h, steps, force, STEPS)
+    q, v = model.rollout(start[:, :n], start[:, n:], h, steps, force, STEPS_PER_SEGMENT)
     states = np.concatenate([start, np.concatenate([q[0], v[0]], axis=1)])
     if not np.isfinite(states).all():
         raise TruthError("the motion is not finite")
     return states
 
 
-def _rate(dynamics: Dynamics, states: Array) -> float:
-    """Largest |eigenvalue| of the equations' Jacobian, of the hinges' speeds and of the drives."""
+def _rate(dynamics: MechanismDynamics, states: Array) -> float:
+    """Return the largest of |eigenvalues| of the Jacobian, hinge speeds and drive rates, rad/s."""
     count, n = len(states), states.shape[1] // 2
     step = 1e-6
     moves = step * np.concatenate([np.eye(2 * n), -np.eye(2 * n)])
     moved = (states[:, None] + moves).reshape(-1, 2 * n).T
-    found = dynamics.acceleration(np.zeros(moved.shape[1]), moved[:n], moved[n:]).astype(float)
-    changes = found.T.reshape(count, 2, 2 * n, n)
+    qdd = dynamics.acceleration(np.zeros(moved.shape[1]), moved[:n], moved[n:]).astype(float)
+    changes = qdd.T.reshape(count, 2, 2 * n, n)
     full = np.zeros((count, 2 * n, 2 * n))
     full[:, range(n), range(n, 2 * n)] = 1.0
     full[:, n:] = ((changes[:, 0] - changes[:, 1]) / (2 * step)).swapaxes(1, 2)

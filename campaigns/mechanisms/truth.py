@@ -1,9 +1,9 @@
-"""Where segments must end, to eighteen digits or so, and how many of these were reached.
+"""Ends of segments by the equations, to about eighteen digits, with a bound of their error.
 
-Gauss collocation (Hairer, Norsett and Wanner, Solving ODEs I, II.7) in `longdouble`, all segments
-and stages at once. The stages are found by Picard's iteration, whose error falls as L^k / k! with
-L the segment's length times the fastest rate. Each segment is done in one step and in two; the
-ends are those of the two, and their distance bounds their error.
+The method is Gauss collocation (Hairer, Norsett and Wanner, Solving ODEs I, II.7) in `longdouble`,
+for all segments and stages at once. Picard's iteration solves for the stages; its error falls as
+L^k / k!, where L is the segment's length times the fastest rate. Each segment is solved in one step
+and in two. The ends are those of two steps; the distance to one step bounds their error.
 """
 
 from __future__ import annotations
@@ -14,42 +14,42 @@ from functools import lru_cache
 import mpmath as mp
 import numpy as np
 
-from campaigns.mechanisms.dynamics import Dynamics, Real
+from campaigns.mechanisms.dynamics import MechanismDynamics, Real
 
 STAGES = 8
-"""Order 16: a step of a twentieth of the fastest period errs by some 1e-22 of the motion."""
+"""Stages of a step: order 16, relative error about 1e-22 at 1/20 of the fastest period."""
 
-MOST = 40
-"""Iterations until nothing changes, at most; a dozen are usual."""
+MAX_ITERATIONS = 40
+"""Largest number of iterations; a dozen are usual."""
 
-SETTLED = 1e-15
-"""What rounding may leave of accelerations, where light bodies hang on heavy ones."""
+ROUNDING = 1e-15
+"""Largest relative rounding of accelerations, for light bodies on heavy ones."""
 
 EPSILON = float(np.finfo(np.longdouble).eps)
 
 
 class TruthError(RuntimeError):
-    """The equations could not be solved to the digits that are needed."""
+    """An error of equations that could not be solved to the required digits."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ends:
-    """Of K segments of n joints.
+class SegmentEnds:
+    """Ends of K segments of n joints.
 
     Attributes:
         states: (q, v) at the ends, (K, 2n), in `longdouble`.
-        error: of each component at most, (2n,): the distance of one step and two, and rounding.
+        error: bound for each component, (2n,): distance from one step to two, plus rounding.
     """
 
     states: Real
     error: Real
 
 
-def ends(dynamics: Dynamics, t: Real, states: Real, length: float) -> Ends:
-    """Where segments from times t (K,) and states (K, 2n), all of one length in seconds, end.
+def ends(dynamics: MechanismDynamics, t: Real, states: Real, length: float) -> SegmentEnds:
+    """Return the ends of segments from times t (K,) and states (K, 2n), of equal length, s.
 
     Raises:
-        TruthError: where the iterations don't settle.
+        TruthError: if the iterations don't converge.
     """
     times, start = t.astype(np.longdouble), states.T.astype(np.longdouble)
     whole: Real = np.array(length, np.longdouble)
@@ -58,19 +58,19 @@ def ends(dynamics: Dynamics, t: Real, states: Real, length: float) -> Ends:
     twice = step(dynamics, times + half, step(dynamics, times, start, half), half)
     rounding = 8 * EPSILON * np.max(np.abs(twice), axis=1)
     error = np.max(np.abs(once - twice), axis=1) + rounding
-    return Ends(states=twice.T, error=error)
+    return SegmentEnds(states=twice.T, error=error)
 
 
 @np.errstate(all="ignore")
-def step(dynamics: Dynamics, t: Real, states: Real, h: Real) -> Real:
-    """States (2n, K) after one step of h from times (K,)."""
+def step(dynamics: MechanismDynamics, t: Real, states: Real, h: Real) -> Real:
+    """Return the states (2n, K) after a step h, s, from times t (K,)."""
     nodes, weights, matrix = gauss()
     n, count = len(states) // 2, len(t)
     times = (t + h * nodes[:, None]).ravel()
     v = np.repeat(states[n:, None], STAGES, axis=1)
     a = np.zeros_like(v)
     before = np.inf
-    for _ in range(MOST):
+    for _ in range(MAX_ITERATIONS):
         velocities = states[n:, None] + h * np.einsum("ij,njk->nik", matrix, a)
         positions = states[:n, None] + h * np.einsum("ij,njk->nik", matrix, velocities)
         new = dynamics.acceleration(times, positions.reshape(n, -1), velocities.reshape(n, -1))
@@ -78,12 +78,14 @@ def step(dynamics: Dynamics, t: Real, states: Real, h: Real) -> Real:
         change = np.max(np.abs(new - a))
         size = np.max(np.abs(new))
         v, a = velocities, new
-        # Where it falls no more, rounding is left.
-        if change <= 64 * EPSILON * size or before / 2 <= change <= SETTLED * size:
+        # A change that no longer falls is rounding.
+        if change <= 64 * EPSILON * size or before / 2 <= change <= ROUNDING * size:
             break
         before = change
     else:
-        raise TruthError(f"the collocation does not settle: {float(change / size):.0e} is left")
+        raise TruthError(
+            f"the collocation does not converge: relative change {float(change / size):.0e}"
+        )
     v = states[n:, None] + h * np.einsum("ij,njk->nik", matrix, a)
     q_end = states[:n] + h * np.einsum("j,njk->nk", weights, v)
     v_end = states[n:] + h * np.einsum("j,njk->nk", weights, a)
@@ -92,7 +94,7 @@ def step(dynamics: Dynamics, t: Real, states: Real, h: Real) -> Real:
 
 @lru_cache(maxsize=1)
 def gauss() -> tuple[Real, Real, Real]:
-    """Nodes on [0, 1], weights, and the integrals of the Lagrange polynomials up to each node."""
+    """Return nodes on [0, 1], weights, and integrals of the Lagrange polynomials to each node."""
     with mp.workdps(40):
         roots = sorted(mp.polyroots(_legendre(STAGES)[::-1], maxsteps=200, extraprec=200))
         points = [(1 + x) / 2 for x in roots]
@@ -110,7 +112,7 @@ def gauss() -> tuple[Real, Real, Real]:
 
 
 def _legendre(degree: int) -> list[mp.mpf]:
-    """Coefficients from the constant on, by Bonnet's recursion."""
+    """Return the coefficients of a Legendre polynomial, constant first, by Bonnet's recursion."""
     before, here = [mp.mpf(1)], [mp.mpf(0), mp.mpf(1)]
     for k in range(1, degree):
         after = [mp.mpf(0), *((2 * k + 1) * c / (k + 1) for c in here)]

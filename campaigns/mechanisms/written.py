@@ -1,16 +1,16 @@
-"""Mechanisms as MJCF and as URDF, every number with all its digits."""
+"""Model files of mechanisms in MJCF and URDF; every number has all its digits."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from campaigns.mechanisms.mechanism import MJCF, Link, Mechanism
+from campaigns.mechanisms.mechanism import MJCF, MechanismLink, RandomMechanism
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 
-def sidecar(mechanism: Mechanism, folder: Path, more: Mapping[str, object]) -> Sidecar:
-    """Write the model file into a folder; what a sidecar would say of it, with more settings."""
+def sidecar(mechanism: RandomMechanism, folder: Path, more: Mapping[str, object]) -> Sidecar:
+    """Write the model file into a folder; return its sidecar, with additional settings."""
     mjcf = mechanism.format == MJCF
     path = folder / ("mechanism.xml" if mjcf else "mechanism.urdf")
     path.write_text((_mjcf if mjcf else _urdf)(mechanism), encoding="utf-8")
@@ -31,7 +31,7 @@ def sidecar(mechanism: Mechanism, folder: Path, more: Mapping[str, object]) -> S
 
 
 def joint_name(index: int) -> str:
-    """Of the joint of a link, and of its coordinate."""
+    """Return the name of a link's joint and of its coordinate."""
     return f"q{index + 1}"
 
 
@@ -39,7 +39,7 @@ def _words(numbers: Sequence[float]) -> str:
     return " ".join(map(repr, numbers))
 
 
-def _mjcf(mechanism: Mechanism) -> str:
+def _mjcf(mechanism: RandomMechanism) -> str:
     bodies = "\n".join(_body(mechanism, i) for i in _children(mechanism, -1))
     return (
         '<mujoco><compiler angle="radian"/>\n'
@@ -49,11 +49,11 @@ def _mjcf(mechanism: Mechanism) -> str:
     )
 
 
-def _children(mechanism: Mechanism, parent: int) -> list[int]:
+def _children(mechanism: RandomMechanism, parent: int) -> list[int]:
     return [i for i, link in enumerate(mechanism.links) if link.parent == parent]
 
 
-def _body(mechanism: Mechanism, index: int) -> str:
+def _body(mechanism: RandomMechanism, index: int) -> str:
     link = mechanism.links[index]
     inertia = "diaginertia" if len(link.inertia) == 3 else "fullinertia"
     turn = f' quat="{_words(link.inertial_turn)}"' if link.inertial_turn else ""
@@ -69,7 +69,7 @@ def _body(mechanism: Mechanism, index: int) -> str:
     )
 
 
-def _urdf(mechanism: Mechanism) -> str:
+def _urdf(mechanism: RandomMechanism) -> str:
     parts = [_urdf_link(i, link) for i, link in enumerate(mechanism.links)]
     base = (
         '<link name="base"><inertial><mass value="1"/>'
@@ -78,7 +78,7 @@ def _urdf(mechanism: Mechanism) -> str:
     return "\n".join(['<robot name="mechanism">', base, *parts, "</robot>\n"])
 
 
-def _urdf_link(index: int, link: Link) -> str:
+def _urdf_link(index: int, link: MechanismLink) -> str:
     name = joint_name(index)
     parent = "base" if link.parent < 0 else f"body{link.parent + 1}"
     entries = zip(

@@ -11,7 +11,7 @@ from typing import Any
 
 import mpmath as mp
 
-from campaigns.mechanisms.mechanism import MJCF, Link, Mechanism
+from campaigns.mechanisms.mechanism import MJCF, MechanismLink, RandomMechanism
 
 Matrix = Any
 Number = Any
@@ -21,7 +21,9 @@ STEP = mp.mpf(10) ** -22
 """Step of the differences, whose error is its square."""
 
 
-def accelerations(mechanism: Mechanism, t: Number, q: Sequence[Any], v: Sequence[Any]) -> Matrix:
+def accelerations(
+    mechanism: RandomMechanism, t: Number, q: Sequence[Any], v: Sequence[Any]
+) -> Matrix:
     """Return qdd, a column of n."""
     n = len(q)
 
@@ -65,7 +67,7 @@ def _trace(a: Matrix, body: Matrix, b: Matrix) -> Number:
     return sum(first[r, c] * b[r, c] for r in range(3) for c in range(4))
 
 
-def poses(mechanism: Mechanism, q: Sequence[Any]) -> list[Matrix]:
+def poses(mechanism: RandomMechanism, q: Sequence[Any]) -> list[Matrix]:
     """Return the poses of all bodies, 4 x 4."""
     frames: list[Matrix] = []
     for link, x in zip(mechanism.links, q, strict=True):
@@ -83,7 +85,7 @@ def poses(mechanism: Mechanism, q: Sequence[Any]) -> list[Matrix]:
     return frames
 
 
-def moments(link: Link, form: str) -> Matrix:
+def moments(link: MechanismLink, form: str) -> Matrix:
     """Integrate (x, y, z, 1) times its transpose over a body, in the body's frame, 4 x 4."""
     xx, yy, zz, xy, xz, yz = (mp.mpf(x) for x in (*link.inertia, 0.0, 0.0, 0.0)[:6])
     half = (xx + yy + zz) / 2
@@ -131,7 +133,7 @@ def _shift(by: Sequence[Any]) -> Matrix:
     return frame
 
 
-def end(mechanism: Mechanism, t: float, state: Sequence[float], length: float) -> list[Any]:
+def end(mechanism: RandomMechanism, t: float, state: Sequence[float], length: float) -> list[Any]:
     """Return (q, v) after a segment by Gragg's modified midpoint rule, extrapolated to order 16."""
     n = len(state) // 2
     table: list[list[Any]] = []

@@ -12,32 +12,32 @@ import pytest
 
 from campaigns.mechanisms import __main__ as command
 from campaigns.mechanisms import census
-from campaigns.mechanisms.census import Options, study
-from campaigns.mechanisms.drawn import WAYS, draw
-from campaigns.mechanisms.faults import fate_of, planted
-from campaigns.mechanisms.mechanism import MJCF, Mechanism, literals, with_fault
+from campaigns.mechanisms.census import CensusOptions, study
+from campaigns.mechanisms.drawn import VARIANTS, draw
+from campaigns.mechanisms.faults import detection_of, judge_fault
+from campaigns.mechanisms.mechanism import MJCF, RandomMechanism, literals, with_fault
 from campaigns.mechanisms.results import (
-    Fate,
-    Planted,
-    Result,
-    all_right,
-    fates,
-    line,
-    offender,
+    Detection,
+    MechanismFault,
+    MechanismResult,
+    all_correct,
+    detection_lines,
+    json_line,
+    problem_lines,
     table,
 )
-from campaigns.mechanisms.trial import Posed, loaded, pose
+from campaigns.mechanisms.trial import MechanismCase, loaded, prepare_case
 
-SMALL = Options(seed=5, joints=3, segments=9)
+SMALL = CensusOptions(seed=5, joints=3, segments=9)
 
 
 def test_correct_mechanisms_pass_and_all_limits_hold() -> None:
     results = [study(SMALL, index) for index in range(9)]
     assert {result.group.split(",")[0] for result in results} == {
-        f"{engine} {integrator}".strip() for engine, integrator, _ in WAYS
+        f"{engine} {integrator}".strip() for engine, integrator, _ in VARIANTS
     }
     for result in results:
-        assert not result.wrong, offender(result, "")
+        assert not result.wrong, problem_lines(result, "")
         assert result.explained or result.outcome == "AGREES"
         assert result.limits
         assert result.truth < 0.01
@@ -45,22 +45,22 @@ def test_correct_mechanisms_pass_and_all_limits_hold() -> None:
 
 @pytest.mark.slow
 def test_only_visible_faults_are_reported() -> None:
-    options = Options(seed=7, joints=3, segments=9, faults=2)
+    options = CensusOptions(seed=7, joints=3, segments=9, faults=2)
     results = [study(options, index) for index in range(9)]
     planted = [fault for result in results for fault in result.faults]
     for result in results:
-        assert not result.wrong, offender(result, "")
+        assert not result.wrong, problem_lines(result, "")
     assert len(planted) == 18
     assert {fault.share for fault in planted} == {1e-6, 1e-8}
-    seen = [fault for fault in planted if fault.fate is Fate.MOTION]
+    seen = [fault for fault in planted if fault.fate is Detection.MOTION]
     assert len(seen) > 9
     for fault in planted:
-        if fault.fate is Fate.INVISIBLE:
+        if fault.fate is Detection.INVISIBLE:
             assert fault.effect == 0
             assert fault.pose < 1e-15
 
 
-@pytest.mark.parametrize("index", range(len(WAYS)))
+@pytest.mark.parametrize("index", range(len(VARIANTS)))
 def test_file_has_the_numbers_of_the_mechanism(index: int) -> None:
     mechanism = draw(3, index)
     with loaded(mechanism) as (model, coordinates):
@@ -101,41 +101,41 @@ def test_fault_changes_one_number_of_the_file() -> None:
 
 
 def test_time_step_fault_is_invisible() -> None:
-    assert planted_at("step").fate is Fate.INVISIBLE
+    assert planted_at("step").fate is Detection.INVISIBLE
 
 
 def test_moved_base_is_detected_by_frames() -> None:
     fault = planted_at("position")
-    assert fault.fate is Fate.FRAMES
+    assert fault.fate is Detection.FRAMES
     assert 0 < fault.pose < 1e-6
 
 
-def planted_at(field: str) -> Planted:
+def planted_at(field: str) -> MechanismFault:
     """Plant a fault in the first link, or in a global number, of a mechanism without products."""
-    mechanism = draw(3, 3, most=2)
+    mechanism = draw(3, 3, max_joints=2)
     where = next(p for p in literals(mechanism) if field in p and (len(p) == 1 or p[1] == 0))
-    return planted(pose(mechanism, 9), where, 1e-6, {})
+    return judge_fault(prepare_case(mechanism, 9), where, 1e-6, {})
 
 
 @pytest.mark.parametrize(
     ("is_reported", "effect", "excess", "pose", "seen", "fate"),
     [
-        (True, 1e-6, 1e3, 1e-6, 1e-6, Fate.MOTION),
-        (True, 0.0, 0.0, 0.0, 0.0, Fate.FALSE),
-        (False, 1e-6, 1e3, 1e-6, 1e-6, Fate.MISSED),
-        (False, 0.0, 0.0, 1e-6, 1e-6, Fate.FRAMES),
-        (False, 0.0, 0.0, 1e-6, 1e-16, Fate.MISSED),  # the engine's pose lacks the fault
-        (True, 1e-6, 1e3, 0.0, 1e-6, Fate.FALSE),  # the engine's pose is wrong without a fault
-        (False, 0.0, 0.0, 1e-12, 1e-12, Fate.FAINT),
-        (False, 1e-14, 0.4, 0.0, 1e-16, Fate.BELOW),
-        (False, 1e-6, 0.0, 0.0, 1e-16, Fate.BELOW),  # no limit is claimed
-        (False, 0.0, 0.0, 1e-19, 1e-16, Fate.INVISIBLE),
+        (True, 1e-6, 1e3, 1e-6, 1e-6, Detection.MOTION),
+        (True, 0.0, 0.0, 0.0, 0.0, Detection.FALSE),
+        (False, 1e-6, 1e3, 1e-6, 1e-6, Detection.MISSED),
+        (False, 0.0, 0.0, 1e-6, 1e-6, Detection.FRAMES),
+        (False, 0.0, 0.0, 1e-6, 1e-16, Detection.MISSED),  # the engine's pose lacks the fault
+        (True, 1e-6, 1e3, 0.0, 1e-6, Detection.FALSE),  # the engine's pose is wrong without a fault
+        (False, 0.0, 0.0, 1e-12, 1e-12, Detection.FAINT),
+        (False, 1e-14, 0.4, 0.0, 1e-16, Detection.BELOW),
+        (False, 1e-6, 0.0, 0.0, 1e-16, Detection.BELOW),  # no limit is claimed
+        (False, 0.0, 0.0, 1e-19, 1e-16, Detection.INVISIBLE),
     ],
 )
 def test_fate_of_a_fault(
-    is_reported: bool, effect: float, excess: float, pose: float, seen: float, fate: Fate
+    is_reported: bool, effect: float, excess: float, pose: float, seen: float, fate: Detection
 ) -> None:
-    assert fate_of(is_reported, effect, excess, pose, seen) is fate
+    assert detection_of(is_reported, effect, excess, pose, seen) is fate
 
 
 @pytest.mark.slow
@@ -146,7 +146,7 @@ def test_engine_error_is_explained_only_by_its_remark() -> None:
     assert len(explained) > 1
     for result in explained:
         assert result.group == "pybullet, urdf, products"
-        assert "exact_axes; felt at" in result.explained
+        assert "exact_axes; effect" in result.explained
         assert result.outside
         assert not result.wrong
 
@@ -154,8 +154,8 @@ def test_engine_error_is_explained_only_by_its_remark() -> None:
 def test_other_errors_are_not_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     options = replace(SMALL, engine="pybullet")
 
-    def elsewhere(mechanism: Mechanism, segments: int) -> Posed:
-        posed = pose(mechanism, segments)
+    def elsewhere(mechanism: RandomMechanism, segments: int) -> MechanismCase:
+        posed = prepare_case(mechanism, segments)
         off = posed.truth.states * (1 + 1e-6)
         return replace(
             posed,
@@ -163,17 +163,17 @@ def test_other_errors_are_not_explained(monkeypatch: pytest.MonkeyPatch) -> None
             motion=replace(posed.motion, end=off.astype(float)),
         )
 
-    monkeypatch.setattr(census, "pose", elsewhere)
+    monkeypatch.setattr(census, "prepare_case", elsewhere)
     results = [study(options, index) for index in range(1, 6, 2)]
     assert all(result.wrong for result in results)
     assert not any(result.explained for result in results)
 
 
 def test_error_of_a_mechanism_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(mechanism: Mechanism, segments: int) -> None:
+    def broken(mechanism: RandomMechanism, segments: int) -> None:
         raise ZeroDivisionError("nothing to stand on")
 
-    monkeypatch.setattr(census, "pose", broken)
+    monkeypatch.setattr(census, "prepare_case", broken)
     result = study(SMALL, 0)
     assert result.wrong
     assert (result.outcome, result.reason) == ("FAILED", "ZeroDivisionError: nothing to stand on")
@@ -187,7 +187,9 @@ def test_failed_mechanism_affects_no_other() -> None:
     assert results[1].reason.startswith("ValueError")
 
 
-RIGHT = Result(index=0, group="mujoco RK4, mjcf", joints=2, outcome="AGREES", limits=8, worst=0.3)
+RIGHT = MechanismResult(
+    index=0, group="mujoco RK4, mjcf", joints=2, outcome="AGREES", limits=8, worst=0.3
+)
 WRONG = msgspec.structs.replace(RIGHT, index=1, outside=2, worst=1.7)
 
 
@@ -203,12 +205,14 @@ OPEN = msgspec.structs.replace(RIGHT, index=1, outcome="UNRESOLVED")
     ],
 )
 def test_exit_code_is_0_only_if_all_results_are_right(
-    results: list[Result],
+    results: list[MechanismResult],
     code: int,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def fake_census(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:
+    def fake_census(
+        options: CensusOptions, indices: Sequence[int], jobs: int
+    ) -> Iterator[MechanismResult]:
         yield from results
 
     monkeypatch.setattr(command, "census", fake_census)
@@ -219,8 +223,8 @@ def test_exit_code_is_0_only_if_all_results_are_right(
 
 
 def test_result_is_one_line() -> None:
-    assert line(WRONG).count(b"\n") == 1
-    assert msgspec.json.decode(line(WRONG), type=Result) == WRONG
+    assert json_line(WRONG).count(b"\n") == 1
+    assert msgspec.json.decode(json_line(WRONG), type=MechanismResult) == WRONG
 
 
 @pytest.mark.parametrize(
@@ -240,19 +244,19 @@ def test_wrong_results(changed: dict[str, object], wrong: bool) -> None:
 
 
 def test_few_results_may_be_unresolved() -> None:
-    assert all_right([RIGHT] * 190 + [OPEN] * 2) is False
-    assert all_right([RIGHT] * 199 + [OPEN]) is True
+    assert all_correct([RIGHT] * 190 + [OPEN] * 2) is False
+    assert all_correct([RIGHT] * 199 + [OPEN]) is True
 
 
-@pytest.mark.parametrize("fate", list(Fate))
-def test_fates_are_counted_and_two_of_them_are_wrong(fate: Fate) -> None:
-    fault = Planted(
+@pytest.mark.parametrize("fate", list(Detection))
+def test_fates_are_counted_and_two_of_them_are_wrong(fate: Detection) -> None:
+    fault = MechanismFault(
         where="step", share=1e-6, fate=fate, effect=0.0, excess=0.0, pose=1e-9, outside=0
     )
-    assert fault.wrong == (fate in (Fate.MISSED, Fate.FALSE))
+    assert fault.wrong == (fate in (Detection.MISSED, Detection.FALSE))
     result = msgspec.structs.replace(RIGHT, faults=(fault,))
     assert result.wrong == fault.wrong
-    counted = fates(result.faults)
+    counted = detection_lines(result.faults)
     assert counted[0] == "1 faults of 1e-06"
     assert any(row.startswith(f"       1 {fate}"[1:]) or f" 1 {fate}" in row for row in counted)
     assert len(table([result])) == 5

@@ -12,9 +12,9 @@ import pytest
 
 from campaigns.mechanisms import truth
 from campaigns.mechanisms.drawn import draw
-from campaigns.mechanisms.dynamics import Dynamics, Poses, Real
-from campaigns.mechanisms.mechanism import MJCF, Mechanism, Path, with_fault
-from campaigns.mechanisms.trial import Posed, examine, pose
+from campaigns.mechanisms.dynamics import BodyPoses, MechanismDynamics, Real
+from campaigns.mechanisms.mechanism import MJCF, Path, RandomMechanism, with_fault
+from campaigns.mechanisms.trial import MechanismCase, judge_motion, prepare_case
 from tests.campaigns import digits
 
 EPSILON = truth.EPSILON
@@ -36,7 +36,7 @@ def test_accelerations_have_more_digits_than_a_double(index: int) -> None:
     n = len(mechanism.links)
     state = np.array([*mechanism.q, *mechanism.v], dtype=np.longdouble)[:, None]
     time = np.array([0.75], dtype=np.longdouble)
-    dynamics = Dynamics(mechanism)
+    dynamics = MechanismDynamics(mechanism)
     actual = dynamics.acceleration(time, state[:n], state[n:])[:, 0]
     with mp.workdps(digits.DIGITS):
         q, v = ([mp.mpf(x) for x in part] for part in (mechanism.q, mechanism.v))
@@ -48,9 +48,9 @@ def test_accelerations_have_more_digits_than_a_double(index: int) -> None:
 
 @pytest.mark.slow
 def test_ends_have_more_digits_than_a_double() -> None:
-    mechanism = draw(41, 18, most=2)
+    mechanism = draw(41, 18, max_joints=2)
     assert mechanism.engine == "mujoco"
-    posed = pose(mechanism, 5)
+    posed = prepare_case(mechanism, 5)
     length = float(posed.motion.lengths[0])
     with mp.workdps(digits.DIGITS):
         wanted = digits.end(mechanism, float(posed.motion.t[2]), posed.motion.start[2], length)
@@ -61,9 +61,9 @@ def test_ends_have_more_digits_than_a_double() -> None:
 
 
 @cache
-def three_hinges() -> Mechanism:
+def three_hinges() -> RandomMechanism:
     """Return three hinges under RK4 without drives, which have the tightest limits."""
-    mechanisms = (draw(43, index, most=3) for index in range(400))
+    mechanisms = (draw(43, index, max_joints=3) for index in range(400))
     return next(
         replace(m, drives=())
         for m in mechanisms
@@ -71,35 +71,35 @@ def three_hinges() -> Mechanism:
     )
 
 
-def differs(posed: Posed, mechanism: Mechanism) -> bool:
-    return bool(np.any(examine(posed, mechanism, 1e-9).ratios > 1))
+def differs(posed: MechanismCase, mechanism: RandomMechanism) -> bool:
+    return bool(np.any(judge_motion(posed, mechanism, 1e-9).ratios > 1))
 
 
 def test_correct_mechanism_does_not_differ() -> None:
-    assert not differs(pose(three_hinges(), 9), three_hinges())
+    assert not differs(prepare_case(three_hinges(), 9), three_hinges())
 
 
 @pytest.mark.parametrize(
     "where", [("links", 1, "mass"), ("links", 2, "inertia", 0), ("links", 1, "centre", 1)]
 )
 def test_wrong_number_in_the_equations_is_detected(where: Path) -> None:
-    assert differs(pose(with_fault(three_hinges(), where, 1e-9), 9), three_hinges())
+    assert differs(prepare_case(with_fault(three_hinges(), where, 1e-9), 9), three_hinges())
 
 
 def test_wrong_term_in_the_equations_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     mechanism = three_hinges()
-    right = Dynamics._biases
+    right = MechanismDynamics._biases
 
-    def wrong(self: Dynamics, poses: Poses, v: Real) -> tuple[Real, Real, Real]:
+    def wrong(self: MechanismDynamics, poses: BodyPoses, v: Real) -> tuple[Real, Real, Real]:
         spins, turning, moving = right(self, poses, v)
         return spins, turning * (1 + 1e-8), moving
 
-    monkeypatch.setattr(Dynamics, "_biases", wrong)
-    assert differs(pose(mechanism, 9), mechanism)
+    monkeypatch.setattr(MechanismDynamics, "_biases", wrong)
+    assert differs(prepare_case(mechanism, 9), mechanism)
 
 
 def test_missing_convergence_is_reported() -> None:
     mechanism = three_hinges()
     states = np.array([[*mechanism.q, *mechanism.v]])
-    with pytest.raises(truth.TruthError, match="does not settle"):
-        truth.ends(Dynamics(mechanism), np.zeros(1), states, 20.0)
+    with pytest.raises(truth.TruthError, match="does not converge"):
+        truth.ends(MechanismDynamics(mechanism), np.zeros(1), states, 20.0)
