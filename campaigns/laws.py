@@ -1,7 +1,7 @@
-"""Whole steps by law: files of other people, random scenes, and planted faults.
+"""Whole steps of public robot files against the laws of their engines, and planted faults.
 
-`python -m campaigns.laws files FILE...` compares MJCFs in MuJoCo and URDFs in PyBullet, roots fixed
-(`--floating`: free), with their laws; `--engine mjx` and `drake` in these.
+`python -m campaigns.laws files FILE...` compares MJCFs in MuJoCo and URDFs in PyBullet with their
+laws. Roots are fixed, or free with `--floating`; `--engine mjx` or `drake` selects another engine.
 `python -m campaigns.laws faults FILE... --each 8` changes numbers by 1e-6 and 1 %.
 `python -m campaigns.laws acting FILE...` counts the numbers that act at drawn states, by kind.
 `python -m campaigns.laws tested FILE...` counts the tested numbers by kind.
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from campaigns.planted.fates import Fate, Ground, plant
+from campaigns.planted.fates import FaultBaseline, FaultFate, judge_by_equations
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import prepare_tree
@@ -53,11 +53,11 @@ KINDS = (
 """Attributes whose numbers are changed."""
 
 MOVING = ("armature", "damping", "stiffness")
-"""Those of them whose numbers motions decide, without rows."""
+"""Attributes of `KINDS` whose numbers are tested by motions, not by whole steps."""
 
 
 def spec_of(file: Path, *, floating: bool = False) -> tuple[str, ModelSpec]:
-    """Return the engine of a file, and what it loads."""
+    """Return the default engine of a file, and the model to load in it."""
     if file.suffix != ".urdf":
         return "mujoco", ModelSpec(file)
     return "pybullet", ModelSpec(
@@ -65,8 +65,8 @@ def spec_of(file: Path, *, floating: bool = False) -> tuple[str, ModelSpec]:
     )
 
 
-def line(file: Path, other: str = "", *, floating: bool = False) -> tuple[str, str]:
-    """Compare one file, in another engine if one is named; return its outcome and a line."""
+def compare_file(file: Path, other: str = "", *, floating: bool = False) -> tuple[str, str]:
+    """Compare a file, in engine `other` if that is not empty; return its outcome and a line."""
     began = time.process_time()
     usual, spec = spec_of(file, floating=floating)
     engine = other or usual
@@ -83,55 +83,57 @@ def line(file: Path, other: str = "", *, floating: bool = False) -> tuple[str, s
     acted = ", ".join(f"{term.count} {term.name}" for term in record.acted)
     sizes = f"E {judged.largest_discrepancy:.1e} U {judged.largest_uncertainty:.1e}"
     seconds = time.process_time() - began
-    text = f"{record.stated} attributes of the text, {len(record.misread)} compiled otherwise"
+    text = f"{record.stated} attributes in the text, {len(record.misread)} compiled differently"
     states = f"{record.states} states, {acted}; {text}; {seconds:.1f} s"
     return str(judged.outcome), f"{file.name}: {judged.outcome} {sizes}; {states}"
 
 
-def files(paths: Iterable[Path], engine: str = "", *, floating: bool = False) -> Counter[str]:
-    """Compare files, and print a line for each."""
+def compare_files(
+    paths: Iterable[Path], engine: str = "", *, floating: bool = False
+) -> Counter[str]:
+    """Compare files, print a line for each, and return the counts of outcomes."""
     counts = Counter[str]()
     for path in paths:
-        outcome, text = line(path, engine, floating=floating)
+        outcome, text = compare_file(path, engine, floating=floating)
         counts[outcome] += 1
         print(text, flush=True)
     return counts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sound:
+class LawBaseline:
     """A file that agrees with its law, and the effects of its numbers at the drawn states.
 
     Attributes:
         task: the file in an engine.
-        problem: its laws there.
+        problem: laws of the file in this engine.
     """
 
     task: TreeTask
     problem: AnyLawProblem
 
     @staticmethod
-    def from_file(file: Path, *, floating: bool = False) -> Sound | None:
-        """Return a file with its law; None without one."""
+    def from_file(file: Path, *, floating: bool = False) -> LawBaseline | None:
+        """Return the baseline of a file; None if it has no law or does not agree with it."""
         engine, spec = spec_of(file, floating=floating)
         task = model_task(prepare_tree(file, states=2, floating=floating), engine)
         task = task.with_settings(**spec.settings)
         problem = law_problem(task)
         agrees = problem is not None and problem.judge(RESOLUTION).outcome is Outcome.AGREES
-        return Sound(task=task, problem=problem) if agrees and problem is not None else None
+        return LawBaseline(task=task, problem=problem) if agrees and problem is not None else None
 
-    def faults(self, index: int) -> Iterator[tuple[str, float]]:
-        """Yield the wrong values of a number, each with its name."""
+    def wrong_values(self, index: int) -> Iterator[tuple[str, float]]:
+        """Yield the name and the value of each fault of a number."""
         number = self.problem.numbers.numerals[index]
         if number.key == "condim":
             for value in self.problem.numbers.law_choices.get(index, ())[:2]:
-                yield "another", value
+                yield "other", value
             return
         for size in SIZES:
             yield f"{size:.0e}", number.value * (1 + size)
 
     def effect(self, index: int, value: float) -> float:
-        """Return the largest relative effect of a number's value; NaN if it is unknown."""
+        """Return the largest relative effect of a number's value; NaN if the law gives none."""
         problem, number = self.problem, self.problem.numbers.numerals[index]
         if number.key == "condim":
             names = [(one.id.subject, one.value + one.correction) for one in problem.hypotheses]
@@ -143,7 +145,7 @@ class Sound:
         largest = np.nan if effect is None else np.max(np.abs(effect), initial=0.0)
         return float(largest) * abs(value - number.value)
 
-    def planted(self, index: int, value: float) -> Planted:
+    def judge_fault(self, index: int, value: float) -> LawFault:
         """Load the file with another value of a number, compare and diagnose it."""
         numbers, task = self.problem.numbers, self.task
         number, acts = numbers.numerals[index], self.effect(index, value)
@@ -153,23 +155,23 @@ class Sound:
             try:
                 problem = self.problem.in_engine(wrong.spec)
                 if number.key == "size":
-                    return _by_place(wrong, number, acts)
+                    return _judge_shape(wrong, number, acts)
             except FileError:
-                return Planted(acts=acts, outcome="refused", named=False)
+                return LawFault(acts=acts, outcome="refused", named=False)
         outcome = str(problem.judge(RESOLUTION).outcome)
         named = outcome == "DIFFERS" and _names(problem, number.address)
-        return Planted(acts=acts, outcome=outcome, named=named)
+        return LawFault(acts=acts, outcome=outcome, named=named)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Planted:
-    """One planted fault.
+class LawFault:
+    """A planted fault and its result.
 
     Attributes:
-        acts: its largest effect by the law, relative; of a shape, infinite.
+        acts: largest relative effect by the law; infinite for a shape.
         outcome: of the comparison.
-        named: whether the diagnosis names the number, alone or among causes of equal effect; of a
-            shape, whether its line is named.
+        named: whether the diagnosis names the number, alone or among causes of equal effect; for a
+            shape, whether it names the line.
     """
 
     acts: float
@@ -177,16 +179,17 @@ class Planted:
     named: bool
 
 
-def _by_place(wrong: TreeTask, number: Number, acts: float) -> Planted:
-    """Compare the sizes of shapes in the engine with those of the file."""
+def _judge_shape(wrong: TreeTask, number: Number, acts: float) -> LawFault:
+    """Judge a wrong size: compare the shapes in the engine with those of the file."""
     check = case_poses(wrong, *wrong.load())
     if check is None or not check.findings:
-        return Planted(acts=acts, outcome="AGREES", named=False)
+        return LawFault(acts=acts, outcome="AGREES", named=False)
     named = number.line in {place.line for place in check.locations}
-    return Planted(acts=np.inf, outcome="DIFFERS", named=named)
+    return LawFault(acts=np.inf, outcome="DIFFERS", named=named)
 
 
 def _names(problem: AnyLawProblem, address: str) -> bool:
+    """Return whether the diagnosis names a number as the cause, alone or tied."""
     ranking = diagnose_laws(problem)
     if not (ranking.explained and ranking.fits):
         return False
@@ -195,69 +198,70 @@ def _names(problem: AnyLawProblem, address: str) -> bool:
     return single and any(cause.subject == (address,) for cause in causes)
 
 
-def planted(
+def plant_faults(
     file: Path,
     each: int,
     rng: np.random.Generator,
     kinds: Collection[str] = KINDS,
     *,
     floating: bool = False,
-) -> Iterator[tuple[str, str, str, Planted]]:
-    """Change numbers of a file; yield the attribute, the size, the address, and the result."""
-    sound = Sound.from_file(file, floating=floating)
-    if sound is None:
-        print(file.name, "has no law that it agrees with")
+) -> Iterator[tuple[str, str, str, LawFault]]:
+    """Change numbers of a file; yield the attribute, size and address of each, and its result."""
+    baseline = LawBaseline.from_file(file, floating=floating)
+    if baseline is None:
+        print(file.name, "skipped: no law, or the file does not agree with it")
         return
-    numbers, groups = sound.problem.numbers, dict[str, list[int]]()
+    numbers, groups = baseline.problem.numbers, dict[str, list[int]]()
     law = {*numbers.law_numbers, *numbers.law_choices}
     for i, number in enumerate(numbers.numerals):
-        # No law has a gap, so that a wrong one is no difference.
+        # No law has a gap, so a wrong gap makes no difference.
         other = number.key == "gap" or number.path.endswith("geom@size")
         if number.key in kinds and number.value and (i in law or other):
             groups.setdefault(number.key, []).append(i)
     for key, members in groups.items():
         for i in rng.permutation(members)[:each]:
-            for size, value in sound.faults(int(i)):
-                fault = sound.planted(int(i), value)
+            for size, value in baseline.wrong_values(int(i)):
+                fault = baseline.judge_fault(int(i), value)
                 yield key, size, numbers.numerals[int(i)].address, fault
     if set(MOVING) & set(kinds):
-        yield from _planted_in_motion(file, each, rng, kinds, floating=floating)
+        yield from _plant_in_motions(file, each, rng, kinds, floating=floating)
 
 
-def _planted_in_motion(
+def _plant_in_motions(
     file: Path,
     each: int,
     rng: np.random.Generator,
     kinds: Collection[str],
     *,
     floating: bool,
-) -> Iterator[tuple[str, str, str, Planted]]:
-    """Change numbers of forces that motions decide."""
-    ground, groups = Ground.of(file, spec_of(file)[0], floating=floating), dict[str, list[int]]()
-    for i in ground.numbers.relevant_numbers:
-        number = ground.numbers.numerals[i]
+) -> Iterator[tuple[str, str, str, LawFault]]:
+    """Change the numbers of `MOVING`; yield as `plant_faults`."""
+    baseline = FaultBaseline.from_file(file, spec_of(file)[0], floating=floating)
+    groups = dict[str, list[int]]()
+    for i in baseline.numbers.relevant_numbers:
+        number = baseline.numbers.numerals[i]
         if number.key in MOVING and number.key in kinds and number.value:
             groups.setdefault(number.key, []).append(i)
     for key, members in groups.items():
         for i in rng.permutation(members)[:each].tolist():
             for size in SIZES:
-                fault = plant(ground, i, size)
-                named = fault.fate in (Fate.NAMED, Fate.TIED)
-                caught = named or fault.fate is Fate.CAUGHT
+                fault = judge_by_equations(baseline, i, size)
+                named = fault.fate in (FaultFate.NAMED, FaultFate.TIED)
+                caught = named or fault.fate is FaultFate.CAUGHT
                 outcome = "DIFFERS" if caught else str(fault.fate)
-                acts = fault.effect if fault.fate.seen else 0.0
-                result = Planted(acts=acts, outcome=outcome, named=named)
+                acts = fault.effect if fault.fate.is_visible else 0.0
+                result = LawFault(acts=acts, outcome=outcome, named=named)
                 yield key, f"{size:.0e}", fault.address, result
 
 
-def faults(
+def count_faults(
     paths: Iterable[Path], each: int, seed: int, kinds: Collection[str], *, floating: bool
 ) -> None:
-    """Print, for each attribute and size, how many faults act, differ, and are named."""
+    """Print how many faults act, differ and are named, by attribute and size."""
     rng, total = np.random.default_rng(seed), dict[tuple[str, str], Counter[str]]()
     for path in paths:
         began, counts = time.process_time(), dict[tuple[str, str], Counter[str]]()
-        for key, size, address, fault in planted(path, each, rng, kinds, floating=floating):
+        for key, size, address, fault in plant_faults(path, each, rng, kinds, floating=floating):
             count = counts.setdefault((key, size), Counter())
             acts = not fault.acts <= RESOLUTION
             caught = fault.outcome == "DIFFERS"
@@ -284,23 +288,23 @@ def _print_counts(counts: Mapping[tuple[str, str], Counter[str]]) -> None:
         )
 
 
-def acting(paths: Iterable[Path], *, floating: bool) -> None:
-    """Print, by attribute, how many numbers of the laws act at drawn states if changed by 1 %."""
+def count_acting(paths: Iterable[Path], *, floating: bool) -> None:
+    """Print how many numbers of the laws act at drawn states if changed by 1 %, by attribute."""
     totals: dict[str, Counter[str]] = {}
     for path in paths:
-        sound = Sound.from_file(path, floating=floating)
-        if sound is None:
-            print(f"{path.name} has no law that it agrees with")
+        baseline = LawBaseline.from_file(path, floating=floating)
+        if baseline is None:
+            print(f"{path.name} skipped: no law, or the file does not agree with it")
             continue
-        numbers = sound.problem.numbers
+        numbers = baseline.problem.numbers
         for i in numbers.law_numbers:
-            one = numbers.numerals[i]
-            if one.key not in KINDS or not one.value:
+            number = numbers.numerals[i]
+            if number.key not in KINDS or not number.value:
                 continue
-            acts = not sound.effect(i, one.value * (1 + SIZES[1])) <= RESOLUTION
-            totals.setdefault(one.key, Counter()).update(numbers=1, acts=acts)
+            acts = not baseline.effect(i, number.value * (1 + SIZES[1])) <= RESOLUTION
+            totals.setdefault(number.key, Counter()).update(numbers=1, acts=acts)
             if not acts:
-                print(f"{path.parent.name}/{path.name}: {one.address} does not act", flush=True)
+                print(f"{path.parent.name}/{path.name}: {number.address} does not act", flush=True)
     for key, count in sorted(totals.items()):
         print(f"{key:18} {count['acts']:4} of {count['numbers']:4}")
 
@@ -309,7 +313,7 @@ NOT_DYNAMIC = re.compile(
     r".*/(visual|sensor|keyframe|statistic|size|custom|texture|material|camera|light)[/@].*"
     r"|.*@(rgba|group|texrepeat|texuniform|reflectance|shininess|specular|user|cutoff)"
 )
-"""Numbers that are no dynamics by their kind."""
+"""Paths of numbers that dynamics never depend on."""
 
 
 GROUPS = {
@@ -324,7 +328,7 @@ GROUPS = {
     "sites": r".*/site@.*",
     "bodies, joints and forces": r".*",
 }
-"""Kinds of numbers, by the first pattern that their paths match."""
+"""Patterns of paths by group; a number belongs to the first group that matches."""
 
 
 def kind_of(path: str) -> str:
@@ -332,7 +336,7 @@ def kind_of(path: str) -> str:
     return path.rpartition("/")[2]
 
 
-def tested(paths: Iterable[Path]) -> None:
+def count_tested(paths: Iterable[Path]) -> None:
     """Print the tested share of the numbers that dynamics may depend on, by kind.
 
     An overwritten default, or the position of a joint along its axis, has no effect at all.
@@ -347,57 +351,59 @@ def tested(paths: Iterable[Path]) -> None:
             print(f"{path.name}: {str(error)[:100]}")
             continue
         file = Counter[str]()
-        for one in counted:
-            if NOT_DYNAMIC.fullmatch(one.path):
+        for number in counted:
+            if NOT_DYNAMIC.fullmatch(number.path):
                 continue
-            seen = one.bound or one.effect in (*SMOOTH, NumberEffect.SHAPES)
-            words = {"tested" if seen else one.effect.value: 1, BEFORE: int(one.smooth)}
-            group = next(name for name, kind in GROUPS.items() if re.fullmatch(kind, one.path))
-            for count in (file, totals.setdefault(kind_of(one.path), Counter()), groups[group]):
+            is_tested = number.bound or number.effect in (*SMOOTH, NumberEffect.SHAPES)
+            kind = "tested" if is_tested else number.effect.value
+            words = {kind: 1, SMOOTH_KEY: int(number.smooth)}
+            group = next(name for name, k in GROUPS.items() if re.fullmatch(k, number.path))
+            for count in (file, totals.setdefault(kind_of(number.path), Counter()), groups[group]):
                 count.update(words)
         seconds = time.process_time() - began
         print(f"{path.parent.name}/{path.name}: {dict(file)}, {seconds:.0f} s", flush=True)
     whole = sum(totals.values(), Counter[str]())
     for kind, count in sorted(totals.items(), key=lambda item: -item[1].total()):
-        rest = {word: number for word, number in count.items() if word not in ("tested", BEFORE)}
+        rest = {word: n for word, n in count.items() if word not in ("tested", SMOOTH_KEY)}
         print(f"{kind:30} {_shares(count, whole)}  {rest or ''}")
     for name, count in (*groups.items(), ("all", whole)):
         print(f"{name:30} {_shares(count, whole)}")
     print(dict(whole))
 
 
-BEFORE = "by smooth motions"
-"""Key of the numbers that are tested without whole steps and shapes; these are counted twice."""
+SMOOTH_KEY = "by smooth motions"
+"""Key of the numbers tested without whole steps and shapes; these count as `tested` too."""
 
 
 def _shares(count: Counter[str], whole: Counter[str]) -> str:
-    """Return how many numbers are tested, and without whole steps; untested shares of the whole."""
-    size, total = (one.total() - one[BEFORE] for one in (count, whole))
-    shares = (100 * (size - count[word]) / max(1, total) for word in ("tested", BEFORE))
-    untested = ", before ".join(f"{share:.2f} %" for share in shares)
-    return f"{count['tested']:6} of {size:6}, before {count[BEFORE]:6}; {untested} untested"
+    """Format the numbers tested, in all and by smooth motions, and untested shares of the whole."""
+    size, total = (one.total() - one[SMOOTH_KEY] for one in (count, whole))
+    shares = (100 * (size - count[word]) / max(1, total) for word in ("tested", SMOOTH_KEY))
+    untested = ", by smooth motions ".join(f"{share:.2f} %" for share in shares)
+    smooth = f"by smooth motions {count[SMOOTH_KEY]:6}"
+    return f"{count['tested']:6} of {size:6}, {smooth}; {untested} untested"
 
 
 def main() -> None:
-    """Run one of the campaigns."""
+    """Run the selected campaign."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=("files", "faults", "acting", "tested"))
     parser.add_argument("paths", nargs="*", type=Path)
-    parser.add_argument("--floating", action="store_true")
-    parser.add_argument("--engine", default="", help="of `files`, such as mjx or drake")
-    parser.add_argument("--each", type=int, default=4)
-    parser.add_argument("--kind", action="append", help="attributes whose numbers are changed")
+    parser.add_argument("--floating", action="store_true", help="free the root link of URDFs")
+    parser.add_argument("--engine", default="", help="engine for `files`, such as mjx or drake")
+    parser.add_argument("--each", type=int, default=4, help="numbers per attribute [4]")
+    parser.add_argument("--kind", action="append", help="attribute whose numbers are changed [all]")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if options.what == "files":
-        print(dict(files(options.paths, options.engine, floating=options.floating)))
+        print(dict(compare_files(options.paths, options.engine, floating=options.floating)))
     elif options.what == "tested":
-        tested(options.paths)
+        count_tested(options.paths)
     elif options.what == "acting":
-        acting(options.paths, floating=options.floating)
+        count_acting(options.paths, floating=options.floating)
     else:
         kinds = options.kind or KINDS
-        faults(options.paths, options.each, options.seed, kinds, floating=options.floating)
+        count_faults(options.paths, options.each, options.seed, kinds, floating=options.floating)
 
 
 if __name__ == "__main__":

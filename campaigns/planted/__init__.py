@@ -1,1 +1,1 @@
-"""Faults planted into robots' files, one number at a time: is each caught, and named?"""
+"""Faults planted into robot files, one number at a time: is each caught and named?"""

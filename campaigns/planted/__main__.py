@@ -1,9 +1,9 @@
-"""Each number of robots' files made wrong, one at a time: is it caught, and named?
+"""Faults planted in each number of robot files, one at a time: is each caught and named?
 
-`python -m campaigns.planted robot.urdf robot.xml`: every number by 1e-6 and by 1 % of its
-size; a changed copy runs in an engine, beside the equations of the file as it is. What no motion
-depends on, by the exact change of the ends, is told apart. Exit code 1 where less than 99 % of what
-can be seen is caught and named.
+`python -m campaigns.planted robot.urdf robot.xml` changes every number by 1e-6 and by 1 % of its
+size. The changed copy runs in an engine and is compared with the equations of the original. The
+exact change of the ends separates numbers that no motion depends on. The exit code is 1 if less
+than 99 % of the visible faults are caught and named.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from campaigns.planted.compared import compared
-from campaigns.planted.fates import Fate, Ground, Planted, plant, table
-from campaigns.planted.record import Record
+from campaigns.planted.compared import judge_by_compare
+from campaigns.planted.fates import FaultBaseline, FaultFate, RobotFault, judge_by_equations, table
+from campaigns.planted.record import FaultRecord
 from physics_crosscheck.harness.engines.registry import engines_reading
 
 SHARES = (1e-6, 1e-2)
 
-WANTED = 0.99
+MIN_NAMED_SHARE = 0.99
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robot:
-    """A file and how it is run.
+class RobotRun:
+    """A robot file and the options of its run.
 
     Attributes:
         file: of the robot.
-        engine: that runs it.
+        engine: that runs the changed copies.
         floating: whether the root link of a URDF moves freely.
-        edited: as in `Ground.of`.
-        compare: whether the old file is compared to the new one; else the new one runs beside the
-            equations of the old.
+        edited: as in `FaultBaseline.from_file`.
+        compare: whether `crosscheck compare` compares the original with each copy; otherwise the
+            copy is compared with the equations of the original.
         switched: settings of the engine that are on.
     """
 
@@ -48,74 +48,76 @@ class Robot:
     switched: tuple[str, ...]
 
     @property
-    def told(self) -> str:
-        """What is run, and how: one line."""
-        ways = [name for name in ("floating", "edited", "compare") if getattr(self, name)]
-        return " ".join([self.file.parent.name, self.file.name, self.engine, *ways, *self.switched])
+    def title(self) -> str:
+        """Folder, file, engine and options, as a line."""
+        options = [name for name in ("floating", "edited", "compare") if getattr(self, name)]
+        return " ".join(
+            [self.file.parent.name, self.file.name, self.engine, *options, *self.switched]
+        )
 
 
 @cache
-def _ground(robot: Robot) -> Ground:
-    return Ground.of(
+def _baseline(robot: RobotRun) -> FaultBaseline:
+    return FaultBaseline.from_file(
         robot.file,
         robot.engine,
         floating=robot.floating,
         edited=robot.edited,
-        known=not robot.compare,
+        use_equations=not robot.compare,
         settings=dict.fromkeys(robot.switched, True),
     )
 
 
-def spread(count: int) -> list[int]:
-    """All indices below a count, so that any first few of them are spread evenly."""
+def spread_indices(count: int) -> list[int]:
+    """Return all indices below a count, ordered so that every prefix is spread evenly."""
     bits = max(count - 1, 1).bit_length()
     return sorted(range(count), key=lambda i: f"{i:0{bits}b}"[::-1])
 
 
-def planted(robot: Robot, seconds: float, record: Record) -> Iterator[Planted]:
-    """The faults of a file's numbers, spread evenly, as many as processor time allows."""
-    ground, tried = _ground(robot), compared if robot.compare else plant
+def judged_faults(robot: RobotRun, seconds: float, record: FaultRecord) -> Iterator[RobotFault]:
+    """Yield judged faults of a file's numbers, spread evenly, until processor time is used up."""
+    baseline, judge = _baseline(robot), judge_by_compare if robot.compare else judge_by_equations
     began = time.process_time()
-    for place in spread(len(ground.numbers.relevant_numbers)):
-        index = ground.numbers.relevant_numbers[place]
-        one = ground.numbers.numerals[index]
+    for place in spread_indices(len(baseline.numbers.relevant_numbers)):
+        index = baseline.numbers.relevant_numbers[place]
+        number = baseline.numbers.numerals[index]
         for share in SHARES:
-            found = record.known(one.file.name, one.line, one.address, share)
-            if found is None:
-                found = tried(ground, index, share)
-                record.add(found)
-            yield found
+            fault = record.lookup(number.file.name, number.line, number.address, share)
+            if fault is None:
+                fault = judge(baseline, index, share)
+                record.add(fault)
+            yield fault
         if time.process_time() - began > seconds:
             return
 
 
 def main(given: Sequence[str] | None = None) -> int:
-    """Print what is not named, and the counts; the exit code."""
+    """Print the faults that are not named, and the counts; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m campaigns.planted", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+")
-    parser.add_argument("--engine", default="", help="the first that reads the file")
+    parser.add_argument("--engine", default="", help="engine [the first that reads the file]")
     parser.add_argument(
         "--seconds",
         type=float,
         default=float("inf"),
-        help="processor time for a file; numbers are spread evenly, and counted",
+        help="processor time for a file; its numbers are sampled evenly [unlimited]",
     )
-    parser.add_argument("--floating", action="store_true", help="the root link of a URDF is free")
+    parser.add_argument("--floating", action="store_true", help="free the root link of URDFs")
     parser.add_argument(
-        "--edited", action="store_true", help="suspect the changed copy, and read it each time anew"
-    )
-    parser.add_argument(
-        "--compare", action="store_true", help="compare the file to each changed copy"
+        "--edited", action="store_true", help="read the changed copy each time, and suspect it"
     )
     parser.add_argument(
-        "--record", type=Path, help="a file of what has been tried, which is not tried again"
+        "--compare", action="store_true", help="test `crosscheck compare` on the file and each copy"
     )
-    parser.add_argument("--set", action="append", default=[], help="a setting of the engine: on")
+    parser.add_argument("--record", type=Path, help="file of judged faults, to resume")
+    parser.add_argument(
+        "--set", action="append", default=[], help="switch on a setting of the engine"
+    )
     options = parser.parse_args(given)
-    everything: list[Planted] = []
+    everything: list[RobotFault] = []
     for file in options.files:
         engine = options.engine or engines_reading(file.suffix)[0].name
-        robot = Robot(
+        robot = RobotRun(
             file=file,
             engine=engine,
             floating=options.floating,
@@ -123,21 +125,21 @@ def main(given: Sequence[str] | None = None) -> int:
             compare=options.compare,
             switched=tuple(options.set),
         )
-        found = []
-        for one in planted(robot, options.seconds, Record(options.record, robot.told)):
-            found.append(one)
-            if one.fate.seen and one.fate not in (Fate.NAMED, Fate.TIED):
-                print(one, flush=True)
-        everything += found
-        of = (
-            f"{len(found) // len(SHARES)} of {len(_ground(robot).numbers.relevant_numbers)} numbers"
-        )
-        print(f"{file} [{engine}]: {of}, {sum(one.seconds for one in found):.0f} s")
-        print("\n".join(f"  {line}" for line in table(found)), flush=True)
+        faults = []
+        record = FaultRecord(options.record, robot.title)
+        for fault in judged_faults(robot, options.seconds, record):
+            faults.append(fault)
+            if fault.fate.is_visible and fault.fate not in (FaultFate.NAMED, FaultFate.TIED):
+                print(fault, flush=True)
+        everything += faults
+        count = len(_baseline(robot).numbers.relevant_numbers)
+        numbers = f"{len(faults) // len(SHARES)} of {count} numbers"
+        print(f"{file} [{engine}]: {numbers}, {sum(f.seconds for f in faults):.0f} s")
+        print("\n".join(f"  {line}" for line in table(faults)), flush=True)
     print("\n".join(table(everything)))
-    seen = [one for one in everything if one.fate.seen]
-    good = sum(one.fate in (Fate.NAMED, Fate.TIED) for one in seen)
-    return int(good < WANTED * len(seen))
+    visible = [fault for fault in everything if fault.fate.is_visible]
+    named = sum(fault.fate in (FaultFate.NAMED, FaultFate.TIED) for fault in visible)
+    return int(named < MIN_NAMED_SHARE * len(visible))
 
 
 if __name__ == "__main__":

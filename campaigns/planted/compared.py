@@ -1,4 +1,4 @@
-"""`crosscheck compare OLD NEW` of a robot's file and a copy of it with one number changed."""
+"""Judgement of faults by `crosscheck compare OLD NEW`: a robot file and its changed copy."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 
 from campaigns.planted.fates import (
     RESOLUTION,
-    Fate,
-    Ground,
-    Planted,
-    planted,
+    FaultBaseline,
+    FaultFate,
+    RobotFault,
+    judge_fault,
 )
 from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidate
 from physics_crosscheck.harness.commands.compare.compare import CompareOptions, compare
@@ -19,47 +19,49 @@ from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.records.comparison import Compared
 from physics_crosscheck.harness.records.outcome import Outcome
 
-MOST = 0.99
-"""Share of the discrepancy that the difference which is named must explain where it is resolved."""
+MIN_EXPLAINED_SHARE = 0.99
+"""Smallest share of a resolved discrepancy that the named difference must explain."""
 
 
-def compared(ground: Ground, index: int, share: float) -> Planted:
-    """One changed number, and what the comparison says of it."""
-    old = ground.prepared.place
-    return planted(ground, index, share, lambda new, one, *_: _fate(ground.engine, old, new, one))
+def judge_by_compare(baseline: FaultBaseline, index: int, share: float) -> RobotFault:
+    """Change a number by a share of its size, and judge the comparison of both files."""
+    old, engine = baseline.prepared.place, baseline.engine
+    return judge_fault(baseline, index, share, lambda new, n, *_: _fate(engine, old, new, n))
 
 
-def _fate(engine: str, old: Path, new: Path, one: Number) -> tuple[Fate, str]:
+def _fate(engine: str, old: Path, new: Path, number: Number) -> tuple[FaultFate, str]:
     a, b = candidate("A", old, engine), candidate("B", new, engine)
     try:
         comparison = compare(CompareOptions(a=a, b=b, resolution=RESOLUTION), InThisProcess())
     except (FailureError, CompareError) as error:
-        return Fate.REFUSED, str(error)
-    found = comparison.compared
-    assert found is not None
-    discrepancy, uncertainty = found.discrepancy or 0.0, found.uncertainty or 0.0
-    said = f"{comparison.outcome} {discrepancy:.1e}, {_told(found)}"
+        return FaultFate.REFUSED, str(error)
+    compared = comparison.compared
+    assert compared is not None
+    discrepancy, uncertainty = compared.discrepancy or 0.0, compared.uncertainty or 0.0
+    explanation = f"{comparison.outcome} {discrepancy:.1e}, {_first_difference(compared)}"
     if comparison.outcome is not Outcome.DIFFERS:
-        # What the comparison's own runs show of it: they are others than those of the equations.
+        # The comparison runs other motions than the equations: the effect may be small in them.
         small = discrepancy <= RESOLUTION + 2 * uncertainty
-        return (Fate.FAINT if small else Fate.MISSED), said
-    return (Fate.NAMED if _names(found, one) else Fate.CAUGHT), said
+        return (FaultFate.FAINT if small else FaultFate.MISSED), explanation
+    return (FaultFate.NAMED if _names(compared, number) else FaultFate.CAUGHT), explanation
 
 
-def _names(found: Compared, one: Number) -> bool:
-    """Whether the line is that of the first difference, and that makes up the discrepancy."""
-    if not found.differences:
+def _names(compared: Compared, number: Number) -> bool:
+    """Return whether the first difference is the number's line and explains the discrepancy."""
+    if not compared.differences:
         return False
-    first = found.differences[0]
-    resolved = (found.discrepancy or 0.0) > 100 * (found.uncertainty or 0.0)
+    first = compared.differences[0]
+    resolved = (compared.discrepancy or 0.0) > 100 * (compared.uncertainty or 0.0)
     lines = {edit.where_b.line for edit in first.edits}
-    return lines == {one.line} and ((first.explained or 0) >= MOST or not resolved)
+    return lines == {number.line} and (
+        (first.explained or 0) >= MIN_EXPLAINED_SHARE or not resolved
+    )
 
 
-def _told(found: Compared) -> str:
-    """The first difference of the files, and the first property."""
+def _first_difference(compared: Compared) -> str:
+    """Return the first difference of the files and the first property, as a text."""
     first = [
         f"{one.edits[0].what} line {one.edits[0].where_b.line} explains {one.explained:.2%}"
-        for one in found.differences[:1]
+        for one in compared.differences[:1]
     ]
-    return "; ".join([*first, *(one.message for one in found.properties[:1])])
+    return "; ".join([*first, *(one.message for one in compared.properties[:1])])

@@ -1,4 +1,4 @@
-"""One number of a robot's file made wrong, the file run beside the equations of the right one."""
+"""Faults in numbers of a robot file, judged by the equations of the original file."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from physics_crosscheck.reference.solving.integrate import ReferenceError
 RESOLUTION = 1e-9
 
 STATES = 32
-"""Of the forty that a run takes."""
+"""Number of states, of the forty that a run takes."""
 
 ROUNDING = 1e-13
-"""A change of the ends by less, relative to their movement, is that of rounding."""
+"""Largest change of the ends, relative to their movement, that counts as rounding."""
 
-RIGHT = 0.01
-"""How near a fitted value must be to the right one, as a share of the fault, beside its error."""
+FIT_TOLERANCE = 0.01
+"""Accepted error of a fitted value as a share of the fault, plus five standard errors."""
 
 
-class Fate(StrEnum):
-    """What came of a fault."""
+class FaultFate(StrEnum):
+    """The result of a fault."""
 
     INVISIBLE = "no motion depends on it"
     FAINT = "below the resolution"
@@ -51,101 +51,102 @@ class Fate(StrEnum):
     CAUGHT = "caught, not named"
 
     @property
-    def seen(self) -> bool:
-        """Whether it counts among what can be seen."""
-        return self not in (Fate.INVISIBLE, Fate.FAINT, Fate.REFUSED)
+    def is_visible(self) -> bool:
+        """True if a motion shows the fault above the resolution."""
+        return self not in (FaultFate.INVISIBLE, FaultFate.FAINT, FaultFate.REFUSED)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Planted:
-    """A fault and its fate.
+class RobotFault:
+    """A fault and its result.
 
     Attributes:
         file, line, address: of the number.
-        share: of its size by which it is wrong.
+        share: size of the fault relative to the number.
+        fate: the result.
         effect: largest change of an end, relative to its movement.
-        said: what the first explanation is, with its remainder.
-        seconds: processor time that it took.
+        explanation: the first explanation with its residual, or the reason for the result.
+        seconds: processor time.
     """
 
     file: str
     line: int
     address: str
     share: float
-    fate: Fate
+    fate: FaultFate
     effect: float
-    said: str = ""
+    explanation: str = ""
     seconds: float = 0.0
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line} {self.address} off by {self.share:g}"
-        return f"{where}: {self.fate}, effect {self.effect:.1e}; {self.said}"
+        return f"{where}: {self.fate}, effect {self.effect:.1e}; {self.explanation}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ground:
-    """A robot's file as it is, and some states of it.
+class FaultBaseline:
+    """An unchanged robot file, some of its states, and the effects of its numbers.
 
     Attributes:
         prepared: the file, read and solved.
-        numbers: of it.
-        flow: of its states.
+        numbers: of the file.
+        flow: motions from its states.
         engine: that runs the changed copies.
-        known: what its numbers do to the states of a diagnosis; None where each diagnosis works
-            that out anew, of the changed copy.
+        problem: the diagnosis problem of the file, with the effects of its numbers; None if each
+            diagnosis computes them for the changed copy.
     """
 
     prepared: PreparedTree
     numbers: Numbers
     flow: Flow
     engine: str
-    known: RobotProblem | None
+    problem: RobotProblem | None
 
     @staticmethod
-    def of(
+    def from_file(
         file: Path,
         engine: str,
         *,
         floating: bool = False,
         edited: bool = False,
-        known: bool = True,
+        use_equations: bool = True,
         settings: Mapping[str, object] = MappingProxyType({}),
-    ) -> Ground:
-        """Of a file.
+    ) -> FaultBaseline:
+        """Read and solve a file.
 
         Args:
             file: of the robot.
             engine: that runs the changed copies.
             floating: whether the root link of a URDF moves freely.
-            edited: whether the changed copy is what is suspected; else that the engine takes the
-                file, as it is, otherwise than it says. The second works out once what each number
-                does.
-            known: whether numbers are to be named by the equations.
-            settings: of the engine, beside those of the robot.
+            edited: whether diagnoses suspect the changed copy, and read it each time. Otherwise
+                they suspect the engine, and compute the effect of each number once.
+            use_equations: whether the equations name the numbers.
+            settings: added to the engine settings of the robot.
         """
         prepared = prepare_tree(file, floating=floating)
-        drawn = prepared.samples
-        some = drawn.pick(slice(STATES))
+        samples = prepared.samples.pick(slice(STATES))
         numbers = robot_numbers(file, prepared.settings)
         tree = numbers.tree({})
         assert tree is not None  # it was prepared
-        prepared = replace(prepared, samples=some, settings={**prepared.settings, **settings})
+        prepared = replace(prepared, samples=samples, settings={**prepared.settings, **settings})
         task = model_task(prepared, engine, resolution=RESOLUTION)
-        problem = problem_of(task, numbers, is_reference=True) if known and not edited else None
+        problem = (
+            problem_of(task, numbers, is_reference=True) if use_equations and not edited else None
+        )
         if problem is not None:
             problem.slopes({})
-        return Ground(
+        return FaultBaseline(
             prepared=prepared,
             numbers=numbers,
-            flow=Flow(tree, some.start, some.start_inputs, some.length),
+            flow=Flow(tree, samples.start, samples.start_inputs, samples.length),
             engine=engine,
-            known=problem,
+            problem=problem,
         )
 
     def effect(self, index: int, value: float) -> float:
-        """Largest change of an end, relative to how far it moves at most; infinite without one."""
-        drawn = self.prepared.samples
-        scale = np.max(np.abs(drawn.end - drawn.start), axis=0)
+        """Return the largest change of an end over its movement; infinite if it can't be solved."""
+        samples = self.prepared.samples
+        scale = np.max(np.abs(samples.end - samples.start), axis=0)
         tree = self.numbers.tree({index: value})
         if tree is None or tree.dof != self.flow.tree.dof:
             return np.inf
@@ -156,99 +157,107 @@ class Ground:
         return float(np.max(moved / np.where(scale > 0, scale, scale.max())))
 
 
-def plant(ground: Ground, index: int, share: float) -> Planted:
-    """One fault, and what comes of it."""
+def judge_by_equations(baseline: FaultBaseline, index: int, share: float) -> RobotFault:
+    """Change a number by a share of its size, and judge the copy by the original's equations."""
 
-    def judged(copy: Path, one: Number, value: float, effect: float) -> tuple[Fate, str]:
-        task = model_task(ground.prepared, ground.engine, resolution=RESOLUTION).with_file(copy)
-        return _fate(ground, task, one, value, effect)
+    def judge_copy(
+        copy: Path, number: Number, value: float, effect: float
+    ) -> tuple[FaultFate, str]:
+        task = model_task(baseline.prepared, baseline.engine, resolution=RESOLUTION)
+        return _fate(baseline, task.with_file(copy), number, value, effect)
 
-    return planted(ground, index, share, judged)
-
-
-Judged = Callable[[Path, Number, float, float], tuple[Fate, str]]
-"""What comes of a copy with one number at another value, and what is said: by the effect of it."""
+    return judge_fault(baseline, index, share, judge_copy)
 
 
-def planted(ground: Ground, index: int, share: float, judged: Judged) -> Planted:
-    """One number made wrong in a copy of the file, where that moves anything, and judged."""
+JudgeCopy = Callable[[Path, Number, float, float], tuple[FaultFate, str]]
+"""A function of a changed copy, its number, the wrong value and its effect.
+
+It returns the result and its explanation.
+"""
+
+
+def judge_fault(
+    baseline: FaultBaseline, index: int, share: float, judge_copy: JudgeCopy
+) -> RobotFault:
+    """Change a number in a copy of the file, and judge the copy if any motion depends on it."""
     began = time.process_time()
-    one = ground.numbers.numerals[index]
-    value = wrong(one, share)
-    effect = ground.effect(index, value)
-    fate, said = Fate.INVISIBLE, ""
+    number = baseline.numbers.numerals[index]
+    value = wrong_value(number, share)
+    effect = baseline.effect(index, value)
+    fate, explanation = FaultFate.INVISIBLE, ""
     if effect > ROUNDING:
         with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-            copy = copy_with_texts(
-                ground.prepared.place, ground.numbers.texts({index: value}), Path(folder)
-            )
-            fate, said = judged(copy, one, value, effect)
-    return Planted(
-        file=one.file.name,
-        line=one.line,
-        address=one.address,
+            texts = baseline.numbers.texts({index: value})
+            copy = copy_with_texts(baseline.prepared.place, texts, Path(folder))
+            fate, explanation = judge_copy(copy, number, value, effect)
+    return RobotFault(
+        file=number.file.name,
+        line=number.line,
+        address=number.address,
         share=share,
         fate=fate,
         effect=effect,
-        said=said,
+        explanation=explanation,
         seconds=time.process_time() - began,
     )
 
 
-def wrong(one: Number, share: float) -> float:
-    """A number off by a share of its size, or of that of its neighbours where it is zero."""
-    return one.value + share * (abs(one.value) if abs(one.value) > SMALL else one.scale)
+def wrong_value(number: Number, share: float) -> float:
+    """Return a number plus a share of its size, or of its neighbours' size if it is zero."""
+    size = abs(number.value) if abs(number.value) > SMALL else number.scale
+    return number.value + share * size
 
 
 def _fate(
-    ground: Ground, task: TreeTask, one: Number, value: float, effect: float
-) -> tuple[Fate, str]:
+    baseline: FaultBaseline, task: TreeTask, number: Number, value: float, effect: float
+) -> tuple[FaultFate, str]:
     try:
         verdict = judge(task)
     except EngineError as error:
-        return Fate.REFUSED, str(error)
-    # What is larger shows, whichever way the engine's ends are uncertain; so does what follows.
-    follows = verdict.map_residual > RESOLUTION + 2 * verdict.map_uncertainty
-    if effect <= RESOLUTION + 2 * verdict.largest_uncertainty and not follows:
-        return Fate.FAINT, ""
+        return FaultFate.REFUSED, str(error)
+    # A larger effect shows for any error within the uncertainty; so does a map residual.
+    has_residual = verdict.map_residual > RESOLUTION + 2 * verdict.map_uncertainty
+    if effect <= RESOLUTION + 2 * verdict.largest_uncertainty and not has_residual:
+        return FaultFate.FAINT, ""
     if verdict.outcome is not Outcome.DIFFERS:
-        return Fate.MISSED, f"{verdict.outcome} {verdict.reason}"
-    edited = ground.known is None
-    ranking = ranked(task, is_reference=not edited, known_problem=ground.known)
-    aim = one.value if edited else value, abs(value - one.value)
+        return FaultFate.MISSED, f"{verdict.outcome} {verdict.reason}"
+    edited = baseline.problem is None
+    ranking = ranked(task, is_reference=not edited, known_problem=baseline.problem)
+    target, size = number.value if edited else value, abs(value - number.value)
     if not ranking.fits:
-        return Fate.CAUGHT, "nothing fits"
+        return FaultFate.CAUGHT, "nothing fits"
     first = ranking.fits[0]
-    said = f"{' and '.join(map(str, first.causes))} leaves {first.remaining:.1e}"
+    explanation = f"{' and '.join(map(str, first.causes))}, residual {first.remaining:.1e}"
     if not ranking.explained:
-        return Fate.CAUGHT, f"unexplained; {said}"
-    if _is(first, one):
-        return (Fate.NAMED if _right(first, *aim) else Fate.CAUGHT), said
-    told = [fit for fit in ranking.fits if _is(fit, one)]
-    tied = any(cause.subject == (one.address,) for cause in first.tied_with)
-    if tied and all(_right(fit, *aim) for fit in told[:1]):
-        return Fate.TIED, said
-    return Fate.CAUGHT, said
+        return FaultFate.CAUGHT, f"unexplained; {explanation}"
+    if _names(first, number):
+        return (FaultFate.NAMED if _fits(first, target, size) else FaultFate.CAUGHT), explanation
+    naming = [fit for fit in ranking.fits if _names(fit, number)]
+    tied = any(cause.subject == (number.address,) for cause in first.tied_with)
+    if tied and all(_fits(fit, target, size) for fit in naming[:1]):
+        return FaultFate.TIED, explanation
+    return FaultFate.CAUGHT, explanation
 
 
-def _is(fit: Fit, one: Number) -> bool:
-    return len(fit.members) == 1 and fit.causes[0].subject == (one.address,)
+def _names(fit: Fit, number: Number) -> bool:
+    """Return whether a fit changes the number alone."""
+    return len(fit.members) == 1 and fit.causes[0].subject == (number.address,)
 
 
-def _right(fit: Fit, aim: float, fault: float) -> bool:
-    """Whether a fitted value is the right one."""
-    return abs(fit.estimates[0] - aim) <= RIGHT * fault + 5 * fit.standard_errors[0]
+def _fits(fit: Fit, target: float, fault: float) -> bool:
+    """Return whether the fitted value is the target, for a fault of a given size."""
+    return abs(fit.estimates[0] - target) <= FIT_TOLERANCE * fault + 5 * fit.standard_errors[0]
 
 
-def table(found: Sequence[Planted]) -> list[str]:
-    """How many had which fate, by share, and the share of those seen that are named."""
+def table(faults: Sequence[RobotFault]) -> list[str]:
+    """Return the counts of results by size of the fault, and the share of visible ones named."""
     lines = []
-    for share in sorted({one.share for one in found}):
-        counts = Counter(one.fate for one in found if one.share == share)
-        said = ", ".join(f"{counts[fate]} {fate}" for fate in Fate if counts[fate])
-        lines.append(f"off by {share:g}: {said}")
-    seen = [one for one in found if one.fate.seen]
-    good = sum(one.fate in (Fate.NAMED, Fate.TIED) for one in seen)
-    part = f", {good / len(seen):.1%}" if seen else ""
-    lines.append(f"of {len(seen)} that can be seen, {good} are caught and named{part}")
+    for share in sorted({fault.share for fault in faults}):
+        counts = Counter(fault.fate for fault in faults if fault.share == share)
+        results = ", ".join(f"{counts[fate]} {fate}" for fate in FaultFate if counts[fate])
+        lines.append(f"off by {share:g}: {results}")
+    visible = [fault for fault in faults if fault.fate.is_visible]
+    named = sum(fault.fate in (FaultFate.NAMED, FaultFate.TIED) for fault in visible)
+    part = f", {named / len(visible):.1%}" if visible else ""
+    lines.append(f"of {len(visible)} visible faults, {named} are caught and named{part}")
     return lines

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from campaigns.planted import __main__ as command
-from campaigns.planted.compared import compared
-from campaigns.planted.fates import Fate, Ground, plant, table
+from campaigns.planted.compared import judge_by_compare
+from campaigns.planted.fates import FaultBaseline, FaultFate, judge_by_equations, table
 from tests.robots.files import joint, link
 
 TEXT = "\n".join(
@@ -27,17 +27,17 @@ TEXT = "\n".join(
 def test_visible_faults_are_named_and_invisible_ones_are_classified(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)
-    ground = Ground.of(file, "mujoco")
+    ground = FaultBaseline.from_file(file, "mujoco")
     where = {ground.numbers.numerals[i].address: i for i in ground.numbers.relevant_numbers}
     chosen = {
-        ("joint[a]/origin@xyz[2]", 1e-2): Fate.INVISIBLE,
-        ("link[two]/inertial/mass@value", 1e-6): Fate.NAMED,
-        ("joint[b]/dynamics@damping", 1e-2): Fate.NAMED,
+        ("joint[a]/origin@xyz[2]", 1e-2): FaultFate.INVISIBLE,
+        ("link[two]/inertial/mass@value", 1e-6): FaultFate.NAMED,
+        ("joint[b]/dynamics@damping", 1e-2): FaultFate.NAMED,
     }
-    faults = [plant(ground, where[address], by) for address, by in chosen]
+    faults = [judge_by_equations(ground, where[address], by) for address, by in chosen]
     assert [fault.fate for fault in faults] == [*chosen.values()]
     assert file.read_text() == TEXT
-    assert "of 2 that can be seen, 2 are caught and named, 100.0%" in table(faults)
+    assert "of 2 visible faults, 2 are caught and named, 100.0%" in table(faults)
 
 
 def test_recorded_faults_are_not_repeated(
@@ -50,7 +50,7 @@ def test_recorded_faults_are_not_repeated(
     first = capsys.readouterr().out
     assert "are caught and named" in first
     assert len(record.read_text().splitlines()) == 2
-    monkeypatch.setattr(command, "plant", None)
+    monkeypatch.setattr(command, "judge_by_equations", None)
     assert command.main(arguments) == 0
     assert capsys.readouterr().out == first
     with pytest.raises(TypeError):
@@ -61,17 +61,17 @@ def test_recorded_faults_are_not_repeated(
 def test_comparison_with_the_original_names_the_line(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)
-    ground = Ground.of(file, "mujoco", known=False)
+    ground = FaultBaseline.from_file(file, "mujoco", use_equations=False)
     (index,) = (
         i
         for i in ground.numbers.relevant_numbers
         if ground.numbers.numerals[i].address == "joint[b]/dynamics@damping"
     )
-    fault = compared(ground, index, 1e-2)
-    assert fault.fate is Fate.NAMED
-    assert f"line {fault.line} explains 100.00%" in fault.said
+    fault = judge_by_compare(ground, index, 1e-2)
+    assert fault.fate is FaultFate.NAMED
+    assert f"line {fault.line} explains 100.00%" in fault.explanation
 
 
 def test_numbers_are_spread_over_the_file() -> None:
-    assert command.spread(5) == [0, 4, 2, 1, 3]
-    assert sorted(command.spread(37)) == list(range(37))
+    assert command.spread_indices(5) == [0, 4, 2, 1, 3]
+    assert sorted(command.spread_indices(37)) == list(range(37))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from campaigns.laws import planted
+from campaigns.laws import plant_faults
 from campaigns.scenes import mujoco_result, mujoco_scene
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
@@ -260,7 +260,7 @@ def test_a_wrong_gap_is_no_difference(tmp_path: Path) -> None:
     """Catch a gap that shifts rows: MuJoCo 4 reports contacts within it, which exert no force."""
     file = tmp_path / "scene.xml"
     file.write_text(GAP)
-    faults = [fault for *_, fault in planted(file, 1, np.random.default_rng(1), ("gap",))]
+    faults = [fault for *_, fault in plant_faults(file, 1, np.random.default_rng(1), ("gap",))]
     assert [(fault.acts, fault.outcome) for fault in faults] == [(0.0, "AGREES")] * 2
 
 
@@ -316,7 +316,7 @@ def test_states_are_added_where_parts_of_the_laws_never_act(tmp_path: Path) -> N
     missing = {part.kind for part in comparison.missing_parts(drawn)}
     assert "control" in missing  # else the scene is too easy
     assert not comparison.missing_parts(evaluated_states(comparison))
-    faults = list(planted(file, 1, np.random.default_rng(1), ("ctrlrange", "solreffriction")))
+    faults = list(plant_faults(file, 1, np.random.default_rng(1), ("ctrlrange", "solreffriction")))
     assert len(faults) == 4
     for key, size, address, fault in faults:
         if address.endswith("solreffriction[1]"):  # friction has no violation
