@@ -1,1 +1,1 @@
-"""Robots that people have, read and checked."""
+"""Checks of public robot files."""

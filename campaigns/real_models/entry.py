@@ -1,4 +1,4 @@
-"""What became of one file, as a line of JSON: a campaign that is interrupted loses none."""
+"""The result of a file as a line of JSON, so that an interrupted campaign can resume."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from physics_crosscheck.harness.records.base import Count, Number, Record
 from physics_crosscheck.harness.records.outcome import Outcome
 
 STILL = "it has no joint that moves"
-"""What the harness says of a file in which nothing moves."""
+"""Text of the harness for a file in which nothing moves."""
 
 REFUSED = "can't load it"
-"""What it says of one that the engine refuses which compiles its format."""
+"""Text of the harness for a file that its format's compiler refuses."""
 
 
-class Came(Record, frozen=True, kw_only=True):
-    """A file in one engine.
+class EngineResult(Record, frozen=True, kw_only=True):
+    """The result of a file in an engine.
 
     Attributes:
-        engine: its name; `-` where none was reached.
+        engine: its name; `-` if the file reached no engine.
         outcome: see `Outcome`.
         discrepancy, uncertainty: the largest of all segments; None without a verdict.
-        reason: one sentence for whatever is not AGREES.
-        cause: of what differs; empty where there is none to tell.
+        reason: a sentence for every outcome but AGREES.
+        cause: of a difference; otherwise empty.
     """
 
     engine: str
@@ -38,53 +38,53 @@ class Came(Record, frozen=True, kw_only=True):
     cause: str = ""
 
 
-class Entry(Record, frozen=True, kw_only=True):
-    """A file.
+class FileEntry(Record, frozen=True, kw_only=True):
+    """The result of a file.
 
     Attributes:
         file: its path.
-        digest: of its bytes: another content is done again.
-        tree: whether it has one.
-        freedoms: of the tree; 0 where there is none.
-        obstacles: what is in the way of a tree, with file and line.
-        left_out: kinds of what the equations leave out.
+        digest: of its bytes: a changed file runs again.
+        tree: whether it has a tree of bodies.
+        dof: degrees of freedom of the tree; 0 without one.
+        obstacles: problems that prevent a tree, with file and line.
+        left_out: kinds of elements that the equations ignore.
         impossible: kinds of inertias that no body can have.
-        cases: what came of it in each engine.
-        seconds: by the clock.
+        cases: the result in each engine.
+        seconds: elapsed time.
     """
 
     file: str
     digest: str
     tree: bool
-    freedoms: Count
+    dof: Count = msgspec.field(name="freedoms")
     obstacles: tuple[str, ...]
     left_out: tuple[str, ...]
     impossible: tuple[str, ...]
-    cases: tuple[Came, ...] = ()
+    cases: tuple[EngineResult, ...] = ()
     seconds: float = 0.0
 
     @property
     def format(self) -> Literal["URDF", "MJCF"]:
-        """By its ending."""
+        """The format, by the suffix of the file."""
         return "URDF" if self.file.endswith(".urdf") else "MJCF"
 
 
-def kept(path: Path) -> Mapping[str, Entry]:
-    """The lines of a file by the files they are of, the last of each; none where it is not there.
+def read_entries(path: Path) -> Mapping[str, FileEntry]:
+    """Return the last entry of each model file; nothing if `path` does not exist.
 
-    A line that was not written to its end, as the last one may be, is left out.
+    Incomplete lines are ignored: an interrupted run may leave one at the end.
     """
-    found: dict[str, Entry] = {}
+    entries: dict[str, FileEntry] = {}
     with contextlib.suppress(FileNotFoundError), path.open("rb") as lines:
         for line in lines:
             with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):
-                entry = msgspec.json.decode(line, type=Entry)
-                found[entry.file] = entry
-    return found
+                entry = msgspec.json.decode(line, type=FileEntry)
+                entries[entry.file] = entry
+    return entries
 
 
-def keep(path: Path, entry: Entry) -> None:
-    """Add a line, on its own even where the last one was cut off."""
+def append_entry(path: Path, entry: FileEntry) -> None:
+    """Append a line; start a new one if the last is incomplete."""
     data = msgspec.json.encode(entry) + b"\n"
     with path.open("ab+") as file:
         if file.tell():

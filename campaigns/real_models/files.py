@@ -1,4 +1,4 @@
-"""Which files of a folder are robots: URDFs, and MJCFs; and which are but parts of another."""
+"""Robot files of a folder: URDFs and MJCFs; and the files that MJCFs include."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _INCLUDE = re.compile(rb"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)[\"']")
 
 
 def robot_files(folder: Path) -> list[Path]:
-    """All of a folder and those below it, by name; a file's own name stands for it alone."""
+    """Return the robot files in a folder and its subfolders, sorted; or the file itself."""
     return [folder] if folder.is_file() else sorted(_files(folder))
 
 
@@ -24,8 +24,8 @@ def _files(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def included(files: Iterable[Path]) -> frozenset[str]:
-    """Paths of what MJCFs include, as their folders name them."""
+def included_paths(files: Iterable[Path]) -> frozenset[str]:
+    """Return the resolved paths of the files that MJCFs include."""
     return frozenset(
         str(Path(file.parent, name.decode(errors="replace")).resolve())
         for file in files

@@ -1,4 +1,4 @@
-"""Packages of PyPI that carry models, and where these are once one is installed."""
+"""Packages of PyPI with models, and the folders of the installed ones."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ FOLDERS: Mapping[str, str] = MappingProxyType({
 
 
 def folder_of(name: str) -> Path | None:
-    """Where the models of a package are; None where it is not installed, or carries none here."""
+    """Return the folder of a package's models; None if it is unknown or not installed."""
     try:
-        found = importlib.metadata.distribution(name).locate_file(FOLDERS[name])
+        location = importlib.metadata.distribution(name).locate_file(FOLDERS[name])
     except (KeyError, importlib.metadata.PackageNotFoundError):
         return None
-    folder = Path(str(found))
+    folder = Path(str(location))
     return folder if folder.is_dir() else None

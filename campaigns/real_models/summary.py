@@ -1,4 +1,4 @@
-"""What became of all files, in counts: what is a robot that moves, and who has a verdict."""
+"""Tables of all files: robots that move, verdicts, differences and refusals."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from collections.abc import Collection, Iterable, Sequence
 from enum import StrEnum
 from pathlib import Path
 
-from campaigns.real_models.entry import REFUSED, STILL, Came, Entry
+from campaigns.real_models.entry import REFUSED, STILL, EngineResult, FileEntry
 from physics_crosscheck.harness.records.outcome import Outcome
 
 FORMATS = ("MJCF", "URDF")
 
 EXAMPLES = 4
-"""Files named beside a reason."""
+"""Largest number of file names after a reason."""
 
-LONGEST = 160
-"""Characters of a reason in a table."""
+MAX_REASON_LENGTH = 160
+"""Largest number of characters of a reason in a table."""
 
 
-class Kind(StrEnum):
-    """What a file is to the campaign."""
+class FileKind(StrEnum):
+    """The kind of a file by its result."""
 
-    PART = "part of another file, and no model alone"
-    STILL = "nothing of it moves"
-    VERDICT = "verdict: AGREES or DIFFERS in one engine at least"
+    PART = "part of another file, not a model by itself"
+    STILL = "no moving joint"
+    VERDICT = "verdict: AGREES or DIFFERS in at least one engine"
     UNRESOLVED = "UNRESOLVED in every engine that runs it"
-    FAULT = "no verdict: the file's own fault, which is told"
-    BROKEN = "no verdict: out of time or memory, or a process that ended"
-    REFUSED = "no verdict: not covered"
+    FAULT = "no verdict: a reported fault of the file"
+    BROKEN = "no verdict: out of time or memory, or a crash"
+    REFUSED = "no verdict: not supported"
 
     @property
     def moves(self) -> bool:
-        """Whether it counts among the robots that move."""
-        return self not in (Kind.PART, Kind.STILL)
+        """True if the file counts among the robots that move."""
+        return self not in (FileKind.PART, FileKind.STILL)
 
 
 FAULTS = (
@@ -42,48 +42,48 @@ FAULTS = (
     "has inertia", "kinematics alone", "no <link>", "xacro", "finite number", "Error opening file",
     "not found", "repeated", "Error: ", "no XML",
 )  # fmt: skip
-"""Words of refusals that say what is wrong with a file, rather than what is not covered."""
+"""Words of refusals because of a fault in the file, not because of a missing feature."""
 
 BREAKS = ("processor seconds", "has not ended", "GiB", "the process", "signal")
-"""Words of what ends a task from without."""
+"""Words of failures by a limit or a crash."""
 
 
-def kind_of(entry: Entry, parts: Collection[str]) -> Kind:
-    """What a file is.
+def kind_of(entry: FileEntry, parts: Collection[str]) -> FileKind:
+    """Return the kind of a file.
 
     Args:
         entry: of the file.
-        parts: resolved paths of what other files include.
+        parts: resolved paths of files that other files include.
     """
-    if any(STILL in one for one in entry.obstacles) or (entry.tree and not entry.freedoms):
-        return Kind.STILL
+    if any(STILL in one for one in entry.obstacles) or (entry.tree and not entry.dof):
+        return FileKind.STILL
     unread = any(REFUSED in one for one in entry.obstacles)
     if unread and str(Path(entry.file).resolve()) in parts:
-        return Kind.PART
-    outcomes = {came.outcome for came in entry.cases}
+        return FileKind.PART
+    outcomes = {result.outcome for result in entry.cases}
     if outcomes & {Outcome.AGREES, Outcome.DIFFERS}:
-        return Kind.VERDICT
+        return FileKind.VERDICT
     if Outcome.UNRESOLVED in outcomes:
-        return Kind.UNRESOLVED
-    reasons = " ".join([*entry.obstacles, *(came.reason for came in entry.cases)])
+        return FileKind.UNRESOLVED
+    reasons = " ".join([*entry.obstacles, *(result.reason for result in entry.cases)])
     if any(word in reasons for word in BREAKS):
-        return Kind.BROKEN
-    return Kind.FAULT if any(word in reasons for word in FAULTS) else Kind.REFUSED
+        return FileKind.BROKEN
+    return FileKind.FAULT if any(word in reasons for word in FAULTS) else FileKind.REFUSED
 
 
-def plain(entry: Entry, sentence: str) -> str:
-    """A reason without its file, line, names and numbers: alike for all that fail alike."""
-    told = re.sub(rf"{re.escape(entry.file)}(:\d+)*:? ?", "", sentence)
-    told = told.removesuffix(
+def generic_reason(entry: FileEntry, sentence: str) -> str:
+    """Return a reason without file, line, names and numbers, so that equal ones count together."""
+    reason = re.sub(rf"{re.escape(entry.file)}(:\d+)*:? ?", "", sentence)
+    reason = reason.removesuffix(
         "; `crosscheck compare` compares it with another file, without equations"
     )
-    told = re.sub(r"(?<!\w)'[^']*'|(?<!\w)\"[^\"]*\"|-?\b\d+(\.\d+)?(e[-+]?\d+)?\b", "*", told)
-    told = re.sub(r"\*(, \*)+", "*", told)  # a list of names, however long
-    return told[:LONGEST]
+    reason = re.sub(r"(?<!\w)'[^']*'|(?<!\w)\"[^\"]*\"|-?\b\d+(\.\d+)?(e[-+]?\d+)?\b", "*", reason)
+    reason = re.sub(r"\*(, \*)+", "*", reason)  # a list of names, however long
+    return reason[:MAX_REASON_LENGTH]
 
 
 def table(title: str, rows: dict[str, list[str]]) -> str:
-    """One line a kind, the most frequent first, with the files' names."""
+    """Return a table with a line per kind, most frequent first, with names of files."""
     lines = [title]
     for what, names in sorted(rows.items(), key=lambda row: -len(row[1])):
         more = ", ..." if len(names) > EXAMPLES else ""
@@ -91,94 +91,103 @@ def table(title: str, rows: dict[str, list[str]]) -> str:
     return "\n".join(lines if rows else [title, "  none"])
 
 
-def shares(entries: Sequence[Entry], kinds: Sequence[Kind]) -> str:
-    """How many files of each format are what, and the share of the robots that move."""
+def shares(entries: Sequence[FileEntry], kinds: Sequence[FileKind]) -> str:
+    """Return the counts of files by format and kind, with shares of the robots that move."""
     lines = []
     for name in FORMATS:
-        own = [kind for entry, kind in zip(entries, kinds, strict=True) if entry.format == name]
-        moving = sum(kind.moves for kind in own)
-        lines.append(f"{name}: {len(own)} files, {moving} robots that move")
-        for kind in Kind:
-            count = own.count(kind)
+        of_format = [
+            kind for entry, kind in zip(entries, kinds, strict=True) if entry.format == name
+        ]
+        moving = sum(kind.moves for kind in of_format)
+        lines.append(f"{name}: {len(of_format)} files, {moving} robots that move")
+        for kind in FileKind:
+            count = of_format.count(kind)
             share = f"  {count / moving:6.1%}" if kind.moves and moving else ""
             lines.append(f"  {count:5}  {kind.value}{share}")
     return "\n".join(lines)
 
 
-def outcomes(entries: Iterable[Entry]) -> str:
-    """How each engine came out."""
+def outcomes(entries: Iterable[FileEntry]) -> str:
+    """Return the counts of outcomes by format and engine."""
     rows: dict[str, list[str]] = defaultdict(list)
     for entry in entries:
-        for came in entry.cases:
-            rows[f"{entry.format} {came.engine:<9} {came.outcome}"].append(Path(entry.file).name)
+        for result in entry.cases:
+            rows[f"{entry.format} {result.engine:<9} {result.outcome}"].append(
+                Path(entry.file).name
+            )
     return table("outcomes, by format and engine", rows)
 
 
-def reasons(entries: Sequence[Entry], kinds: Sequence[Kind]) -> str:
-    """Why files have no verdict; and why an engine has none of a file that has one in another."""
+def reasons(entries: Sequence[FileEntry], kinds: Sequence[FileKind]) -> str:
+    """Return the reasons of files without a verdict, and of engines without one of other files."""
     none: dict[str, list[str]] = defaultdict(list)
     other: dict[str, list[str]] = defaultdict(list)
     for entry, kind in zip(entries, kinds, strict=True):
         if not kind.moves:
             continue
         name = Path(entry.file).name
-        rows = other if kind is Kind.VERDICT else none
+        rows = other if kind is FileKind.VERDICT else none
         for sentence in entry.obstacles:
-            rows[f"{entry.format}: {plain(entry, sentence)}"].append(name)
-        for came in entry.cases:
-            if came.outcome in (Outcome.FAILED, Outcome.UNRESOLVED):
-                told = f"{entry.format} {came.engine} {came.outcome}: {plain(entry, came.reason)}"
-                rows[told].append(name)
+            rows[f"{entry.format}: {generic_reason(entry, sentence)}"].append(name)
+        for result in entry.cases:
+            if result.outcome in (Outcome.FAILED, Outcome.UNRESOLVED):
+                reason = generic_reason(entry, result.reason)
+                rows[f"{entry.format} {result.engine} {result.outcome}: {reason}"].append(name)
     return "\n\n".join([
         table("no verdict, by reason", none),
-        table("no verdict in one engine, one in another, by reason", other),
+        table("no verdict in an engine, but in another, by reason", other),
     ])  # fmt: skip
 
 
-def differing(entries: Iterable[Entry]) -> str:
-    """Every case that differs, with the cause that was found."""
+def differing(entries: Iterable[FileEntry]) -> str:
+    """Return every case that differs, with its cause."""
     lines = ["DIFFERS"]
     for entry in entries:
-        for came in entry.cases:
-            if came.outcome is Outcome.DIFFERS:
-                lines += [f"  {entry.file} in {came.engine}: {came.reason}", f"    {came.cause}"]
+        for result in entry.cases:
+            if result.outcome is Outcome.DIFFERS:
+                lines += [
+                    f"  {entry.file} in {result.engine}: {result.reason}",
+                    f"    {result.cause}",
+                ]
     return "\n".join(lines if len(lines) > 1 else ["DIFFERS", "  none"])
 
 
-def left_out(entries: Sequence[Entry], kinds: Sequence[Kind]) -> str:
-    """What robots that have a verdict say beyond it."""
+def left_out(entries: Sequence[FileEntry], kinds: Sequence[FileKind]) -> str:
+    """Return the counts of elements that verdicts ignore."""
     rows: dict[str, list[str]] = defaultdict(list)
     for entry, kind in zip(entries, kinds, strict=True):
-        for what in entry.left_out if kind is Kind.VERDICT else ():
+        for what in entry.left_out if kind is FileKind.VERDICT else ():
             rows[f"{entry.format}: {what}"].append(Path(entry.file).name)
-    return table("left out of a verdict, files", rows)
+    return table("elements that verdicts ignore, files", rows)
 
 
-def worst(entries: Iterable[Entry]) -> str:
-    """The largest discrepancy and uncertainty of what agrees."""
-    agree = [came for entry in entries for came in entry.cases if came.outcome is Outcome.AGREES]
-    most = max((came.discrepancy or 0.0 for came in agree), default=0.0)
-    least = max((came.uncertainty or 0.0 for came in agree), default=0.0)
-    return f"{len(agree)} cases agree, to {most:.1e} at most, known to {least:.1e} at least"
+def worst(entries: Iterable[FileEntry]) -> str:
+    """Return the largest discrepancy and uncertainty of cases that agree."""
+    agree = [
+        result for entry in entries for result in entry.cases if result.outcome is Outcome.AGREES
+    ]
+    discrepancy = max((result.discrepancy or 0.0 for result in agree), default=0.0)
+    uncertainty = max((result.uncertainty or 0.0 for result in agree), default=0.0)
+    return f"{len(agree)} cases agree; largest E {discrepancy:.1e}, largest U {uncertainty:.1e}"
 
 
-def line(entry: Entry) -> list[str]:
-    """Such as: AGREES mujoco kuka_iiwa/model.urdf E 8.3e-13 U 2.6e-10; one an engine."""
+def case_lines(entry: FileEntry) -> list[str]:
+    """Return a line per engine: AGREES mujoco kuka_iiwa/model.urdf E 8.3e-13 U 2.6e-10."""
     if not entry.cases:
         return [f"{'-':<10} {'-':<9} {entry.file}: {'; '.join(entry.obstacles) or STILL}"]
-    return [_case(entry.file, came) for came in entry.cases]
+    return [_case(entry.file, result) for result in entry.cases]
 
 
-def _case(file: str, came: Came) -> str:
-    where = f"{came.outcome:<10} {came.engine:<9} {file}"
-    if came.discrepancy is None or came.uncertainty is None:
-        return f"{where}: {came.reason}"
-    told = f": {came.reason}" if came.reason else ""
-    return f"{where} E {came.discrepancy:.1e} U {came.uncertainty:.1e}{told}"
+def _case(file: str, result: EngineResult) -> str:
+    where = f"{result.outcome:<10} {result.engine:<9} {file}"
+    if result.discrepancy is None or result.uncertainty is None:
+        return f"{where}: {result.reason}"
+    reason = f": {result.reason}" if result.reason else ""
+    return f"{where} E {result.discrepancy:.1e} U {result.uncertainty:.1e}{reason}"
 
 
-def summary(entries: Sequence[Entry], parts: Collection[str]) -> str:
-    """All tables."""
+def summary(entries: Sequence[FileEntry], parts: Collection[str]) -> str:
+    """Return all tables."""
     kinds = [kind_of(entry, parts) for entry in entries]
     return "\n\n".join([
         shares(entries, kinds), outcomes(entries), worst(entries), differing(entries),

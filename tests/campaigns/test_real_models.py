@@ -11,8 +11,8 @@ from msgspec import structs
 
 from campaigns.real_models.__main__ import is_done
 from campaigns.real_models.check import digest_of
-from campaigns.real_models.entry import Came, Entry, keep, kept
-from campaigns.real_models.summary import Kind, kind_of, summary
+from campaigns.real_models.entry import EngineResult, FileEntry, append_entry, read_entries
+from campaigns.real_models.summary import FileKind, kind_of, summary
 from physics_crosscheck.harness.records.outcome import Outcome
 
 PENDULUM = """<mujoco model="p"><worldbody><body><joint name="q" axis="0 1 0"/>
@@ -34,7 +34,7 @@ FILES = {
 def run_campaign(folder: Path) -> str:
     """Run the campaign on both folders; return its output."""
     command = [sys.executable, "-m", "campaigns.real_models", f"{folder}/one", f"{folder}/two",
-               "--jobs", "1", "--kept", f"{folder}/kept.jsonl"]  # fmt: skip
+               "--jobs", "1", "--kept", f"{folder}/read_entries.jsonl"]  # fmt: skip
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
     )
@@ -53,7 +53,7 @@ def test_each_robot_has_a_line_and_each_rejection_a_reason(tmp_path: Path) -> No
     assert "MJCF: 4 files, 2 robots that move" in output
     assert "URDF: 2 files, 2 robots that move" in output
     assert "1  part of another file" in output
-    assert "1  verdict: AGREES or DIFFERS in one engine at least   50.0%" in output
+    assert "1  verdict: AGREES or DIFFERS in at least one engine   50.0%" in output
     assert "1  URDF: joint * moves nothing with inertia, so its acceleration is undefined" in output
     assert "1  MJCF: MuJoCo can't load it: XML Error: Error opening file *" in output
 
@@ -61,14 +61,14 @@ def test_each_robot_has_a_line_and_each_rejection_a_reason(tmp_path: Path) -> No
 def test_finished_robots_are_repeated_only_on_request(tmp_path: Path) -> None:
     file, lines = tmp_path / "r.urdf", tmp_path / "kept.jsonl"
     file.write_text(ARM)
-    wrong = Came(engine="a", outcome=Outcome.FAILED, reason="a crash")
+    wrong = EngineResult(engine="a", outcome=Outcome.FAILED, reason="a crash")
     failed = structs.replace(entry(wrong), file=str(file), digest=digest_of(file))
-    keep(lines, failed)
-    keep(lines, entry())
+    append_entry(lines, failed)
+    append_entry(lines, entry())
     lines.write_bytes(lines.read_bytes()[:-20])  # the last line is incomplete
-    assert dict(kept(lines)) == {str(file): failed}
-    keep(lines, entry())
-    assert len(kept(lines)) == 2
+    assert dict(read_entries(lines)) == {str(file): failed}
+    append_entry(lines, entry())
+    assert len(read_entries(lines)) == 2
     assert is_done(file, failed, None)
     assert is_done(file, failed, "UNRESOLVED")
     assert not is_done(file, failed, "FAILED .*crash")
@@ -77,23 +77,31 @@ def test_finished_robots_are_repeated_only_on_request(tmp_path: Path) -> None:
     assert not is_done(file, failed, None)
 
 
-def entry(*cases: Came, obstacles: tuple[str, ...] = ()) -> Entry:
-    return Entry(
-        file="/a/r.urdf", digest="0", tree=not obstacles, freedoms=2, obstacles=obstacles,
+def entry(*cases: EngineResult, obstacles: tuple[str, ...] = ()) -> FileEntry:
+    return FileEntry(
+        file="/a/r.urdf", digest="0", tree=not obstacles, dof=2, obstacles=obstacles,
         left_out=("contact geometry",), impossible=(), cases=cases,
     )  # fmt: skip
 
 
 def test_crashes_and_faulty_files_are_not_verdicts() -> None:
-    slow = Came(engine="a", outcome=Outcome.FAILED, reason="out of its 120 processor seconds")
-    wrong = Came(engine="b", outcome=Outcome.FAILED, reason="/a/r.urdf: PyBullet sets to zero")
-    vague = Came(engine="b", outcome=Outcome.UNRESOLVED, uncertainty=2e-9, discrepancy=1e-10)
-    differs = Came(engine="c", outcome=Outcome.DIFFERS, reason="off", cause="moments of 'x'")
-    assert kind_of(entry(slow), ()) is Kind.BROKEN
-    assert kind_of(entry(wrong), ()) is Kind.FAULT
-    assert kind_of(entry(slow, vague), ()) is Kind.UNRESOLVED
-    assert kind_of(entry(wrong, differs), ()) is Kind.VERDICT
-    assert kind_of(entry(obstacles=("/a/r.urdf: joint 'x' is planar",)), ()) is Kind.REFUSED
+    slow = EngineResult(
+        engine="a", outcome=Outcome.FAILED, reason="out of its 120 processor seconds"
+    )
+    wrong = EngineResult(
+        engine="b", outcome=Outcome.FAILED, reason="/a/r.urdf: PyBullet sets to zero"
+    )
+    vague = EngineResult(
+        engine="b", outcome=Outcome.UNRESOLVED, uncertainty=2e-9, discrepancy=1e-10
+    )
+    differs = EngineResult(
+        engine="c", outcome=Outcome.DIFFERS, reason="off", cause="moments of 'x'"
+    )
+    assert kind_of(entry(slow), ()) is FileKind.BROKEN
+    assert kind_of(entry(wrong), ()) is FileKind.FAULT
+    assert kind_of(entry(slow, vague), ()) is FileKind.UNRESOLVED
+    assert kind_of(entry(wrong, differs), ()) is FileKind.VERDICT
+    assert kind_of(entry(obstacles=("/a/r.urdf: joint 'x' is planar",)), ()) is FileKind.REFUSED
     text = summary([entry(wrong, differs)], ())
     assert "/a/r.urdf in c: off\n    moments of 'x'" in text
     assert "URDF b FAILED: PyBullet sets to zero  [r.urdf]" in text
