@@ -1,9 +1,9 @@
 """Canonical contact problems in several engines: `python -m campaigns.canonical`.
 
-Each engine builds one ball or block on a plane through its own interface, with one friction
-coefficient mu and one restitution e, and runs at its default step and a tenth of it. Exact answers
-are closed forms. It prints the table of `docs/canonical-contacts.md`, and needs the extras of the
-engines; `--engines` selects some.
+Each engine builds a ball or block on a plane through its own interface, with a friction coefficient
+mu and a restitution e. It runs at its default step and at a tenth of it. Exact answers are closed
+forms. The command prints the table of `docs/canonical-contacts.md`. It needs the extras of the
+engines that `--engines` selects (all).
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class CanonicalScene:
     """A ball or block over a plane.
 
     Attributes:
-        ball: whether it is a ball.
-        gap, speed: at the start, m and m/s along the plane.
+        ball: whether the body is a ball; a block otherwise.
+        gap, speed: initial height over the plane, m, and initial speed along it, m/s.
         slope: inclination of gravity, rad.
-        mu, e: what friction and restitution of the pair are to be.
+        mu, e: friction coefficient and restitution of the pair.
         duration: s.
     """
 
@@ -132,7 +132,7 @@ def pybullet_track(scene: CanonicalScene, h: float) -> Track:
 
 
 def pymunk_track(scene: CanonicalScene, h: float) -> Track:
-    """Run a scene in pymunk, seen from the side; both coefficients are products."""
+    """Run a scene in pymunk, as a side view; both coefficients are products."""
     import pymunk
 
     space = pymunk.Space()
@@ -242,11 +242,11 @@ def sapien_track(scene: CanonicalScene, h: float) -> Track:
     config = sapien.physx.PhysxSceneConfig()
     config.gravity = np.array(scene.gravity)
     sapien.physx.set_scene_config(config)
-    made = sapien.Scene([sapien.physx.PhysxCpuSystem()])
-    made.set_timestep(h)
+    world = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    world.set_timestep(h)
     material = sapien.physx.PhysxMaterial(scene.mu, scene.mu, scene.e)
-    made.add_ground(0, render=False, material=material)
-    builder = made.create_actor_builder()
+    world.add_ground(0, render=False, material=material)
+    builder = world.create_actor_builder()
     density = MASS / (4 / 3 * math.pi * HALF**3 if scene.ball else (2 * HALF) ** 3)
     if scene.ball:
         builder.add_sphere_collision(radius=HALF, material=material, density=density)
@@ -259,7 +259,7 @@ def sapien_track(scene: CanonicalScene, h: float) -> Track:
     body.linear_damping = body.angular_damping = 0.0
     rows = []
     for _ in range(round(scene.duration / h)):
-        made.step()
+        world.step()
         x, _y, z = actor.get_pose().p
         vx, _vy, vz = body.get_linear_velocity()
         rows.append((x, z, vx, vz))
@@ -289,25 +289,25 @@ def newton_track(scene: CanonicalScene, h: float) -> Track:
         model = builder.finalize()
         model.set_gravity(scene.gravity)
         solver = newton.solvers.SolverXPBD(model, enable_restitution=scene.e > 0)
-        one, two = model.state(), model.state()
+        state, next_state = model.state(), model.state()
         speed = np.zeros((1, 6), dtype=np.float32)
         speed[0, 0] = scene.speed
-        one.body_qd.assign(speed)
+        state.body_qd.assign(speed)
         pipeline = newton.CollisionPipeline(model)
         contacts = pipeline.contacts()
         rows = []
         for _ in range(round(scene.duration / h)):
-            one.clear_forces()
-            pipeline.collide(one, contacts)
-            solver.step(one, two, None, contacts, h)
-            one, two = two, one
-            q, v = one.body_q.numpy()[0], one.body_qd.numpy()[0]
+            state.clear_forces()
+            pipeline.collide(state, contacts)
+            solver.step(state, next_state, None, contacts, h)
+            state, next_state = next_state, state
+            q, v = state.body_q.numpy()[0], state.body_qd.numpy()[0]
             rows.append((q[0], q[2], v[0], v[2]))
     return np.array(rows, dtype=float)
 
 
 LENGTH, RELEASE, LIMIT = 0.75, -1.1, 0.4
-"""Of a pendulum of `MASS`: m; where it is released and its joint limit, rad."""
+"""Length of a pendulum of `MASS`, m; release angle and joint limit, rad."""
 
 LIMIT_SECONDS = 1.0
 """Duration of its swing to the limit and back."""
@@ -491,8 +491,8 @@ def sapien_pendulum(h: float) -> Track:
     link.set_mass_and_inertia(MASS, sapien.Pose([0, 0, -LENGTH]), [POINT] * 3)
     pendulum = builder.build(fix_root_link=True)
     pendulum.set_qpos([RELEASE])
-    for one in pendulum.get_links():
-        one.linear_damping = one.angular_damping = 0.0
+    for part in pendulum.get_links():
+        part.linear_damping = part.angular_damping = 0.0
 
     def step() -> tuple[float, float]:
         scene.step()
@@ -540,11 +540,11 @@ ENGINES: Mapping[str, tuple[Callable[[CanonicalScene, float], Track], float]] = 
     "pybullet": (pybullet_track, 1 / 240),
     "pymunk": (pymunk_track, 1 / 60),
 }
-"""Engines with their steps: the default, or that of their own examples."""
+"""Each engine with its default step, s, or the step of its own examples."""
 
 
 def rebound(track: Track, h: float) -> float:
-    """Return the restitution that acts: the largest height after touch over the drop, as a root."""
+    """Return the effective restitution: square root of the largest height after touch over DROP."""
     z = track[:, 1] - HALF
     until = round(1.2 * math.sqrt(2 * DROP / G) / h)
     touched = int(np.argmin(z[:until]))
@@ -563,7 +563,7 @@ def creep(track: Track, h: float) -> float:
 
 
 def limit_rebound(track: Track) -> float:
-    """Return the speed at which a pendulum leaves its limit, relative to that of arrival."""
+    """Return the speed at which a pendulum leaves its limit over the exact speed of arrival."""
     angle, rate = track.T
     reached = int(np.argmax(angle > LIMIT - 0.02))
     back = (np.arange(len(angle)) > reached) & (angle < LIMIT) & (rate < 0)
@@ -595,7 +595,7 @@ PROBLEMS: Mapping[str, tuple[CanonicalScene, Measure, Callable[[float], str]]] =
         lambda value: f"{100 * value:+.2g} %",
     ),
 }
-"""Scene, quantity and its text, by the name of the column."""
+"""Scene, measure and number format by column header."""
 
 PENDULUMS: Mapping[str, Callable[[float], Track]] = {
     "mujoco": mujoco_pendulum,
@@ -613,7 +613,7 @@ EXACT = ("0.800", "0", "0", "0.680 m", "0")
 
 
 def cells(engine: str) -> list[str]:
-    """Return one engine's row: each quantity at its step and at a tenth of it."""
+    """Return the cells of an engine's row: each quantity at its step and at a tenth of it."""
     run, step = ENGINES[engine]
     row = []
     for scene, measure, text in PROBLEMS.values():
@@ -624,12 +624,12 @@ def cells(engine: str) -> list[str]:
 
 
 def _both(texts: Sequence[str]) -> str:
-    """Return a quantity at a step and at a tenth of it; once if both are the same."""
+    """Join the texts of a quantity at both steps; write equal texts once."""
     return " → ".join(dict.fromkeys(texts))
 
 
 def main(names: list[str]) -> None:
-    """Print the table."""
+    """Print the table with a row for each named engine."""
     heads = [*PROBLEMS, "rebound at a joint limit"]
     print(f"| engine | step | {' | '.join(heads)} |\n|{'---|' * (len(heads) + 2)}")
     print(f"| exact | - | {' | '.join(EXACT)} |")

@@ -1,14 +1,14 @@
 """Motions with events at random constants: is the truth within the uncertainty?
 
-`python -m campaigns.events --draws 1000` draws the constants of a system in `models/events`, writes
-them into its model file, and compares extrapolated segments with the exact ones: those around each
-event, and a few others. It prints how often the truth is outside U, the number of segments with U
-below 1e-9, and each draw that has another result, with its constants. Exit code 1 if any truth is
-outside, which is what a false convergence is.
+`python -m campaigns.events --draws 1000` draws the constants of a system in `models/events` and
+writes them into its model file. It compares extrapolated segments with the exact ones: those around
+each event, and a few others. It prints how often the truth is outside U, the number of segments
+with U below 1e-9, and every other draw with its constants. The exit code is 1 if any truth is
+outside U: a false convergence.
 
-`--planted` plants a millionth and 1 % in each number of a contact, limit, friction or drive, and in
-those of soft laws, one at a time. It prints what the motions alone catch and name, with the line,
-as a table. `--peers` repeats contact tests of other projects with folders from here.
+`--planted` changes each number of a contact, limit, friction, drive or soft law by 1e-6 and by 1 %,
+one at a time. It prints a table of the faults that motions alone catch and name, with the line.
+`--peers` repeats contact tests of other projects with folders from here.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ RESOLUTION = 1e-9
 """Uncertainty up to which a segment counts as resolved."""
 
 WITHOUT_LIMIT = {"bouncing_ball/robot.urdf", "pendulum_stop/robot.urdf"}
-"""Models whose motions have no limit or another one as the step falls: not drawn."""
+"""Models whose motions have no limit, or a different one, as the step falls: not drawn."""
 
-LEFT_OUT = {"tipping_box": "rock"}
+WITHOUT_LIMIT_SCENARIOS = {"tipping_box": "rock"}
 """Scenarios without a limit, by system: not drawn."""
 
-OTHERS = 8
+SMOOTH_SEGMENTS = 8
 """Segments without an event per motion, evenly spaced."""
 
 
@@ -73,8 +73,8 @@ class Tally:
     Attributes:
         kinds: number of motions by system and result, and of coarse segments by system.
         segments: judged segments.
-        resolved: those with U below 1e-9.
-        outside: those whose truth is outside U.
+        resolved: segments with U below 1e-9.
+        outside: segments whose truth is outside U.
         worst: largest error over U.
     """
 
@@ -86,7 +86,7 @@ class Tally:
 
 
 def drawn(system: System, random: np.random.Generator) -> System:
-    """Return the system with other constants; a share below 1 stays below 1."""
+    """Return the system with random constants; a restitution e stays below 1."""
     constants = []
     for constant in system.constants:
         value = float(constant.value * SPREAD ** random.uniform(-1, 1))
@@ -99,26 +99,26 @@ def around_events(segments: Segments) -> Segments:
     """Return the segments with an event, and a few others."""
     middles = segments.t + segments.lengths / 2
     rows = [int(np.argmin(np.abs(middles - event))) for event in segments.events]
-    rows += np.linspace(0, len(middles) - 1, OTHERS).astype(int).tolist()
+    rows += np.linspace(0, len(middles) - 1, SMOOTH_SEGMENTS).astype(int).tolist()
     return segments.pick(np.unique(rows).astype(np.intp))
 
 
 def compare(system: System, sidecar: Sidecar, engine: str, tally: Tally) -> Iterator[str]:
-    """Compare every scenario of a system in an engine; yield each result that needs a cause."""
-    at = ", ".join(f"{c.name} = {c.value:.17g}" for c in system.constants)
+    """Compare every scenario of a system in an engine; yield a line for each result to explain."""
+    constants = ", ".join(f"{c.name} = {c.value:.17g}" for c in system.constants)
     for scenario in system.scenarios:
-        if LEFT_OUT.get(system.name) == scenario.name:
+        if WITHOUT_LIMIT_SCENARIOS.get(system.name) == scenario.name:
             continue
         what = f"{system.name} [{engine}] {scenario.name}"
         try:
             some, error, total = judged(system, sidecar, engine, scenario)
         except (EventError, ReferenceError, DeclarationError) as refusal:
             tally.kinds[f"{what} refused"] += 1
-            yield f"{what} refused: {refusal}; {at}"
+            yield f"{what} refused: {refusal}; {constants}"
             continue
         tally.kinds[f"{what} judged"] += 1
         for line in _count(tally, what, some, error, total):
-            yield f"{line}; {at}"
+            yield f"{line}; {constants}"
 
 
 def judged(
@@ -129,7 +129,7 @@ def judged(
     The model file has the constants of the system.
 
     Raises:
-        EventError, ReferenceError, DeclarationError: for a motion that is refused.
+        EventError, ReferenceError, DeclarationError: if the reference refuses the motion.
     """
     motion = solve_events(derive(system), scenario, sidecar.laws)
     some = around_events(replace(motion, scale=component_scale(motion, [])))
@@ -167,11 +167,11 @@ DEFAULT_LAWS = {
     "pendulum_stop": ("joint", "theta", "solreflimit"),
     "coulomb_oscillator": ("joint", "x", "solreffriction"),
 }
-"""Files that leave a soft law to MuJoCo's default: element, its name, and the attribute to add."""
+"""Files that rely on MuJoCo's default soft law: element, its name, and the attribute to add."""
 
 
 def planted_edits(system: System, sidecar: Sidecar) -> Iterator[tuple[str, str, Edit]]:
-    """Yield the address of each number that acts at events, the fault, and its edit."""
+    """Yield the address of each number that acts at events, the size of the fault, and its edit."""
     fields = [value for one in system.interactions for value in vars(one).values()]
     fields += [gain for field in fields if isinstance(field, dict) for gain in field.values()]
     values = [sp.sympify(one) for one in fields if isinstance(one, sp.Expr | Constant)]
@@ -218,9 +218,9 @@ class PeerTest:
 
     Attributes:
         peer: the project, and the test.
-        tolerance: what the test allows.
+        tolerance: of the test.
         folder: in `models/events`.
-        constants: those that differ from the folder's.
+        constants: values that differ from those of the folder.
         speed: initial value of the first velocity, m/s.
         duration: s.
     """
@@ -266,7 +266,7 @@ def peer_row(test: PeerTest) -> str:
 
 
 def main(arguments: Mapping[str, Any]) -> int:
-    """Draw, compare and print; return the exit code."""
+    """Run the campaign that the options select; return the exit code."""
     random, tally = np.random.default_rng(arguments["seed"]), Tally()
     models = [
         path
@@ -280,7 +280,7 @@ def main(arguments: Mapping[str, Any]) -> int:
         return 0
     if arguments["planted"]:
         print("| folder | engine | number | fault | result | line |\n|" + 6 * "---|")
-        for model in (one for one in models if one.parent.name not in LEFT_OUT):
+        for model in (one for one in models if one.parent.name not in WITHOUT_LIMIT_SCENARIOS):
             for row in planted(read_sidecar(model)):
                 print(row, flush=True)
         return 0
@@ -297,9 +297,9 @@ def main(arguments: Mapping[str, Any]) -> int:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--draws", type=int, default=1000)
+    parser.add_argument("--draws", type=int, default=1000, help="motions to draw [1000]")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--models", default="*/*", help="a pattern of FOLDER/FILE")
-    parser.add_argument("--planted", action="store_true")
-    parser.add_argument("--peers", action="store_true")
+    parser.add_argument("--models", default="*/*", help="pattern of FOLDER/FILE [*/*]")
+    parser.add_argument("--planted", action="store_true", help="plant faults instead")
+    parser.add_argument("--peers", action="store_true", help="repeat tests of other projects")
     sys.exit(main(vars(parser.parse_args())))

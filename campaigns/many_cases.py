@@ -1,8 +1,8 @@
-"""Many cases of a sweep: how many a second, how much memory, and what a kill in the middle loses.
+"""Speed and memory of a sweep of many cases, and the rows that a kill loses.
 
 `python -m campaigns.many_cases --draws 286 --out DIR` sweeps the drum with its pendulum, the
-anchored pair and an arm of seven joints (pybullet_data's), kills everything once with SIGKILL, goes
-on, tells what the rows cost, and runs some of them again by their own commands.
+anchored pair and an arm of seven joints from pybullet_data. It kills all processes once with
+SIGKILL and resumes. It prints the cost of the rows, and runs some again by their own commands.
 """
 
 from __future__ import annotations
@@ -32,21 +32,24 @@ ENGINES = ("mujoco", "pybullet", "pymunk")
 SYSTEMS = ("drum_pendulum", "anchored_pair")
 ARM = "kuka_iiwa/model.urdf"
 
-AGAIN = 12
+REPEATED_ROWS = 12
 """Rows that are run again by their own commands."""
 
-MOMENT = 2.0
-"""Seconds between two looks at the memory."""
+POLL_SECONDS = 2.0
+"""Seconds between two measurements of memory."""
 
 
-def defaults() -> tuple[str, ...]:
-    import pybullet_data  # an engine's, in an extra
+def default_systems() -> tuple[str, ...]:
+    """Return the systems and the robot file that a sweep takes by default."""
+    import pybullet_data  # part of an extra
 
     return (*SYSTEMS, str(Path(pybullet_data.getDataPath()) / ARM))
 
 
 def command(options: argparse.Namespace) -> list[str]:
-    words = [sys.executable, "-m", "physics_crosscheck", "sweep", *(options.systems or defaults())]
+    """Return the command line of the sweep."""
+    words = [sys.executable, "-m", "physics_crosscheck", "sweep"]
+    words += options.systems or default_systems()
     for text in options.vary or VARY:
         words += ["--vary", text]
     for name in options.engine or ENGINES:
@@ -56,53 +59,53 @@ def command(options: argparse.Namespace) -> list[str]:
     return [*words, "--out", str(options.out)]
 
 
-def family(pid: int) -> Iterator[int]:
-    """A process, and all that follow from it."""
+def process_tree(pid: int) -> Iterator[int]:
+    """Yield the id of a process and of all its descendants."""
     yield pid
     for task in Path(f"/proc/{pid}/task").glob("*"):
         for child in (task / "children").read_text().split():
-            yield from family(int(child))
+            yield from process_tree(int(child))
 
 
 def memory(pid: int) -> tuple[float, float]:
-    """Megabytes that a process has resident, and the largest of those that follow from it."""
+    """Return the resident memory of a process and of its largest descendant, MB."""
     sizes = []
-    for one in family(pid):
+    for member in process_tree(pid):
         try:
-            pages = int(Path(f"/proc/{one}/statm").read_text().split()[1])
+            pages = int(Path(f"/proc/{member}/statm").read_text().split()[1])
         except OSError:
             continue
         sizes.append(pages * os.sysconf("SC_PAGE_SIZE") / 1e6)
     return sizes[0] if sizes else 0.0, max(sizes[1:], default=0.0)
 
 
-def watched(words: list[str], kill_after: float) -> list[tuple[float, float, float]]:
-    """Run a sweep: seconds, megabytes of the program and of its largest worker, time after time.
+def run_sweep(words: list[str], kill_after: float) -> list[tuple[float, float, float]]:
+    """Run a sweep; return samples of (seconds, MB of the program, MB of its largest worker).
 
-    After so many seconds it is killed as a machine that loses its power; 0: never.
+    After `kill_after` seconds SIGKILL ends all its processes, as a power failure would; 0: never.
     """
-    found, began = [], time.monotonic()
+    samples, began = [], time.monotonic()
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while process.poll() is None:
         elapsed = time.monotonic() - began
         try:
-            found.append((elapsed, *memory(process.pid)))
+            samples.append((elapsed, *memory(process.pid)))
         except OSError:
             continue
         if 0 < kill_after < elapsed:
-            for one in [*family(process.pid)]:
-                os.kill(one, signal.SIGKILL)
+            for member in [*process_tree(process.pid)]:
+                os.kill(member, signal.SIGKILL)
             process.wait()
             break
-        time.sleep(MOMENT)
-    return found
+        time.sleep(POLL_SECONDS)
+    return samples
 
 
-def told(name: str, looks: list[tuple[float, float, float]]) -> None:
-    """How memory went, in five parts."""
-    size = max(len(looks) // 5, 1)
-    for begin in range(0, len(looks), size):
-        part = looks[begin : begin + size]
+def print_memory(name: str, samples: list[tuple[float, float, float]]) -> None:
+    """Print the largest memory in each fifth of the run."""
+    size = max(len(samples) // 5, 1)
+    for begin in range(0, len(samples), size):
+        part = samples[begin : begin + size]
         print(
             f"{name}: until {part[-1][0]:.0f} s: program {max(p[1] for p in part):.0f} MB,"
             f" largest worker {max(p[2] for p in part):.0f} MB"
@@ -110,6 +113,7 @@ def told(name: str, looks: list[tuple[float, float, float]]) -> None:
 
 
 def main() -> None:
+    """Sweep, kill, resume, and print what the rows cost."""
     parser = argparse.ArgumentParser()
     parser.add_argument("systems", nargs="*")
     parser.add_argument("--vary", action="append", default=[])
@@ -121,50 +125,49 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     words = command(options)
-    first = watched(words, options.kill_after)
+    first = run_sweep(words, options.kill_after)
     plan = read_plan(options.out)
     assert plan is not None
     if options.kill_after:
-        kept = sum(done(options.out))
-        print(f"killed after {first[-1][0]:.0f} s: {kept} of {plan.cases} rows are kept")
-        told("first", first)
+        stored = sum(done(options.out))
+        print(f"killed after {first[-1][0]:.0f} s: {stored} of {plan.cases} rows are stored")
+        print_memory("first", first)
     began = time.monotonic()
-    looks = watched(words, 0.0) if options.kill_after else first
-    seconds = looks[-1][0] if looks else time.monotonic() - began
-    told("second", looks)
+    samples = run_sweep(words, 0.0) if options.kill_after else first
+    seconds = samples[-1][0] if samples else time.monotonic() - began
+    print_memory("second", samples)
     rows = list(read_rows(options.out))
     assert sorted(row.index for row in rows) == list(range(plan.cases)), (
-        "a row is missing, or twice"
+        "a row is missing or repeated"
     )
-    here = len(rows) - (kept if options.kill_after else 0)
-    print(
-        f"{here} cases in {seconds:.0f} s: {here / seconds:.2f} a second with {options.jobs} jobs"
-    )
+    resumed = len(rows) - (stored if options.kill_after else 0)
+    speed = f"{resumed / seconds:.2f} per second with {options.jobs} jobs"
+    print(f"{resumed} cases in {seconds:.0f} s: {speed}")
     outcomes = {o: sum(row.outcome is o for row in rows) for o in Outcome}
     print({o.value: count for o, count in outcomes.items() if count})
     for system in (*dict.fromkeys(row.system for row in rows), ""):
-        some = [row for row in rows if system in ("", row.system)]
-        engine = sum(row.engine_seconds for row in some)
+        chosen = [row for row in rows if system in ("", row.system)]
+        engine = sum(row.engine_seconds for row in chosen)
         parts = {
-            "in all": sum(row.seconds for row in some),
-            "reference": sum(row.reference_seconds for row in some),
-            "loading": sum(row.loading_seconds for row in some),
+            "total": sum(row.seconds for row in chosen),
+            "reference": sum(row.reference_seconds for row in chosen),
+            "loading": sum(row.loading_seconds for row in chosen),
         }
         ratios = ", ".join(f"{name} {value / engine:.3f}" for name, value in parts.items())
-        steps = sum(row.steps for row in some)
+        steps = sum(row.steps for row in chosen)
         print(
-            f"{system or 'all'}: {len(some)} cases, {steps:.3g} steps in {engine:.1f} s: {ratios}"
+            f"{system or 'all'}: {len(chosen)} cases, {steps:.3g} steps in {engine:.1f} s: {ratios}"
         )
-    again(rows)
+    repeat_rows(rows)
 
 
-def again(rows: list[SweepRow]) -> None:
-    """Some rows by their own commands: each prints the verdict that its row has."""
-    for row in rows[:: max(len(rows) // AGAIN, 1)][:AGAIN]:
+def repeat_rows(rows: list[SweepRow]) -> None:
+    """Run some rows again by their own commands; print whether the verdicts are the same."""
+    for row in rows[:: max(len(rows) // REPEATED_ROWS, 1)][:REPEATED_ROWS]:
         words = [sys.executable, "-m", "physics_crosscheck", *shlex.split(row.command)[1:]]
-        told = subprocess.run(words, capture_output=True, text=True, check=False).stdout
-        same = "\n".join(row_lines(row)) in told
-        print(f"#{row.index} {row.name}: {'the same again' if same else told}")
+        output = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+        is_same = "\n".join(row_lines(row)) in output
+        print(f"#{row.index} {row.name}: {'same verdict' if is_same else output}")
 
 
 if __name__ == "__main__":

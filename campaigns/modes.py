@@ -1,9 +1,9 @@
-"""Each fault judged twice, with single steps allowed to decide and with `--thorough`.
+"""Verdicts on planted faults in two modes: with `--thorough`, and where single steps may decide.
 
-`python -m campaigns.modes --mechanisms 2000`: random mechanisms with faults of 1e-6, 1e-8 and 1e-9.
-`python -m campaigns.modes FOLDER robot.urdf`: each fault that `mutate` plants in folders, and each
-number of robot files off by 1e-6, 1e-8 and 1 %. Exit code 1 if a fault that the thorough mode
-detects is missed without it. A line of JSON for each fault goes to --out.
+`python -m campaigns.modes --mechanisms 2000` judges random mechanisms with faults of 1e-6, 1e-8 and
+1e-9. `python -m campaigns.modes FOLDER robot.urdf` judges each fault that `mutate` plants in
+folders, and each number of robot files changed by 1e-6, 1e-8 and 1 %. The exit code is 1 if only
+the thorough mode detects a fault. `--out` receives a line of JSON for each fault.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ ROBOT_SIZES = (1e-6, 1e-8, 1e-2)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Both:
-    """One fault in both modes.
+class ModeComparison:
+    """A fault judged in both modes.
 
     Attributes:
         name: case and fault.
-        size: relative size of a wrong number; 0 for a sound model, nan for a typical mistake.
-        outcome, thorough: in both modes.
+        size: relative error of a wrong number; 0 for a correct model, nan for a typical mistake.
+        outcome, thorough: outcomes without and with `--thorough`.
         decided_by: the deciding check without `--thorough`.
-        discrepancy: largest E by segments.
+        discrepancy: largest E with `--thorough`, by segments.
         by_steps: largest E without `--thorough`.
-        seconds: processor time in both modes.
+        seconds: processor time without and with `--thorough`.
     """
 
     name: str
@@ -71,29 +71,28 @@ class Both:
 
     @property
     def missed(self) -> bool:
-        """Whether only the thorough mode detects it."""
+        """True if only the thorough mode detects the fault."""
         return self.outcome == "AGREES" != self.thorough
 
     @property
     def differs(self) -> bool:
-        """Whether the modes disagree."""
+        """True if the modes disagree."""
         return self.outcome != self.thorough
 
 
-def both(name: str, size: float, task: ModelTask[Any]) -> Both:
+def compare_modes(name: str, size: float, task: ModelTask[Any]) -> ModeComparison:
     """Judge a model in both modes."""
-    cases = [_case(replace(task, thorough=thorough)) for thorough in (False, True)]
-    found, whole = cases
-    verdict = found.verdict if isinstance(found, Case) else None
-    return Both(
+    usual, thorough = [_case(replace(task, thorough=thorough)) for thorough in (False, True)]
+    verdict = usual.verdict if isinstance(usual, Case) else None
+    return ModeComparison(
         name=name,
         size=size,
-        outcome=_outcome(found),
-        thorough=_outcome(whole),
+        outcome=_outcome(usual),
+        thorough=_outcome(thorough),
         decided_by="" if verdict is None else verdict.decided_by,
-        discrepancy=_size(whole),
-        by_steps=_size(found),
-        seconds=(_seconds(found), _seconds(whole)),
+        discrepancy=_size(thorough),
+        by_steps=_size(usual),
+        seconds=(_seconds(usual), _seconds(thorough)),
     )
 
 
@@ -117,22 +116,22 @@ def _size(case: Case | str) -> float:
     return float("nan") if verdict is None else verdict.largest_discrepancy or 0.0
 
 
-def mechanism(seed: int, faults: int, index: int) -> list[Both]:
-    """Judge a random mechanism, sound and with faults, against the equations of the sound file."""
+def mechanism(seed: int, faults: int, index: int) -> list[ModeComparison]:
+    """Judge a random mechanism, correct and with faults, by the equations of the correct file."""
     drawn, rng = draw(seed, index), np.random.default_rng((seed, index, 2))
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as other:
         given = sidecar(drawn, Path(folder), {})
         settings = {k: v for k, v in given.settings.items() if k != "gravity"}
         task = model_task(prepare_tree(given.model), drawn.engine).with_settings(**settings)
         name = f"mechanism {index} {drawn.group}"
-        found = [both(name, 0.0, task)]
+        results = [compare_modes(name, 0.0, task)]
         for turn, where in enumerate(rng.permutation(np.array(literals(drawn), dtype=object))):
             if turn == faults:
                 break
             size = SIZES[turn % len(SIZES)]
             wrong = sidecar(with_fault(drawn, tuple(where), size), Path(other), {})
-            found.append(both(f"{name} {where}", size, task.with_file(wrong.model)))
-        return found
+            results.append(compare_modes(f"{name} {where}", size, task.with_file(wrong.model)))
+        return results
 
 
 @lru_cache(maxsize=1)
@@ -141,23 +140,24 @@ def _robot(file: Path, engine: str, floating: bool) -> tuple[TreeTask, Numbers]:
     return task, robot_numbers(file, task.spec.settings)
 
 
-def robot(file: Path, engine: str, floating: bool, place: int | None) -> list[Both]:
-    """Judge a robot file, sound, or with one of its relevant numbers wrong by each size."""
+def robot(file: Path, engine: str, floating: bool, place: int | None) -> list[ModeComparison]:
+    """Judge a robot file: with the relevant number at `place` wrong, or unchanged for None."""
     task, numbers = _robot(file, engine, floating)
     if place is None:
-        return [both(f"{file.name} [{engine}]", 0.0, task)]
-    index, found = numbers.relevant_numbers[place], []
-    one = numbers.numerals[index]
+        return [compare_modes(f"{file.name} [{engine}]", 0.0, task)]
+    index, results = numbers.relevant_numbers[place], []
+    number = numbers.numerals[index]
     for size in ROBOT_SIZES:
-        value = one.value + size * (abs(one.value) if abs(one.value) > SMALL else one.scale)
-        found.append(_changed(task, numbers.texts({index: value}), one.address, size))
-    return found
+        scale = abs(number.value) if abs(number.value) > SMALL else number.scale
+        texts = numbers.texts({index: number.value + size * scale})
+        results.append(_judge_copy(task, texts, number.address, size))
+    return results
 
 
-def _changed(task: TreeTask, texts: Any, address: str, size: float) -> Both:
+def _judge_copy(task: TreeTask, texts: Any, address: str, size: float) -> ModeComparison:
     with scratch() as folder:
         wrong = task.with_file(copy_with_texts(task.file, texts, folder))
-        return both(f"{task.file.name} [{task.engine}] {address}", size, wrong)
+        return compare_modes(f"{task.file.name} [{task.engine}] {address}", size, wrong)
 
 
 @lru_cache(maxsize=1)
@@ -167,25 +167,25 @@ def _prepared(folder: Path) -> PreparedSystem:
     return prepared
 
 
-def model(folder: Path, given: Sidecar, engine: str, sample: int) -> list[Both]:
-    """Judge a model of a folder, sound, and with faults that `mutate` plants, in each scenario.
+def model(folder: Path, given: Sidecar, engine: str, sample: int) -> list[ModeComparison]:
+    """Judge a model of a folder in each scenario, unchanged and with faults that `mutate` plants.
 
-    These are at most `sample` faults, evenly spread over all and over the scenarios.
+    At most `sample` pairs of a fault and a scenario are taken, evenly spread.
     """
-    prepared, found = _prepared(folder), []
+    prepared, results = _prepared(folder), []
     faults = survey(model_task(prepared, engine, given)).faults
     every = [(name, fault) for fault in faults for name in prepared.motions]
     places = np.linspace(0, len(every) - 1, min(sample, len(every))).astype(int)
     for scenario in prepared.motions:
         task = model_task(prepared, engine, given, scenario=scenario)
-        found.append(both(str(task.id), 0.0, task))
+        results.append(compare_modes(str(task.id), 0.0, task))
         for name, fault in (every[place] for place in places):
             if name == scenario:
                 with scratch() as copies:
                     wrong = task.with_sidecar(fault.edit.apply(given, engine, copies))
                     title = f"{task.id} {fault.name} {fault.location}"
-                    found.append(both(title, float("nan"), wrong))
-    return found
+                    results.append(compare_modes(title, float("nan"), wrong))
+    return results
 
 
 def _jobs(chosen: argparse.Namespace) -> Iterator[Any]:
@@ -206,24 +206,24 @@ def _jobs(chosen: argparse.Namespace) -> Iterator[Any]:
                     yield partial(_call, model, target, given, name), chosen.sample
 
 
-def _call(function: Any, *arguments: Any) -> list[Both]:
-    found: list[Both] = function(*arguments)
-    return found
+def _call(function: Any, *arguments: Any) -> list[ModeComparison]:
+    results: list[ModeComparison] = function(*arguments)
+    return results
 
 
-def _run(chosen: argparse.Namespace) -> Iterator[Both]:
+def _run(chosen: argparse.Namespace) -> Iterator[ModeComparison]:
     with Workers(chosen.jobs, Limits(seconds=3600)) as workers:
         tasks = [workers.submit(*job) for job in _jobs(chosen)]
         for task in tasks:
-            found = workers.outcome(task)
-            if isinstance(found, Failure):
-                print(f"lost: {found.reason[:200]}", file=sys.stderr, flush=True)
+            results = workers.outcome(task)
+            if isinstance(results, Failure):
+                print(f"failed: {results.reason[:200]}", file=sys.stderr, flush=True)
             else:
-                yield from found
+                yield from results
 
 
-def summary(rows: Sequence[Both]) -> Iterator[str]:
-    """Yield the counts of outcomes in both modes, and the largest E that single steps pass."""
+def summary(rows: Sequence[ModeComparison]) -> Iterator[str]:
+    """Yield the counts of outcomes in both modes, and the largest E that single steps accept."""
     for size in [*sorted({row.size for row in rows if row.size == row.size}), float("nan")]:
         same = [row for row in rows if row.size == size or (row.size != row.size and size != size)]
         counts = Counter((row.outcome, row.thorough) for row in same)
@@ -233,23 +233,26 @@ def summary(rows: Sequence[Both]) -> Iterator[str]:
     largest = max((row.discrepancy for row in by_steps), default=0.0)
     yield (
         f"{len(by_steps)} of {len(rows)} decided by single steps;"
-        f" the largest E of these by segments: {largest:.1e}"
+        f" largest E by segments: {largest:.1e}"
     )
     spent = [sum(row.seconds[i] for row in rows) for i in (0, 1)]
     yield f"seconds: {spent[0]:.0f}, thorough {spent[1]:.0f}"
 
 
 def main(given: Iterable[str] | None = None) -> int:
-    """Run, and print what differs."""
+    """Print the faults on which the modes disagree, and the counts; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m campaigns.modes", description=__doc__)
     parser.add_argument("targets", nargs="*", type=Path)
-    parser.add_argument("--mechanisms", type=int, default=0)
-    parser.add_argument("--faults", type=int, default=3)
+    parser.add_argument("--mechanisms", type=int, default=0, help="random mechanisms [0]")
+    parser.add_argument("--faults", type=int, default=3, help="faults per mechanism [3]")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--sample", type=int, default=10**9, help="most numbers of a file, or faults of a model"
+        "--sample",
+        type=int,
+        default=10**9,
+        help="largest count of numbers per file or faults per model",
     )
-    parser.add_argument("--floating", action="store_true", help="the root link of a URDF is free")
+    parser.add_argument("--floating", action="store_true", help="free the root link of URDFs")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
     chosen = parser.parse_args(None if given is None else list(given))

@@ -1,7 +1,7 @@
-"""Advice about many robots' files: counts by kind and collection, and a sample to judge by hand.
+"""Advice about many robot files: counts by kind and collection, and a sample to judge by hand.
 
-`python -m campaigns.plausibility OUT.json NAME=FOLDER...` writes all advice and prints a table;
-`python -m campaigns.plausibility --sample 60 OUT.json` prints advice that was drawn at random.
+`python -m campaigns.plausibility OUT.json NAME=FOLDER...` writes all advice and prints a table.
+`python -m campaigns.plausibility --sample 60 OUT.json` prints a random sample of the advice.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Row = dict[str, object]
 
 
 def robot_files(folder: Path) -> Iterator[Path]:
-    """Yield model files; scenes, which include a robot's file, repeat it."""
+    """Yield the model files of a folder; skip scenes, which repeat the robot file they include."""
     for path in sorted(folder.rglob("*")):
         if path.suffix not in SUFFIXES or not path.is_file() or path.stem.startswith("scene"):
             continue
@@ -36,20 +36,20 @@ def robot_files(folder: Path) -> Iterator[Path]:
 
 
 def advice_of(path: Path) -> Iterator[Row]:
-    """Yield the advice about a file; nothing for one without a tree."""
+    """Yield the advice about a file."""
     robot = read_robot(path)
-    for one in plausibility_findings(robot):
-        if one.severity == "advice" and one.location is not None:
+    for finding in plausibility_findings(robot):
+        if finding.severity == "advice" and finding.location is not None:
             yield {
-                "kind": one.kind,
-                "line": str(one.location),
-                "subject": one.subject,
-                "message": one.message,
+                "kind": finding.kind,
+                "line": str(finding.location),
+                "subject": finding.subject,
+                "message": finding.message,
             }
 
 
 def measure(collections: dict[str, Path]) -> Row:
-    """Collect the advice about all files of some folders."""
+    """Return the counts of files by collection, the refused files, and all advice."""
     rows: list[Row] = []
     files: Counter[str] = Counter()
     refused: list[str] = []
@@ -60,19 +60,19 @@ def measure(collections: dict[str, Path]) -> Row:
                 if read_robot(path).tree is None:
                     refused.append(str(path))
                     continue
-                found = list(advice_of(path))
-            except Exception as error:  # so that one file does not end the campaign
+                advice = list(advice_of(path))
+            except Exception as error:  # one file must not end the campaign
                 refused.append(f"{path}: {type(error).__name__}: {error}")
                 continue
             files[name] += 1
             seconds = time.perf_counter() - began
-            rows += [{"collection": name, "file": str(path), **row} for row in found]
-            print(f"{path}: {len(found)} in {seconds:.1f} s", file=sys.stderr, flush=True)
+            rows += [{"collection": name, "file": str(path), **row} for row in advice]
+            print(f"{path}: {len(advice)} in {seconds:.1f} s", file=sys.stderr, flush=True)
     return {"files": files, "refused": refused, "advice": rows}
 
 
 def table(results: Row) -> Iterator[str]:
-    """Yield Markdown: a row per kind, a column per collection."""
+    """Yield a Markdown table with a row per kind and a column per collection."""
     files, rows = results["files"], results["advice"]
     assert isinstance(files, dict)
     assert isinstance(rows, list)
@@ -88,7 +88,7 @@ def table(results: Row) -> Iterator[str]:
 
 
 def sample(results: Row, count: int) -> list[Row]:
-    """Draw advice at random: of each kind alike, and one per file and kind while there is one."""
+    """Draw advice at random, equally from all kinds; prefer files not yet drawn for the kind."""
     rows = results["advice"]
     assert isinstance(rows, list)
     generator = random.Random(20261127)
@@ -103,12 +103,13 @@ def sample(results: Row, count: int) -> list[Row]:
 
 
 def _repeats(rows: Sequence[Row], row: Row) -> int:
-    """Return how many rows before this one have its file and kind."""
+    """Return how many earlier rows have the same file and kind."""
     before = rows[: rows.index(row)]
     return sum((one["file"], one["kind"]) == (row["file"], row["kind"]) for one in before)
 
 
 def main(arguments: Sequence[str]) -> None:
+    """Write the advice and print the table, or print a sample."""
     if arguments[0] == "--sample":
         results = json.loads(Path(arguments[2]).read_text(encoding="utf-8"))
         for i, row in enumerate(sample(results, int(arguments[1])), start=1):

@@ -1,9 +1,9 @@
-"""Random draws of all constants: does any sound model differ, is any limit outside its uncertainty?
+"""Random constants of the built-in systems: does any correct model differ from its equations?
 
 `python -m campaigns.random_draws --count 500 --seed 1`
 
-Beside the verdict's segments it counts the limits of a diagnosis, of the baseline's snapshots, and
-the entries of the linearizations, each against the equations.
+The campaign counts the limits whose error exceeds their uncertainty. It takes the segments of the
+verdict, the segments of a diagnosis, the baseline snapshots, and the entries of linearizations.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Pairing = tuple[Path, Sidecar, str]
 """A folder, a model of it, and an engine."""
 
 SPREAD = 10.0
-"""Largest over smallest value that a constant is drawn at."""
+"""Ratio of the largest to the smallest drawn value of a constant."""
 
 DURATION = 4.0
 RESOLUTION = 1e-9
@@ -55,34 +55,37 @@ EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
-    """A model at given constants.
+class DrawJudgement:
+    """The judgement of a model at given constants.
 
     Attributes:
-        ratios: errors of limits by their uncertainty, by where they are taken; infinite
-            uncertainties, which claim nothing, give 0.
+        verdict: of the motion.
+        extrapolated: limits of its segments.
+        motion: the motion that the equations give.
+        ratios: errors of limits over their uncertainty, by source; 0 where the uncertainty is
+            infinite.
     """
 
     verdict: CaseJudgement
-    found: Extrapolated
+    extrapolated: Extrapolated
     motion: Motion
     ratios: Mapping[str, Array]
 
 
 def pairings() -> list[Pairing]:
-    """(folder, sidecar, engine) of every built-in model in every standing engine."""
+    """Return (folder, sidecar, engine) of every built-in model in every default engine."""
     return [
-        (folder, found, engine)
+        (folder, sidecar, engine)
         for folder in system_folders([])
-        for found in model_files(folder)
-        if isinstance(found, Sidecar)
-        for engine in found.engines
+        for sidecar in model_files(folder)
+        if isinstance(sidecar, Sidecar)
+        for engine in sidecar.engines
         if not engines()[engine].extra
     ]
 
 
-def draw(pairing: Pairing, rng: np.random.Generator, into: Path) -> tuple[Judged, str]:
-    """Judge one scenario of a model at random constants; returns it and what was drawn."""
+def draw(pairing: Pairing, rng: np.random.Generator, into: Path) -> tuple[DrawJudgement, str]:
+    """Judge a random scenario of a model at random constants; return the judgement and a name."""
     folder, sidecar, engine = pairing
     system = load_system(folder)
     factors = SPREAD ** rng.uniform(-0.5, 0.5, len(system.constants))
@@ -94,8 +97,10 @@ def draw(pairing: Pairing, rng: np.random.Generator, into: Path) -> tuple[Judged
     return judged, f"{folder.name}/{sidecar.model.name} [{engine}] {scenario} {constants}"
 
 
-def judge_at(pairing: Pairing, constants: Mapping[str, float], scenario: str, into: Path) -> Judged:
-    """Judge a model at given constants."""
+def judge_at(
+    pairing: Pairing, constants: Mapping[str, float], scenario: str, into: Path
+) -> DrawJudgement:
+    """Judge a model at given constants; write its file into a folder."""
     folder, sidecar, engine = pairing
     system = load_system(folder)
     drawn = at_constants(system, constants)
@@ -105,31 +110,31 @@ def judge_at(pairing: Pairing, constants: Mapping[str, float], scenario: str, in
     copy = model_file.write({c.name: c.value for c in drawn.constants}, into)
     model, coordinates = load(drawn, copy, engine)
     motion = replace(motion, scale=component_scale(motion, []))
-    found = extrapolate(model, coordinates, motion, resolution=RESOLUTION)
+    extrapolated = extrapolate(model, coordinates, motion, resolution=RESOLUTION)
     names = tuple(c.name for c in drawn.coordinates) * 2
     claimed = model.exponents(motion.varying)[0]
-    error = np.abs(found.limit.value - motion.end)
-    return Judged(
-        verdict=judge(found.limit, motion, names, claimed, RESOLUTION),
-        found=found,
+    error = np.abs(extrapolated.limit.value - motion.end)
+    return DrawJudgement(
+        verdict=judge(extrapolated.limit, motion, names, claimed, RESOLUTION),
+        extrapolated=extrapolated,
         motion=motion,
         ratios={
-            "verdict": _ratios(error, found.limit.uncertainty + motion.bound),
-            "diagnosis": _of_samples(model, coordinates, motion, scenario),
-            "snapshot": _of_snapshot(model, coordinates, equations, motion, scenario),
+            "verdict": _ratios(error, extrapolated.limit.uncertainty + motion.bound),
+            "diagnosis": _sample_ratios(model, coordinates, motion, scenario),
+            "snapshot": _snapshot_ratios(model, coordinates, equations, motion, scenario),
             "linearization": np.concatenate(
-                [*_of_linearizations(model, coordinates, equations, motion)]
+                [*_linearization_ratios(model, coordinates, equations, motion)]
             ),
         },
     )
 
 
 def _ratios(error: Array, uncertainty: Array) -> Array:
-    known = np.isfinite(uncertainty)
-    return np.where(known, error / np.where(known, uncertainty, 1.0), 0.0).ravel()
+    finite = np.isfinite(uncertainty)
+    return np.where(finite, error / np.where(finite, uncertainty, 1.0), 0.0).ravel()
 
 
-def _of_samples(
+def _sample_ratios(
     model: LoadedModel, coordinates: CoordinateMap, motion: Motion, scenario: str
 ) -> Array:
     samples = sample_segments({scenario: motion})
@@ -138,7 +143,7 @@ def _of_samples(
     return _ratios(np.abs(value - reference_ends(samples)), uncertainty + bound)
 
 
-def _of_snapshot(
+def _snapshot_ratios(
     model: LoadedModel,
     coordinates: CoordinateMap,
     equations: Equations,
@@ -147,12 +152,12 @@ def _of_snapshot(
 ) -> Array:
     names = tuple(c.name for c in equations.system.coordinates)
     components = (*names, *(f"{name}_dot" for name in names))
-    one = segments_of(snapshot_of(motion, scenario, components, ()))
-    value, uncertainty = ends(model, coordinates, one)
-    return _ratios(np.abs(value - one.end), uncertainty + motion.bound)
+    segments = segments_of(snapshot_of(motion, scenario, components, ()))
+    value, uncertainty = ends(model, coordinates, segments)
+    return _ratios(np.abs(value - segments.end), uncertainty + motion.bound)
 
 
-def _of_linearizations(
+def _linearization_ratios(
     model: LoadedModel, coordinates: CoordinateMap, equations: Equations, motion: Motion
 ) -> Iterator[Array]:
     push = np.max(np.abs(motion.inputs(motion.t)), axis=0, initial=0.0)
@@ -166,20 +171,20 @@ def _of_linearizations(
             amplitude=np.where(motion.amplitude > 0, motion.amplitude, 1.0),
             push=np.where(push > 0, push, 1.0),
         )
-        found = linearize_engine(model, coordinates, point, RESOLUTION)
-        for key, own, error in (
-            ("A", found.a, found.a_uncertainty),
-            ("B", found.b, found.b_uncertainty),
+        matrices = linearize_engine(model, coordinates, point, RESOLUTION)
+        for key, matrix, error in (
+            ("A", matrices.a, matrices.a_uncertainty),
+            ("B", matrices.b, matrices.b_uncertainty),
         ):
             wanted = taylor.arrays[key]
             rounded = 16 * EPSILON * np.max(np.abs(wanted), initial=0.0)
-            yield _ratios(np.abs(own - wanted), error + rounded)
+            yield _ratios(np.abs(matrix - wanted), error + rounded)
 
 
-def campaign(count: int, seed: int) -> list[tuple[Judged, str]]:
-    """Draw over all systems and pairings in turn; returns what became of each, and what it was.
+def campaign(count: int, seed: int) -> list[tuple[DrawJudgement, str]]:
+    """Judge draws of all pairings in turn; return each judgement with its name.
 
-    Fewer draws than pairings are spread over these.
+    If there are fewer draws than pairings, they are spread evenly.
     """
     rng = np.random.default_rng(seed)
     every = pairings()
@@ -192,8 +197,9 @@ def campaign(count: int, seed: int) -> list[tuple[Judged, str]]:
 
 
 def main() -> None:
+    """Print the draws that do not agree, and the limits outside their uncertainty."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--count", type=int, default=500)
+    parser.add_argument("--count", type=int, default=500, help="draws [500]")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     results = campaign(options.count, options.seed)

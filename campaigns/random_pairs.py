@@ -1,4 +1,4 @@
-"""Two literals wrong at once, one by 1e-4 and one by 1e-2: are both named?
+"""Pairs of wrong literals, by 1e-4 and 1e-2: does the diagnosis name both?
 
 `python -m campaigns.random_pairs --count 100 --seed 1`
 """
@@ -26,12 +26,12 @@ from physics_crosscheck.harness.records.cause import CauseId
 
 SMALL, LARGE = 1e-4, 1e-2
 VISIBLE = 1e-8
-"""A literal is drawn if a fault of this share would be seen: others, no motion can tell."""
+"""Relative change that must show in a motion; the campaign skips other literals."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
-    """What became of one pair; `seconds` is processor time."""
+class PairTrial:
+    """The diagnosis of a pair; `seconds` is processor time."""
 
     what: str
     faults: tuple[str, str]
@@ -45,21 +45,22 @@ class Trial:
 
 @cache
 def prepared(folder: Path) -> PreparedSystem:
+    """Return the solved system of a folder."""
     return prepare_system(folder)
 
 
-def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) -> Trial | None:
-    """Draw two literals that motions depend on; None where the engine refuses the model."""
+def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) -> PairTrial | None:
+    """Diagnose two wrong literals; return None without two, or if the engine refuses the model."""
     physics = prepared(folder)
-    found = survey(model_task(physics, engine, sidecar))
-    seen = [
+    effects = survey(model_task(physics, engine, sidecar))
+    visible = [
         b
-        for b, first in zip(bindings(physics.system, sidecar), found.first_caught, strict=True)
+        for b, first in zip(bindings(physics.system, sidecar), effects.first_caught, strict=True)
         if first < VISIBLE
     ]
-    if len(seen) < 2:
+    if len(visible) < 2:
         return None
-    small, large = (seen[i] for i in rng.permutation(len(seen))[:2])
+    small, large = (visible[i] for i in rng.permutation(len(visible))[:2])
     wrong = {
         b.address: b.value * (1 + size * rng.choice((-1, 1)))
         for b, size in ((small, SMALL), (large, LARGE))
@@ -74,7 +75,7 @@ def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) 
         seconds = time.process_time() - began
     first = ranking.fits[0]
     faults = {CauseId(kind="literal", subject=(b.address,)) for b in (small, large)}
-    return Trial(
+    return PairTrial(
         what=f"{folder.name}/{sidecar.model.name} [{engine}]",
         faults=(small.address, large.address),
         named=len(first.causes) == 2 and faults <= {*first.causes, *first.tied_with},
@@ -86,11 +87,11 @@ def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) 
     )
 
 
-def campaign(count: int, seed: int) -> list[Trial]:
-    """So many pairs, over all systems and pairings in turn."""
+def campaign(count: int, seed: int) -> list[PairTrial]:
+    """Diagnose `count` pairs, over all systems and pairings in turn."""
     rng = np.random.default_rng(seed)
     every = pairings()
-    trials: list[Trial] = []
+    trials: list[PairTrial] = []
     index = 0
     while len(trials) < count:
         trial = pair(*every[index % len(every)], rng)
@@ -101,17 +102,20 @@ def campaign(count: int, seed: int) -> list[Trial]:
 
 
 def main() -> None:
+    """Print the pairs that are not named, and the share of those that are."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--count", type=int, default=100, help="pairs [100]")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     trials = campaign(options.count, options.seed)
     for t in trials:
         if not t.named:
-            print(t.what, *t.faults, "->", *t.causes, "tied", *t.tied, f"left {t.remaining:.1e}")
+            print(
+                t.what, *t.faults, "->", *t.causes, "tied", *t.tied, f"residual {t.remaining:.1e}"
+            )
     named = sum(t.named and t.explained for t in trials)
     median = float(np.median([t.seconds for t in trials]))
-    print(f"{named} of {len(trials)} named, median {median:.2f} s of processor time a diagnosis")
+    print(f"{named} of {len(trials)} named, median processor time of a diagnosis {median:.2f} s")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Store what every command records of six systems and six robots, and compare two such stores.
+"""Store the records of every command for six systems and six robots, and compare two such stores.
 
-`python -m campaigns.records store DIR` runs `run`, `gate`, `compare`, `mutate` and `sweep` and
-keeps their records below DIR. `python -m campaigns.records diff OLD NEW` prints what differs and
-exits with 1 if anything does. Use both around a change that should change no result:
+`python -m campaigns.records store DIR` runs `run`, `gate`, `compare`, `mutate` and `sweep`, and
+stores their records in DIR. `python -m campaigns.records diff OLD NEW` prints the values that
+differ; its exit code is 1 if any does. Use both around a change that should change no result:
 
-    python -m campaigns.records store /tmp/before     # in a checkout of before
+    python -m campaigns.records store /tmp/before     # in a checkout before the change
     python -m campaigns.records store /tmp/after
     python -m campaigns.records diff /tmp/before /tmp/after --rename global_error=error_at_dt
 """
@@ -48,10 +48,10 @@ PAIRS: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
 """Name -> two files, or names of robots, and options."""
 
 PLACE = "checkout.txt"
-"""Where the checkout of a store was: its records have paths."""
+"""File of a store with the path of its checkout, which the records contain."""
 
 VOLATILE = re.compile(r"(^|_)(created|seconds|versions|version|date|mtime)$")
-"""Keys whose values differ between two runs of one state."""
+"""Keys whose values differ between two runs of the same code."""
 
 
 def robot(name: str) -> Path:
@@ -95,11 +95,11 @@ def commands(store: Path, parts: Sequence[str]) -> Iterator[tuple[str, list[str]
         yield "sweep", ["sweep", system, *vary, "--out", str(store / "sweep")]
 
 
-def keep_records(store: Path, parts: Sequence[str]) -> int:
-    """Run every command once, and keep its records and its exit code below `store`.
+def store_records(store: Path, parts: Sequence[str]) -> int:
+    """Run every command once, and store its records and its exit code.
 
     Returns:
-        How many commands ended otherwise than by a verdict.
+        Number of commands with an exit code other than 0 and 1.
     """
     store.mkdir(parents=True, exist_ok=True)
     file = store / "exit_codes.json"
@@ -126,15 +126,15 @@ Leaf = str | float | bool | None
 
 
 def leaves(value: Any, path: str, renamed: Mapping[str, str]) -> Iterator[tuple[str, Leaf]]:
-    """Yield each value of a record with its path, but for those that differ in each run."""
+    """Yield each value of a record with its path, except values that differ in each run."""
     if isinstance(value, dict):
-        for key, one in value.items():
+        for key, item in value.items():
             if not VOLATILE.search(key):
-                yield from leaves(one, f"{path}.{renamed.get(key, key)}", renamed)
+                yield from leaves(item, f"{path}.{renamed.get(key, key)}", renamed)
     elif isinstance(value, list):
         yield f"{path}#", len(value)
-        for index, one in enumerate(value):
-            yield from leaves(one, f"{path}[{index}]", renamed)
+        for index, item in enumerate(value):
+            yield from leaves(item, f"{path}[{index}]", renamed)
     else:
         yield path, value
 
@@ -143,12 +143,12 @@ def read_store(store: Path, renamed: Mapping[str, str]) -> dict[str, Leaf]:
     """Return all values of a store by file and path.
 
     Raises:
-        SystemExit: if there is no store.
+        SystemExit: if the folder is not a store.
     """
     if not (store / "exit_codes.json").is_file():
-        sys.exit(f"{store} is no store: `python -m campaigns.records store {store}` makes one")
+        sys.exit(f"{store} is not a store; run `python -m campaigns.records store {store}`")
     place = (store / PLACE).read_text() if (store / PLACE).is_file() else ""
-    found: dict[str, Leaf] = {}
+    values: dict[str, Leaf] = {}
     for file in sorted([*store.rglob("*.json"), *store.rglob("*.jsonl")]):
         name = file.relative_to(store).as_posix()
         text = file.read_text().replace(str(store), "STORE")
@@ -156,11 +156,11 @@ def read_store(store: Path, renamed: Mapping[str, str]) -> dict[str, Leaf]:
             text = text.replace(place, "CHECKOUT")
         texts = text.splitlines() if file.suffix == ".jsonl" else [text]
         records = [json.loads(one) for one in texts if one.strip()]
-        if file.suffix == ".jsonl":  # rows come as workers end
+        if file.suffix == ".jsonl":  # workers end in any order
             records.sort(key=lambda one: json.dumps(one.get("index", one), sort_keys=True))
         for index, record in enumerate(records):
-            found.update(leaves(record, f"{name}:{index or ''}", renamed))
-    return found
+            values.update(leaves(record, f"{name}:{index or ''}", renamed))
+    return values
 
 
 def difference(old: Leaf, new: Leaf) -> float:
@@ -180,7 +180,7 @@ def kind(path: str) -> str:
 
 
 def diff_lines(old: Mapping[str, Leaf], new: Mapping[str, Leaf], limit: int) -> list[str]:
-    """Return a line for each kind of value that differs, the most frequent first."""
+    """Return a line for each kind of value that differs, most frequent first."""
     counts: Counter[str] = Counter()
     examples: dict[str, str] = {}
     largest: dict[str, float] = {}
@@ -203,24 +203,24 @@ def diff_lines(old: Mapping[str, Leaf], new: Mapping[str, Leaf], limit: int) -> 
 
 
 def main() -> int:
-    """Store, or compare."""
+    """Store records, or compare two stores; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m campaigns.records", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     chosen = parser.add_subparsers(dest="command", required=True)
-    storing = chosen.add_parser("store", help="run every command and keep its records")
+    storing = chosen.add_parser("store", help="run every command and store its records")
     storing.add_argument("store", type=Path)
     every = ("run", "gate", "compare", "mutate", "sweep")
-    storing.add_argument("--only", action="append", choices=every, help="only this command")
+    storing.add_argument("--only", action="append", choices=every, help="run only this command")
     comparing = chosen.add_parser("diff", help="compare two stores")
     comparing.add_argument("old", type=Path)
     comparing.add_argument("new", type=Path)
     comparing.add_argument(
         "--rename", action="append", default=[], metavar="OLD=NEW", help="a key that was renamed"
     )
-    comparing.add_argument("--width", type=int, default=160, help="characters of an example")
+    comparing.add_argument("--width", type=int, default=160, help="characters of an example [160]")
     options = parser.parse_args()
     if options.command == "store":
-        return int(keep_records(options.store.resolve(), options.only or every) > 0)
+        return int(store_records(options.store.resolve(), options.only or every) > 0)
     renamed = dict(text.split("=", 1) for text in options.rename)
     old, new = (
         read_store(options.old.resolve(), renamed),

@@ -1,12 +1,12 @@
-"""Take the documentation's pictures of the report: RESULTS_FOLDER OUT NAME...
+"""Pictures of the report for the documentation: RESULTS_FOLDER OUT NAME...
 
-cp -r models/drum_pendulum found/models/    # then mass 0.9 in line 129 of robot.urdf
-(cd found && crosscheck run models)
-python -m campaigns.report_pictures found/reports docs overview.png case.png diagnosis.png
+cp -r models/drum_pendulum copy/models/     # then set mass 0.9 in line 129 of robot.urdf
+(cd copy && crosscheck run models)
+python -m campaigns.report_pictures copy/reports docs overview.png case.png diagnosis.png
 
 cd franka_panda                             # of pybullet_data, with its meshes
 crosscheck run panda.urdf --engine mujoco --engine pybullet
-python -m campaigns.report_pictures reports docs robot.png   # moves
+python -m campaigns.report_pictures reports docs robot.png   # animated
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ VIEWS = {
     "diagnosis.png": ("diagnosis-drum_pendulum/robot.urdf/mujoco", 1280, 1300),
 }
 
-MOVING = "robot.png"
+ANIMATED = "robot.png"
 """An animated PNG of the first screen: both robots move from the worst state and back."""
 
 SIZE, FRAMES, FRAME_MILLISECONDS = (1280, 690), 14, 90
@@ -38,7 +38,7 @@ SIZE, FRAMES, FRAME_MILLISECONDS = (1280, 690), 14, 90
 VIEWER = "document.querySelector('.view.current .scene').viewer"
 
 
-def moments(report: Path) -> Iterator[Image.Image]:
+def frames(report: Path) -> Iterator[Image.Image]:
     """Yield pictures of the first screen, from the worst state to its end."""
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -59,12 +59,12 @@ def moments(report: Path) -> Iterator[Image.Image]:
             yield Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
 
 
-def write_moving(report: Path, path: Path) -> None:
+def write_animation(report: Path, path: Path) -> None:
     """Write the animated picture, with one palette for all frames."""
-    frames = list(moments(report))
-    palette = frames[-1].quantize(200, dither=Image.Dither.NONE)
-    there = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    first, *others = [*there, *there[-2:0:-1]]
+    shots = list(frames(report))
+    palette = shots[-1].quantize(200, dither=Image.Dither.NONE)
+    forward = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
+    first, *others = [*forward, *forward[-2:0:-1]]
     first.save(
         path, save_all=True, append_images=others, duration=FRAME_MILLISECONDS, loop=0,
         optimize=True,
@@ -74,8 +74,8 @@ def write_moving(report: Path, path: Path) -> None:
 def main(report: Path, out: Path, names: Sequence[str]) -> None:
     """Write the named pictures with a headless Chromium."""
     for name in names:
-        if name == MOVING:
-            write_moving(report, out.resolve() / name)
+        if name == ANIMATED:
+            write_animation(report, out.resolve() / name)
             continue
         view, width, height = VIEWS[name]
         path = out.resolve() / name

@@ -1,8 +1,8 @@
 """Whole steps of random scenes, compared with the law of their engine.
 
 `python -m campaigns.scenes mujoco --count 2000` draws bodies on a plane and on each other, with an
-arm at its limits, and `mjx` takes the same; `pybullet` draws URDFs on a floor, `pymunk` bodies in a
-plane. A law is true if no error exceeds its uncertainty, also where MuJoCo's solver stops early.
+arm at its limits; `mjx` draws the same. `pybullet` draws URDFs on a floor, `pymunk` bodies in a
+plane. A law is correct if no error exceeds its uncertainty, also if MuJoCo's solver stops early.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.step import LawSolution
 
 OWN_SOLVER = "solver", "tolerance", "iterations", "ls_iterations", "ls_tolerance"
-"""Options of a scene that its own solver takes."""
+"""Options of a scene that set up its own solver."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +39,10 @@ class SceneResult:
 
     Attributes:
         outcome: of whole steps.
-        ratios: the largest error over its uncertainty, by solver.
-        discrepancy: the largest relative error.
-        acted: how often forces of each kind acted.
-        reason: what the uncertainty exceeds, or what has no law.
+        ratios: largest error over its uncertainty, by solver.
+        discrepancy: largest relative error.
+        acted: number of times that forces of each kind acted.
+        reason: component and uncertainty of the judgement, or parts without a law.
     """
 
     outcome: str
@@ -93,7 +93,7 @@ def mjx_result(file: Path) -> SceneResult:
 def by_own_solver(
     comparison: LawComparison, evaluated: Sequence[Evaluated[LawSolution]]
 ) -> LawDefect:
-    """Compare the states again, as the file's own solver leaves them."""
+    """Compare the states again, with the solver and tolerance of the file."""
     model = comparison.model
     assert isinstance(model, MujocoWhole)
     exact = model.solver
@@ -104,7 +104,7 @@ def by_own_solver(
 
 
 def impulse_result(file: Path) -> SceneResult:
-    """Compare a scene of an engine of impulses."""
+    """Compare a scene of PyBullet or pymunk, whose laws are impulses."""
     if file.suffix == ".py":
         spec = ModelSpec(file, settings={"step": 0.004})
         check = check_planar_step(spec, spec, "pymunk", RESOLUTION)
@@ -126,7 +126,7 @@ def impulse_result(file: Path) -> SceneResult:
 
 
 class SceneDraw:
-    """Numbers of a random scene, as texts.
+    """A source of random numbers and elements of a scene, as texts.
 
     Args:
         rng: source of all draws.
@@ -136,19 +136,19 @@ class SceneDraw:
         self.rng = rng
 
     def number(self, low: float, high: float) -> str:
-        """Return a number between two others."""
+        """Return a random number between two bounds."""
         return f"{self.rng.uniform(low, high):.6g}"
 
     def numbers(self, low: float, high: float, count: int) -> str:
-        """Return numbers between two others."""
+        """Return random numbers between two bounds, separated by spaces."""
         return " ".join(self.number(low, high) for _ in range(count))
 
     def pick(self, *values: object) -> object:
-        """Return one of some values."""
+        """Return a random one of the values."""
         return values[int(self.rng.integers(len(values)))]
 
     def softness(self, kind: str = "") -> str:
-        """Return `solref` and `solimp`, in both formats."""
+        """Return random `solref` and `solimp`, in either format of `solref`."""
         direct = self.rng.uniform() < 0.3
         reference = (
             f"{self.number(-3000, -200)} {self.number(-80, -5)}"
@@ -160,7 +160,7 @@ class SceneDraw:
         return f'solref{kind}="{reference}" solimp{kind}="{low:.6g} {high:.6g} {shape}"'
 
     def surface(self) -> str:
-        """Return the numbers of a shape's contacts."""
+        """Return the contact attributes of a shape."""
         friction = f"{self.number(0, 1.2)} {self.number(0, 0.05)} {self.number(0, 0.02)}"
         margin = self.pick("0", self.number(0, 0.003))
         gap = self.pick("0", "0", self.number(0, 0.001))
@@ -202,7 +202,7 @@ class SceneDraw:
         return text
 
     def options(self) -> str:
-        """Return the step, the cone, and settings of the solver."""
+        """Return the time step, integrator, friction cone, and settings of the solver."""
         return (
             f'timestep="{self.pick(0.001, 0.002, 0.005)}"'
             f' integrator="{self.pick("Euler", "implicitfast", "implicit")}"'
@@ -229,13 +229,13 @@ def mujoco_scene(rng: np.random.Generator) -> str:
 
 
 def mjx_scene(rng: np.random.Generator) -> str:
-    """Draw an MJCF without an integrator and contacts that MJX refuses."""
+    """Draw an MJCF without the integrator and the contacts that MJX refuses."""
     text = mujoco_scene(rng).replace('integrator="implicit"', 'integrator="implicitfast"')
     return text.replace('condim="1"', 'condim="3"') if 'cone="elliptic"' in text else text
 
 
 def pybullet_scene(rng: np.random.Generator) -> str:
-    """Draw a URDF to stand on a floor: a sphere, box or capsule, with up to three limbs."""
+    """Draw a URDF for a floor: a sphere, box or capsule, with up to three limbs."""
     draw = SceneDraw(rng)
     links, joints = [_link(draw, "base")], []
     for k in range(int(rng.integers(0, 4))):
@@ -349,7 +349,7 @@ ENGINES: Mapping[str, tuple[str, Draw, Compare]] = {
     "pybullet": (".urdf", pybullet_scene, impulse_result),
     "pymunk": (".py", pymunk_scene, impulse_result),
 }
-"""Suffix, draw and comparison of the scenes of each engine."""
+"""File suffix, draw and comparison of scenes by engine."""
 
 
 def scenes(engine: str, count: int, seed: int) -> Counter[str]:
@@ -382,7 +382,7 @@ def main() -> None:
     """Compare random scenes of an engine."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("engine", choices=tuple(ENGINES))
-    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--count", type=int, default=200, help="scenes [200]")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     print(dict(scenes(options.engine, options.count, options.seed)))

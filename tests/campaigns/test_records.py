@@ -68,7 +68,9 @@ def test_folder_that_is_not_a_store_is_rejected_with_a_hint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.argv", ["records", "diff", str(tmp_path), str(tmp_path)])
-    with pytest.raises(SystemExit, match=r"is no store: `python -m campaigns\.records store"):
+    with pytest.raises(
+        SystemExit, match=r"is not a store; run `python -m campaigns\.records store"
+    ):
         main()
 
 
