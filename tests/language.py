@@ -24,7 +24,7 @@ MOST_WORDS = 25  # of a sentence
 MOST_CELL_WORDS = 15
 MOST_HELP_WORDS = 12
 
-CODE = ("harness", "reference", "physics_crosscheck", "benchmarks", "soak")
+CODE = ("harness", "reference", "physics_crosscheck", "benchmarks", "campaigns", "soak")
 # Texts of inputs for parsers, and their names, by which `python -m soak.corpus --only` selects.
 PAYLOADS = tuple(
     f"soak/corpus/{name}.py"
