@@ -1,4 +1,4 @@
-"""`crosscheck audit`: of folders, of a model in one, and of what it can't read."""
+"""`crosscheck audit` of folders, of single models and of unreadable targets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.standing import keep_default_engines, shorten_scenarios
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where a folder `pendulum` is whose models all have the wrong gravity."""
+    """Create a folder `pendulum` whose models have the wrong gravity; return its parent."""
     folder = tmp_path_factory.mktemp("audited") / "pendulum"
     shutil.copytree(builtin() / "simple_pendulum", folder)
     keep_default_engines(folder)
@@ -30,17 +30,15 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("pendulum/mujoco.xml", ["pendulum/mujoco.xml [mujoco]"]),
     ("pendulum/robot.urdf/free [pybullet]", ["pendulum/robot.urdf [pybullet]"]),  # a case's name
 ])  # fmt: skip
-def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_one_stands(
-    place: Path, name: str, audited: list[str]
-) -> None:
+def test_name_of_a_model_audits_only_that_model(place: Path, name: str, audited: list[str]) -> None:
     ran = crosscheck("audit", name, cwd=place)
     assert ran.returncode == 1, ran.stderr
-    *told, hint = ran.stdout.splitlines()
+    *printed, hint = ran.stdout.splitlines()
     assert hint == "Explain a code: crosscheck explain XC101"
-    assert [line.replace("simple_pendulum", "pendulum") for line in told if line[0] != " "] == (
+    assert [line.replace("simple_pendulum", "pendulum") for line in printed if line[0] != " "] == (
         audited
     )
-    lines = [line for line in told if line.startswith("  finding  XC101 ")]
+    lines = [line for line in printed if line.startswith("  finding  XC101 ")]
     assert lines
     file = audited[0].partition(" ")[0]
     assert all(
@@ -50,28 +48,26 @@ def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_
 
 @pytest.fixture
 def _without_xacro(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As without the extra `ros`."""
+    """Hide the package of the extra `ros`."""
     monkeypatch.setitem(sys.modules, "xacrodoc", None)
 
 
 @pytest.mark.usefixtures("_without_xacro")
-@pytest.mark.parametrize(("name", "said"), [
+@pytest.mark.parametrize(("name", "message"), [
     ("pendulum/mujoco.xml [pymunk]", "no model matches these names and engines; run `cross"),
     ("pendulum/other.xml", "pendulum/other.xml: there is no such file"),
     ("arm.xacro", "arm.xacro: it is source for xacro, which no engine reads; expand it"),
 ])  # fmt: skip
-def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
-    place: Path, name: str, said: str
-) -> None:
+def test_invalid_target_is_reported_with_a_remedy(place: Path, name: str, message: str) -> None:
     (place / "arm.xacro").write_text("<robot name='arm'/>")
     ran = crosscheck("audit", name, cwd=place)
     assert (ran.returncode, ran.stdout) == (2, "")
-    assert said in ran.stderr
+    assert message in ran.stderr
     assert ran.stderr.count("\n") == 1
 
 
 @pytest.mark.usefixtures("_without_xacro")
-def test_what_can_t_be_audited_beside_a_model_is_told_and_the_model_audited(place: Path) -> None:
+def test_invalid_targets_do_not_stop_the_audit_of_a_model(place: Path) -> None:
     (place / "arm.xacro").write_text("<robot name='arm'/>")
     ran = crosscheck("audit", "pendulum/mujoco.xml", "pendulums", "arm.xacro", cwd=place)
     assert "mujoco.xml [mujoco]" in ran.stdout
@@ -80,9 +76,7 @@ def test_what_can_t_be_audited_beside_a_model_is_told_and_the_model_audited(plac
     assert ran.returncode == 2
 
 
-def test_a_sidecar_that_can_t_be_read_is_told_where_its_model_is_named(
-    place: Path, tmp_path: Path
-) -> None:
+def test_unreadable_sidecar_is_an_error_of_its_model(place: Path, tmp_path: Path) -> None:
     shutil.copytree(place / "pendulum", tmp_path / "pendulum")
     (tmp_path / "pendulum" / "mujoco.xml.toml").write_text("engines = 3\n")
     ran = crosscheck("audit", "pendulum/mujoco.xml [mujoco]", cwd=tmp_path)

@@ -1,4 +1,4 @@
-"""Which cases a command line chooses, and in which form it tells what became of them."""
+"""Selection of cases on the command line, and the formats of their results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.faults.known_folder import known_folder
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
-    """Where `models/oscillator` has a model that is right, and one whose spring is wrong."""
+    """Create `models/oscillator` with a right model and one whose spring is wrong."""
     known_folder(tmp_path / "models" / "oscillator", {"good": "", "wrong": ""})
     wrong = tmp_path / "models" / "oscillator" / "wrong.known"
     wrong.write_text(wrong.read_text().replace("47.0", "48.0"))
@@ -43,13 +43,13 @@ def test_cases_are_listed_without_being_run(place: Path) -> None:
     assert {row["folder"] for row in rows} == {"models/oscillator"}
 
 
-def test_a_case_is_run_by_its_model_scenario_and_engine(place: Path) -> None:
+def test_case_is_run_by_its_model_scenario_and_engine(place: Path) -> None:
     done = crosscheck(place, "run", "models/oscillator/good.known/driven [known]")
     assert done.returncode == 0, done.stdout + done.stderr
     assert ran(place) == ["oscillator/good.known/driven [known]"]
 
 
-def test_what_failed_is_run_again_and_nothing_else(place: Path) -> None:
+def test_last_failed_runs_only_the_failed_case(place: Path) -> None:
     first = crosscheck(place, "run", "models", "-k", "free")
     assert first.returncode == 1, first.stdout + first.stderr
     assert "Report: reports/index.html\n" in first.stdout
@@ -63,7 +63,7 @@ def test_what_failed_is_run_again_and_nothing_else(place: Path) -> None:
     assert "the last run has no failed case" in third.stderr
 
 
-def test_results_go_to_a_program_as_json_alone(place: Path) -> None:
+def test_json_and_sarif_formats_print_only_results(place: Path) -> None:
     done = crosscheck(place, "run", "models/oscillator/good.known/free", "--format", "json")
     assert done.returncode == 0, done.stderr
     (case,) = json.loads(done.stdout)["cases"]
@@ -79,24 +79,24 @@ def test_results_go_to_a_program_as_json_alone(place: Path) -> None:
     assert files == {"models/oscillator/wrong.known"}
 
 
-@pytest.mark.parametrize(("arguments", "told"), [
+@pytest.mark.parametrize(("arguments", "message"), [
     (("run", "models", "-k", "nothing"), "no case has such a name, or its engine is not installed"),
     (("run", "models", "-k", "free and"), "-k 'free and' can't be read"),
     (("list", "models", "-k", "(free"), "-k '(free' can't be read"),
     (("run", "--last-failed"), "results.json: can't be read"),
     (("list", "nowhere"), "nowhere: no such folder"),
 ])  # fmt: skip
-def test_what_means_nothing_is_wrong_usage(
-    place: Path, arguments: tuple[str, ...], told: str
+def test_invalid_selection_is_wrong_usage(
+    place: Path, arguments: tuple[str, ...], message: str
 ) -> None:
     done = crosscheck(place, *arguments)
     assert done.returncode == 2
-    assert told in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert not (place / "reports" / "results.json").exists()
 
 
-def test_a_model_where_its_folder_belongs_is_told_the_folder(place: Path) -> None:
+def test_gate_of_a_model_names_its_folder(place: Path) -> None:
     done = crosscheck(place, "gate", "models/oscillator/good.known")
     assert done.returncode == 2
     assert done.stderr == (
@@ -105,14 +105,14 @@ def test_a_model_where_its_folder_belongs_is_told_the_folder(place: Path) -> Non
     )
 
 
-def test_a_folder_that_can_not_be_listed_is_told(place: Path) -> None:
+def test_folder_that_cannot_be_listed_is_reported(place: Path) -> None:
     (place / "models" / "oscillator" / "system.py").write_text("oops\n")
     done = crosscheck(place, "list", "models")
     assert done.returncode == 2
     assert "system.py:1: NameError" in done.stderr
 
 
-def test_the_version_is_told() -> None:
+def test_version_is_printed() -> None:
     done = crosscheck(Path.cwd(), "--version")
     assert done.returncode == 0
     assert done.stdout.startswith("crosscheck ")

@@ -1,4 +1,4 @@
-"""The command line as a person uses it: exit codes, messages, files."""
+"""The command line as a user runs it: exit codes, messages, files."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from tests.standing import keep_default_engines, shorten_scenarios, without
 ROOT = Path(__file__).parents[2]
 
 
-def by_itself(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run `crosscheck` in a process of its own."""
+def in_new_process(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run `crosscheck` in a new process."""
     return subprocess.run(
         [sys.executable, "-m", "physics_crosscheck", *map(str, arguments)],
         cwd=cwd,
@@ -50,7 +50,7 @@ def by_itself(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A copy of a built-in folder, with a user's name for it."""
+    """Copy a built-in folder to a name with a space."""
     shutil.copytree(builtin() / "mass_spring_damper", tmp_path / "my mass")
     keep_default_engines(tmp_path / "my mass")
     without(tmp_path / "my mass", "step", "resonance")
@@ -65,21 +65,19 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(
-    folder: Path, tmp_path: Path
-) -> None:
-    asked = ("--engine", "mujoco", "--out", "out dir", "--verbose")
-    done = by_itself("run", folder, *asked, cwd=tmp_path)
+def test_user_folder_runs_and_writes_results_and_a_report(folder: Path, tmp_path: Path) -> None:
+    options = ("--engine", "mujoco", "--out", "out dir", "--verbose")
+    done = in_new_process("run", folder, *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Both cases agree to " in done.stdout
-    found = json.loads((tmp_path / "out dir" / "results.json").read_text())
-    jsonschema.validate(found, schema(Results))
-    assert {case["engine"] for case in found["cases"]} == {"mujoco"}
+    record = json.loads((tmp_path / "out dir" / "results.json").read_text())
+    jsonschema.validate(record, schema(Results))
+    assert {case["engine"] for case in record["cases"]} == {"mujoco"}
     assert (tmp_path / "out dir" / "index.html").stat().st_size > 10_000
     assert len(re.findall(r"^\[\d/2\] ok ", done.stderr, re.MULTILINE)) == 2
 
 
-def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> None:
+def test_wrong_literal_exits_1_and_is_reported(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", 'stiffness="47.0"', 'stiffness="47.000047"')
     done = crosscheck("run", folder, "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
@@ -97,11 +95,11 @@ def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> No
     ("system.py", "k * x.q**2 / 2", "k * y.q**2 / 2", r"system.py:\d+: NameError: name 'y'"),
     ("system.py", "k * x.q**2 / 2", "k * x.q / 2", r"V has the unit kg\*m\*s\^-2; expected"),
 ])  # fmt: skip
-def test_a_bad_file_exits_3_and_is_named_with_its_place(
+def test_invalid_file_exits_3_and_is_located(
     folder: Path, tmp_path: Path, name: str, old: str, new: str, sentence: str
 ) -> None:
     edit(folder / name, old, new)
-    for other in folder.iterdir():  # it costs no others, say the tests of faults
+    for other in folder.iterdir():  # tests of faults show that others still run
         if other.name not in ("system.py", name.removesuffix(".toml"), f"{name}.toml", name):
             other.unlink()
     done = crosscheck("run", folder, cwd=tmp_path)
@@ -110,7 +108,7 @@ def test_a_bad_file_exits_3_and_is_named_with_its_place(
     assert "Traceback" not in done.stdout + done.stderr
 
 
-def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path: Path) -> None:
+def test_model_file_without_a_sidecar_is_a_failure(folder: Path, tmp_path: Path) -> None:
     (folder / "mujoco.xml.toml").unlink()
     done = crosscheck("run", folder, "--engine", "pymunk", cwd=tmp_path)
     assert done.returncode == 3
@@ -145,7 +143,7 @@ def test_wrong_usage_exits_2_with_a_sentence(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["run", "audit", "derive"])
-def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
+def test_missing_folder_does_not_stop_the_others_and_exits_2(
     folder: Path, tmp_path: Path, command: str
 ) -> None:
     (tmp_path / "empty").mkdir()
@@ -167,7 +165,7 @@ def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     assert "mass" in done.stdout
 
 
-def test_a_folder_that_is_missing_hides_no_failure(folder: Path, tmp_path: Path) -> None:
+def test_missing_folder_hides_no_failure(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", "<option", "<optoin")
     done = crosscheck("run", folder.name, "nowhere", "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 3
@@ -175,7 +173,7 @@ def test_a_folder_that_is_missing_hides_no_failure(folder: Path, tmp_path: Path)
     assert done.stderr.splitlines()[-1].endswith("skipped unknown targets: nowhere")
 
 
-def test_report_draws_from_results_without_running_anything(folder: Path, tmp_path: Path) -> None:
+def test_report_needs_only_the_results(folder: Path, tmp_path: Path) -> None:
     crosscheck("run", folder, "--engine", "pymunk", "--out", "out", cwd=tmp_path)
     (tmp_path / "out" / "index.html").unlink()
     shutil.rmtree(folder)
@@ -184,7 +182,7 @@ def test_report_draws_from_results_without_running_anything(folder: Path, tmp_pa
     assert (tmp_path / "out" / "index.html").stat().st_size > 10_000
 
 
-def test_the_command_alone_prints_its_help(tmp_path: Path) -> None:
+def test_command_without_arguments_prints_its_help(tmp_path: Path) -> None:
     done = crosscheck(cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == crosscheck("--help", cwd=tmp_path).stdout
@@ -208,24 +206,24 @@ def test_derive_shows_the_computed_errata(tmp_path: Path) -> None:
 
 AGREES, DIFFERS, FAILED = (case(o) for o in (Outcome.AGREES, Outcome.DIFFERS, Outcome.FAILED))
 UNRESOLVED, ABSENT = case(Outcome.UNRESOLVED), case(Outcome.ABSENT)
-KNOWN = case(Outcome.DIFFERS, accepted="a soft joint")
+ACCEPTED = case(Outcome.DIFFERS, accepted="a soft joint")
 
 
 @pytest.mark.parametrize(("cases", "required", "code"), [
     ([AGREES, AGREES], False, 0), ([AGREES, DIFFERS], False, 1),
     ([AGREES, UNRESOLVED], False, 1), ([DIFFERS, FAILED], False, 3),
     ([AGREES, ABSENT], False, 0), ([AGREES, ABSENT], True, 3), ([], False, 3),
-    ([AGREES, KNOWN], False, 0), ([ABSENT, ABSENT], False, 3),
+    ([AGREES, ACCEPTED], False, 0), ([ABSENT, ABSENT], False, 3),
 ])  # fmt: skip
-def test_exit_codes_gate(cases: list[Case], required: bool, code: int) -> None:
+def test_exit_code_depends_on_outcomes(cases: list[Case], required: bool, code: int) -> None:
     assert exit_code(results(*cases), required) == code
 
 
 @pytest.mark.parametrize(("findings", "cases", "code"), [
     ([finding()], [AGREES], 1), ([finding(severity="note")], [AGREES], 0),
-    ([finding()], [KNOWN], 0),  # what is accepted of the motion is what the audit finds
+    ([finding()], [ACCEPTED], 0),  # the accepted motion covers the finding
 ])  # fmt: skip
-def test_an_audits_finding_is_a_difference_unless_it_is_accepted(
+def test_audit_finding_is_a_difference_unless_accepted(
     findings: list[AuditFinding], cases: list[Case], code: int
 ) -> None:
     assert exit_code(results(*cases, models=(model(*findings),)), False) == code
@@ -236,24 +234,22 @@ def test_an_audits_finding_is_a_difference_unless_it_is_accepted(
     {"diagnosis": Diagnosis(failure="it died")},
     {"audit": None, "audit_failure": "it died", "accepted": "known"},
 ])  # fmt: skip
-@pytest.mark.parametrize("cases", [[AGREES], [KNOWN], [DIFFERS]])
-def test_what_could_not_be_done_beside_the_cases_is_no_pass(
-    failed: dict[str, Any], cases: list[Case]
-) -> None:
-    one = model(**failed)
-    found = results(*cases, models=(one,))
-    assert not one.passes
-    assert exit_code(found, False) == 3
-    assert f"1 {one.failures[0][0]} failed" in summary(found)
+@pytest.mark.parametrize("cases", [[AGREES], [ACCEPTED], [DIFFERS]])
+def test_failed_check_of_a_model_is_a_failure(failed: dict[str, Any], cases: list[Case]) -> None:
+    failing = model(**failed)
+    record = results(*cases, models=(failing,))
+    assert not failing.passes
+    assert exit_code(record, False) == 3
+    assert f"1 {failing.failures[0][0]} failed" in summary(record)
     shown = io.StringIO()
-    print_results(Console(file=shown, width=160), found)
+    print_results(Console(file=shown, width=160), record)
     assert "disc/mujoco.xml [mujoco]  XC613 the" in shown.getvalue()
-    assert f"{one.failures[0][0]} failed: it died" in shown.getvalue()
-    decision = status_of(one, require_engines=False)
-    assert decision == Decision(TestStatus.FAIL, f"{one.failures[0][0]} failed: it died")
+    assert f"{failing.failures[0][0]} failed: it died" in shown.getvalue()
+    decision = status_of(failing, require_engines=False)
+    assert decision == Decision(TestStatus.FAIL, f"{failing.failures[0][0]} failed: it died")
 
 
-def test_where_no_engine_is_installed_nothing_passes_and_the_remedy_is_told(
+def test_missing_engine_fails_with_a_remedy(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(MujocoEngine, "version", lambda _: None)
@@ -261,14 +257,14 @@ def test_where_no_engine_is_installed_nothing_passes_and_the_remedy_is_told(
     commands: list[list[str]] = [["run"], ["audit"], ["mutate"], ["gate"]]
     for command in commands:
         assert main([*command, str(folder), "--engine", "mujoco"]) == 3, command
-        told = capsys.readouterr()
-        assert "mujoco is not installed" in told.out + told.err
-        if command != ["gate"]:  # which tells it of each case
-            assert "pip install 'physics-crosscheck[engines]'" in told.err
+        output = capsys.readouterr()
+        assert "mujoco is not installed" in output.out + output.err
+        if command != ["gate"]:  # which reports it per case
+            assert "pip install 'physics-crosscheck[engines]'" in output.err
 
 
 @pytest.mark.parametrize("closing", [">&-", ">&- 2>&-", "| head -c 1", "2>&- | head -c 1"])
-def test_streams_that_nobody_reads_change_nothing(tmp_path: Path, closing: str) -> None:
+def test_closed_streams_do_not_change_the_exit_code(tmp_path: Path, closing: str) -> None:
     shell = (
         f"{sys.executable} -m physics_crosscheck engines {closing}; echo ${{PIPESTATUS[0]}} > code"
     )
@@ -280,8 +276,8 @@ def test_streams_that_nobody_reads_change_nothing(tmp_path: Path, closing: str) 
     assert done.stderr == ""
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no disk here is full")
-def test_what_could_not_be_printed_for_want_of_room_is_told(tmp_path: Path) -> None:
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_full_standard_output_is_reported(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "physics_crosscheck", "engines"]
@@ -293,9 +289,7 @@ def test_what_could_not_be_printed_for_want_of_room_is_told(tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_a_run_writes_its_files_where_nobody_reads_what_it_prints(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_run_with_closed_streams_writes_its_files(folder: Path, tmp_path: Path) -> None:
     run = f"{sys.executable} -m physics_crosscheck run 'my mass' --engine pymunk --out out"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "CI": "1"}
     done = subprocess.run(["bash", "-c", f"{run} >&- 2>&-"], cwd=tmp_path, env=environment)

@@ -23,9 +23,9 @@ INTERFACES = ROOT / "harness" / "interfaces"
 
 
 def block(language: str) -> str:
-    """The page's one block in a language."""
-    (found,) = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
-    return str(found)
+    """Return the only block of the page in a language."""
+    (text,) = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    return str(text)
 
 
 def register(site: Path, lines: str) -> None:
@@ -37,7 +37,7 @@ def register(site: Path, lines: str) -> None:
 
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A distribution with the command of the page, registered as the page shows; its folder."""
+    """Install the command of the page as the page shows, and return the folder."""
     site = tmp_path / "site"
     points = tomllib.loads(block("toml"))["project"]["entry-points"][GROUP]
     register(site, "".join(f"{name} = {value}\n" for name, value in points.items()))
@@ -47,13 +47,11 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     sys.modules.pop("worst_command", None)
 
 
-def test_a_command_of_another_package_is_listed_explained_and_run(
-    site: Path, tmp_path: Path
-) -> None:
+def test_command_of_another_package_is_listed_explained_and_run(site: Path, tmp_path: Path) -> None:
     off = verdict(discrepancy=0.01, largest_discrepancy=0.01)
-    found = results(case(Outcome.AGREES), case(Outcome.DIFFERS, verdict=off))
+    record = results(case(Outcome.AGREES), case(Outcome.DIFFERS, verdict=off))
     (tmp_path / "reports").mkdir()
-    (tmp_path / "reports" / "results.json").write_text(encoded(found))
+    (tmp_path / "reports" / "results.json").write_text(encoded(record))
     listed = crosscheck("--help", cwd=tmp_path).stdout
     assert "Our tools:\n  worst       Print the cases with the largest discrepancies\n" in listed
     about = crosscheck("worst", "--help", cwd=tmp_path).stdout
@@ -61,7 +59,7 @@ def test_a_command_of_another_package_is_listed_explained_and_run(
     assert "--count N" in about
     done = crosscheck("worst", "--count", "1", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == f"1e-02  {found.cases[1].id}\n"
+    assert done.stdout == f"1e-02  {record.cases[1].id}\n"
     wrong = crosscheck("wrost", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "unknown command 'wrost'. Did you mean worst?" in wrong.stderr
@@ -75,7 +73,7 @@ def test_a_command_of_another_package_is_listed_explained_and_run(
         ("worst_command:absent", "has no attribute 'absent'"),
     ],
 )
-def test_a_command_that_can_not_be_loaded_is_reported_and_the_others_stay(
+def test_command_that_can_not_be_loaded_is_reported_and_the_others_stay(
     site: Path, tmp_path: Path, value: str, why: str
 ) -> None:
     register(site, f"broken = {value}\n")
@@ -96,7 +94,7 @@ def test_another_package_can_not_replace_a_command(site: Path, tmp_path: Path) -
     assert "largest discrepancies" not in crosscheck("--help", cwd=tmp_path).stdout
 
 
-def test_the_command_line_names_no_command_of_an_extra() -> None:
+def test_command_line_names_no_command_of_an_extra() -> None:
     extras = built_in_commands().keys() - COMMANDS.keys()
     registered = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
     assert extras == set(registered[GROUP])

@@ -1,4 +1,4 @@
-"""What a shell is told when Tab is pressed, asked as a shell asks."""
+"""Completions that a shell receives when Tab is pressed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.faults.known_folder import environment
 
 
 def completions(line: str, here: Path) -> list[str]:
-    told = here / "told"
+    output = here / "told"
     subprocess.run(
         [sys.executable, "-m", "physics_crosscheck"],
         cwd=here,
@@ -22,13 +22,13 @@ def completions(line: str, here: Path) -> list[str]:
         env=environment()
         | {
             "_ARGCOMPLETE": "1",
-            "_ARGCOMPLETE_STDOUT_FILENAME": str(told),
+            "_ARGCOMPLETE_STDOUT_FILENAME": str(output),
             "_ARGCOMPLETE_IFS": "\n",
             "COMP_LINE": line,
             "COMP_POINT": str(len(line)),
         },
     )
-    return told.read_text().split("\n")
+    return output.read_text().split("\n")
 
 
 @pytest.mark.parametrize(
@@ -43,10 +43,10 @@ def completions(line: str, here: Path) -> list[str]:
         ("crosscheck run 'my ar", ["my arm/"]),
     ],
 )
-def test_what_is_typed_is_completed(tmp_path: Path, line: str, wanted: list[str]) -> None:
+def test_partial_command_line_is_completed(tmp_path: Path, line: str, wanted: list[str]) -> None:
     (tmp_path / "my arm").mkdir()
-    found = [one.strip() for one in completions(line, tmp_path)]
-    assert [one.replace("\\ ", " ").strip("'") for one in found] == wanted
+    results = [one.strip() for one in completions(line, tmp_path)]
+    assert [one.replace("\\ ", " ").strip("'") for one in results] == wanted
 
 
 @pytest.mark.parametrize("shell", SHELLS)

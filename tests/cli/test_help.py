@@ -21,15 +21,15 @@ PARSER = build_parser(COMMANDS, COMMANDS)
 PARSERS = subparsers(PARSER)
 DOCS = Path(__file__).parents[2] / "docs" / "reference"
 
-OWN_MEANING = {
+SPECIAL_MEANING = {
     ("compare", "--engine"), ("versions", "--engine"), ("report", "--out"), ("accept", "-v"),
     ("accept", "--verbose"),
 }  # fmt: skip
-"""Options that share a name with others, and take or mean something else."""
+"""Options that share a name with others but differ in meaning."""
 
 
 def options(command: CommandParser) -> Iterator[argparse.Action]:
-    return (one for one in command._actions if one.help is not argparse.SUPPRESS)
+    return (action for action in command._actions if action.help is not argparse.SUPPRESS)
 
 
 def shown(name: str, columns: int, patch: pytest.MonkeyPatch) -> str:
@@ -54,18 +54,18 @@ def test_help_has_description_groups_examples_and_exit_codes(
     titles = [line[:-1] for line in text.splitlines() if line.endswith(":") and line[0] != " "]
     used = [title for title in GROUPS if group(PARSERS[name], title)._group_actions]
     assert titles == [*used, "Examples", "Exit codes"]
-    assert {one.title for one in PARSERS[name]._action_groups} == set(GROUPS)
+    assert {each.title for each in PARSERS[name]._action_groups} == set(GROUPS)
     others = group(PARSERS[name], GROUPS[-1])._group_actions
-    assert [one.dest for one in others] == ["help"]
+    assert [action.dest for action in others] == ["help"]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_help_has_more_than_12_words(name: str) -> None:
     assert len(COMMANDS[name].purpose.split()) <= 10
-    for one in options(PARSERS[name]):
-        assert one.help, one.dest
-        assert len(one.help.split()) <= 12, one.help
-        assert one.help[0].isupper(), one.help
+    for action in options(PARSERS[name]):
+        assert action.help, action.dest
+        assert len(action.help.split()) <= 12, action.help
+        assert action.help[0].isupper(), action.help
 
 
 @pytest.mark.parametrize("columns", [60, 80])
@@ -88,27 +88,27 @@ def test_examples_parse(name: str) -> None:
         assert PARSER.parse_args(words).command == name, line
 
 
-def test_an_option_of_one_name_has_one_help() -> None:
+def test_option_has_the_same_help_in_all_commands() -> None:
     texts: dict[str, set[str]] = {}
     for name, command in PARSERS.items():
-        for one in options(command):
-            for option in one.option_strings:
-                if (name, option) not in OWN_MEANING:
-                    text = (one.help or "").partition(" [")[0]
+        for action in options(command):
+            for option in action.option_strings:
+                if (name, option) not in SPECIAL_MEANING:
+                    text = (action.help or "").partition(" [")[0]
                     texts.setdefault(option, set()).add(text)
-    assert {option: found for option, found in texts.items() if len(found) > 1} == {}
+    assert {option: helps for option, helps in texts.items() if len(helps) > 1} == {}
 
 
 def test_defaults_in_brackets_are_those_of_the_parsers() -> None:
     checked = 0
     for command in PARSERS.values():
-        for one in options(command):
-            text = (one.help or "").partition(" [")[2].removesuffix("]")
-            value = one.default
+        for action in options(command):
+            text = (action.help or "").partition(" [")[2].removesuffix("]")
+            value = action.default
             if isinstance(value, Path) or (isinstance(value, float | str) and value and text):
-                assert text, one.dest
+                assert text, action.dest
                 same = float(text) == value if isinstance(value, float) else text == str(value)
-                assert same, (one.dest, text, value)
+                assert same, (action.dest, text, value)
                 checked += 1
     assert checked > 30
 
@@ -116,17 +116,15 @@ def test_defaults_in_brackets_are_those_of_the_parsers() -> None:
 def test_every_setting_is_an_argument_of_its_commands() -> None:
     for name, command in COMMANDS.items():
         for key in command.settings:
-            dests = {one.dest for one in options(PARSERS[name])}
+            dests = {action.dest for action in options(PARSERS[name])}
             assert SETTINGS[key].argument in dests, (key, name)
     assert {key for command in COMMANDS.values() for key in command.settings} == set(SETTINGS)
 
 
-def test_the_committed_pages_are_those_of_the_parsers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_committed_pages_match_the_parsers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CROSSCHECK_SCHEDULER", "tcp://there:8786")
     write_pages(tmp_path)
     remedy = "python -m physics_crosscheck.harness.interfaces.cli.reference docs/reference"
-    for made in sorted(tmp_path.iterdir()):
-        assert made.read_text() == (DOCS / made.name).read_text(), remedy
-    assert {made.name for made in tmp_path.iterdir()} == {"command-line.md", "configuration.md"}
+    for page in sorted(tmp_path.iterdir()):
+        assert page.read_text() == (DOCS / page.name).read_text(), remedy
+    assert {page.name for page in tmp_path.iterdir()} == {"command-line.md", "configuration.md"}

@@ -1,4 +1,4 @@
-"""What a command does not need is not imported: it would cost a second, every time."""
+"""Commands import only what they need: more would cost a second every time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ HEAVY = (
 def imported(
     folder: Path, *commands: str, among: tuple[str, ...] = HEAVY, path: tuple[Path, ...] = (ROOT,)
 ) -> list[str]:
-    """What is imported, of some names, after command lines one after the other in one process."""
+    """Run command lines in one process, and return which names are imported after each."""
     script = (
         "import sys; from physics_crosscheck.harness.interfaces.cli.main import main\n"
         f"for words in {commands!r}:\n"
@@ -58,12 +58,12 @@ def imported(
 
 
 @pytest.mark.parametrize("words", ["{} --help", "{} --nonsense"])
-def test_no_arguments_import_what_only_the_work_needs(words: str, tmp_path: Path) -> None:
+def test_parsing_arguments_imports_no_heavy_package(words: str, tmp_path: Path) -> None:
     commands = ["--help", "--nonsense", "rnu", *map(words.format, built_in_commands())]
     assert imported(tmp_path, *commands) == [f"imported after {given}" for given in commands]
 
 
-def test_a_command_of_this_program_looks_for_no_others(tmp_path: Path) -> None:
+def test_built_in_command_does_not_search_for_plugins(tmp_path: Path) -> None:
     commands = [f"{name} --help" for name in COMMANDS]
     registry = "physics_crosscheck.harness.interfaces.cli.registry"
     there = imported(tmp_path, *commands, "--help", among=("importlib.metadata", registry))
@@ -71,15 +71,15 @@ def test_a_command_of_this_program_looks_for_no_others(tmp_path: Path) -> None:
     assert registry in there[-1]
 
 
-def test_a_resolution_is_read_without_sympy(tmp_path: Path) -> None:
+def test_resolution_is_read_without_sympy(tmp_path: Path) -> None:
     given = "gate nowhere --resolution 1e-7"
     assert imported(tmp_path, given, among=("sympy", "scipy")) == [f"imported after {given}"]
 
 
-def test_what_asks_no_physics_imports_none(tmp_path: Path) -> None:
+def test_commands_without_physics_import_none(tmp_path: Path) -> None:
     off = verdict(discrepancy=0.01, largest_discrepancy=0.01)
-    found = results(case(Outcome.AGREES), case(Outcome.DIFFERS, verdict=off))
-    (tmp_path / "results.json").write_text(encoded(found))
+    record = results(case(Outcome.AGREES), case(Outcome.DIFFERS, verdict=off))
+    (tmp_path / "results.json").write_text(encoded(record))
     commands = ["new arm", "engines", "report results.json", "report results.json results.json"]
     physics = ("sympy", "scipy", "mujoco", "pybullet", "pymunk", "pinocchio")
     there = imported(tmp_path, *commands, among=physics)
@@ -89,7 +89,7 @@ def test_what_asks_no_physics_imports_none(tmp_path: Path) -> None:
     assert (tmp_path / "arm" / "system.py").is_file()
 
 
-def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
+def test_cached_results_need_no_equations(tmp_path: Path) -> None:
     known_folder(tmp_path / "osc", {"good": ""})
     command = "run osc --cache cache --jobs 1"
     _environment.cache_clear()  # a test before may have had other engines
@@ -104,7 +104,7 @@ def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_engines_run_in_other_processes(tmp_path: Path) -> None:
-    """A crash of an engine would end the program, and what it prints would be in a notebook."""
+    """Keep crashes and output of engines out of the calling process."""
     pytest.importorskip("pybullet")
     (tmp_path / "a.urdf").write_text(ARM)
     (tmp_path / "b.xml").write_text(LAMP)
@@ -115,6 +115,6 @@ def test_engines_run_in_other_processes(tmp_path: Path) -> None:
     assert (tmp_path / "found.json").is_file()
 
 
-def test_the_designs_of_a_sweep_are_those_that_there_are() -> None:
+def test_designs_of_a_sweep_match_the_enumeration() -> None:
     assert {*DESIGNS, Design.ALL.value} == {one.value for one in Design}
     assert DESIGNS[0] == Design.LATIN.value

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.records.write import encoded
 from tests.records.made import case, results, verdict
 
 
-def kept(folder: Path, run: Results) -> Path:
+def saved(folder: Path, run: Results) -> Path:
     folder.mkdir()
     (folder / "results.json").write_text(encoded(run))
     return folder
@@ -24,10 +24,10 @@ def kept(folder: Path, run: Results) -> Path:
 
 @pytest.fixture
 def old(tmp_path: Path) -> Path:
-    return kept(tmp_path / "old", results(case(), case(scenario="far")))
+    return saved(tmp_path / "old", results(case(), case(scenario="far")))
 
 
-def test_a_folder_means_the_results_in_it(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folder_stands_for_the_results_in_it(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(old)]) == 0
     assert capsys.readouterr().out == f"Report: {old / 'index.html'}\n"
     assert "2 of 2 cases agree" in (old / "index.html").read_text()
@@ -36,17 +36,17 @@ def test_a_folder_means_the_results_in_it(old: Path, capsys: pytest.CaptureFixtu
 OFF = verdict(discrepancy=0.01, largest_discrepancy=0.01)
 
 
-def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
+def test_comparison_of_two_runs_exits_1_if_a_case_is_worse(
     old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     worse = case(Outcome.DIFFERS, verdict=OFF, reason="x is off")
-    new = kept(tmp_path / "new", results(worse, case(scenario="far")))
+    new = saved(tmp_path / "new", results(worse, case(scenario="far")))
     assert main(["report", str(old), str(new / "results.json")]) == 1
-    told = capsys.readouterr().out
-    assert "AGREES -> DIFFERS" in told
-    assert "11.3 -> 2.0" in told
-    assert "2 cases: 1 with another verdict; 1 worse" in told
-    assert told.endswith(f"{new / 'changes.html'}\n")
+    output = capsys.readouterr().out
+    assert "AGREES -> DIFFERS" in output
+    assert "11.3 -> 2.0" in output
+    assert "2 cases: 1 with another verdict; 1 worse" in output
+    assert output.endswith(f"{new / 'changes.html'}\n")
     assert "x is off" in (new / "changes.html").read_text()
     assert main(["report", str(old), str(old), "--out", str(tmp_path / "same")]) == 0
     assert "2 cases: nothing changed" in capsys.readouterr().out
@@ -66,7 +66,7 @@ def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
         (("old", "old", "old"), "report takes one run, or two to compare, and not 3"),
     ],
 )
-def test_what_is_no_run_is_refused_with_its_name_and_writes_nothing(
+def test_invalid_results_are_rejected_and_nothing_is_written(
     old: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -83,14 +83,14 @@ def test_what_is_no_run_is_refused_with_its_name_and_writes_nothing(
     assert [path.name for path in tmp_path.rglob("*.html")] == []
 
 
-def test_a_badge_is_written_beside(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_badge_is_written(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
     badge = old / "badge.svg"
     assert main(["report", str(old), "--badge", str(badge)]) == 0
     assert capsys.readouterr().out == f"Report: {old / 'index.html'}  Badge: {badge}\n"
     assert "2 of 2 agree to 11.3 digits" in badge.read_text()
 
 
-def test_a_report_draws_the_history_that_lies_beside_its_results(old: Path) -> None:
+def test_report_draws_the_history_in_its_folder(old: Path) -> None:
     run = results(case(), case(scenario="far"))
     for day in (1, 2):
         append_history(old, past_of(replace(run, created=f"2026-01-0{day}T00:00:00+00:00"), ""))
@@ -98,19 +98,19 @@ def test_a_report_draws_the_history_that_lies_beside_its_results(old: Path) -> N
     assert 'id="pack-history"' in (old / "index.html").read_text()
 
 
-def test_a_history_is_kept_where_it_is_begun_or_was_and_nowhere_else(tmp_path: Path) -> None:
+def test_history_is_kept_only_where_it_was_begun(tmp_path: Path) -> None:
     run = results(case())
     assert keep_history(tmp_path, run, begin=False) == ()
     assert list(tmp_path.iterdir()) == []
     assert len(keep_history(tmp_path, run, begin=True)) == 1
     assert len(keep_history(tmp_path, run, begin=False)) == 2
     stopped = results(case(), stopped="SIGINT")
-    assert len(keep_history(tmp_path, stopped, begin=False)) == 2, "half a run is none"
+    assert len(keep_history(tmp_path, stopped, begin=False)) == 2, "not a finished run"
     assert read_history(tmp_path)[0].commit == read_history(tmp_path)[1].commit
 
 
 @pytest.mark.parametrize("command", ["run", "report", "sweep"])
-def test_a_page_of_somebody_else_is_not_replaced(
+def test_foreign_page_is_not_replaced(
     old: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     def started(*_: object, **__: object) -> None:
@@ -122,13 +122,13 @@ def test_a_page_of_somebody_else_is_not_replaced(
     monkeypatch.setattr("physics_crosscheck.harness.extras.sweep.main.make_executor", started)
     words = {"run": ["run", "simple_pendulum"], "sweep": ["sweep", "simple_pendulum"]}
     assert main([*words.get(command, ["report", str(old)]), "--out", str(old)]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"crosscheck: {page}: crosscheck did not write this page")
-    assert "--out" in told
+    output = capsys.readouterr().err
+    assert output.startswith(f"crosscheck: {page}: crosscheck did not write this page")
+    assert "--out" in output
     assert page.read_text() == "<html><title>my site</title></html>"
 
 
-def test_a_page_of_this_program_is_replaced(old: Path) -> None:
+def test_page_of_this_program_is_replaced(old: Path) -> None:
     page = old / "index.html"
     assert main(["report", str(old)]) == 0
     assert '<meta name="generator" content="physics-crosscheck">' in page.read_text()

@@ -17,7 +17,7 @@ from tests.robots.files import ARM, LAMP, TIPPED
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
-    """A working folder with two robots in `robots`."""
+    """Create a working folder with two robots in `robots`."""
     (tmp_path / "robots" / "deep").mkdir(parents=True)
     (tmp_path / "robots" / "arm.urdf").write_text(ARM)
     (tmp_path / "robots" / "deep" / "lamp.xml").write_text(LAMP)
@@ -46,7 +46,7 @@ def test_list_selects_cases_of_files_as_run_does(place: Path) -> None:
     }]  # fmt: skip
 
 
-def test_a_file_that_can_t_be_read_is_reported_beside_the_others(place: Path) -> None:
+def test_unreadable_file_is_reported_with_the_others(place: Path) -> None:
     (place / "robots" / "broken.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
     done = crosscheck("list", "robots", cwd=place)
     assert done.returncode == 2
@@ -54,7 +54,7 @@ def test_a_file_that_can_t_be_read_is_reported_beside_the_others(place: Path) ->
     assert "robots/broken.urdf:3: " in done.stderr
 
 
-def test_a_folder_of_robots_runs_and_one_with_systems_below_it_does_not_list_its_files(
+def test_folder_of_robots_runs_unless_it_contains_systems(
     place: Path,
 ) -> None:
     done = crosscheck("run", "robots", "--engine", "mujoco", cwd=place)
@@ -85,7 +85,7 @@ def test_derive_prints_the_same_equation_of_a_robot_in_each_format(place: Path) 
         assert ("Not in the equations: dry friction." in done.stdout) is (file == "swing.sdf")
 
 
-def test_derive_prints_numbers_of_what_is_too_long_for_formulas(place: Path) -> None:
+def test_derive_prints_numbers_for_long_equations(place: Path) -> None:
     done = crosscheck("derive", "robots/arm.urdf", "--floating", cwd=place)
     assert "Degrees of freedom: 7." in done.stdout
     assert "is a free joint" in done.stdout
@@ -93,14 +93,14 @@ def test_derive_prints_numbers_of_what_is_too_long_for_formulas(place: Path) -> 
     assert [float(value) for value in force] == [0, 0, 0, 0, 0, pytest.approx(-4 * 9.81), 0]
 
 
-def test_derive_reports_what_prevents_the_equations_with_its_line(place: Path) -> None:
+def test_derive_reports_the_line_that_prevents_equations(place: Path) -> None:
     (place / "robots" / "arm.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
     done = crosscheck("derive", "robots/arm.urdf", cwd=place)
     assert (done.returncode, done.stdout) == (3, "")
     assert done.stderr.startswith("crosscheck: robots/arm.urdf:2: ")
 
 
-def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None:
+def test_audit_prints_findings_shared_by_all_engines_once(place: Path) -> None:
     (place / "robots" / "deep" / "lamp.xml").write_text(
         LAMP.replace('axis="0 1 0"', 'axis="0 1 0" damping="-0.1" frictionloss="0.2"')
     )
@@ -118,9 +118,9 @@ def test_audit_prints_once_what_is_the_same_in_every_engine(place: Path) -> None
     ]
 
 
-def test_an_audit_that_was_done_is_reused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_finished_audit_is_reused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ("robots/arm.urdf", "--engine", "mujoco", "--cache", "kept")
-    # With the engines of the other tests of caches: their versions are read once a process.
+    # Use the engines of the other cache tests: a process reads their versions once.
     done = crosscheck("audit", *words, cwd=place, known_engine=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -134,7 +134,7 @@ def test_an_audit_that_was_done_is_reused(place: Path, monkeypatch: pytest.Monke
         crosscheck("audit", *words, "--floating", cwd=place, known_engine=True)
 
 
-def test_audit_reports_a_file_that_can_t_be_read_and_needs_no_engine(
+def test_audit_reports_an_unreadable_file_and_needs_no_engine(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (place / "robots" / "arm.urdf").write_text(ARM.replace('value="2"', 'value="two"'))
@@ -155,8 +155,8 @@ def test_mutate_plants_faults_in_a_robot_file(place: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "small faults: " in done.stdout
     assert "lamp/lamp.xml [mujoco]" in done.stdout
-    found = json.loads((place / "faults.json").read_text())
-    named = {row["location"] for row in found["rows"] if row["verdict"] == FaultVerdict.NAMED}
+    record = json.loads((place / "faults.json").read_text())
+    named = {row["location"] for row in record["rows"] if row["verdict"] == FaultVerdict.NAMED}
     assert "body[rod]/inertial@mass" in named
     (place / "robots" / "arm.urdf").write_text(TIPPED)
     done = crosscheck("mutate", "robots/arm.urdf", "--engine", "mujoco", cwd=place)
@@ -166,8 +166,8 @@ def test_mutate_plants_faults_in_a_robot_file(place: Path) -> None:
     assert (done.returncode, done.stderr) == (2, "crosscheck: no.urdf: there is no such file\n")
 
 
-def test_a_file_that_no_wanted_engine_reads_is_named(place: Path) -> None:
-    """Catch a run without a case that does not say why."""
+def test_file_that_no_selected_engine_reads_is_named(place: Path) -> None:
+    """Catch a run without a case that gives no reason."""
     done = crosscheck("run", "robots/deep/lamp.xml", "--engine", "pybullet", cwd=place)
     assert done.returncode == 3, done.stdout + done.stderr
     words = "crosscheck: robots/deep/lamp.xml was not judged: pybullet reads only .urdf files"

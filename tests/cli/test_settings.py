@@ -1,4 +1,4 @@
-"""A project's settings are the defaults of the command line, and a wrong one is told by name."""
+"""Settings of a project are defaults of the command line; an invalid one is named."""
 
 from __future__ import annotations
 
@@ -29,27 +29,25 @@ def parsed(name: str, *given: str) -> argparse.Namespace:
     return command.parse_args(given)
 
 
-def test_settings_are_defaults_and_arguments_go_before_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arguments_override_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     settings(
         tmp_path,
         "[tool.crosscheck]\nengines = ['one', 'two']\nresolution = 1e-7\nlimit = 90\n"
         "memory = 2\njobs = 3\nstrict = true\nhistory = true\nout = 'found'\nbaseline = 'kept'\n",
     )
-    found = parsed("run")
-    assert (found.engine, found.resolution, found.limit) == (["one", "two"], 1e-7, 90.0)
-    assert (found.memory, found.jobs, found.strict, found.history) == (2.0, 3, True, True)
-    assert (found.out, found.baseline) == (Path("found"), Path("kept"))
-    told = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
-    assert (told.engine, told.jobs) == (["three", "four"], 1)
+    options = parsed("run")
+    assert (options.engine, options.resolution, options.limit) == (["one", "two"], 1e-7, 90.0)
+    assert (options.memory, options.jobs, options.strict, options.history) == (2.0, 3, True, True)
+    assert (options.out, options.baseline) == (Path("found"), Path("kept"))
+    overridden = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
+    assert (overridden.engine, overridden.jobs) == (["three", "four"], 1)
     # A gate writes elsewhere.
     other = parsed("gate")
     assert (other.out, other.baseline) == (Path("reports/gate"), Path("kept"))
 
 
-def test_settings_of_the_folder_above_are_found_with_paths_from_there(
+def test_settings_of_a_parent_folder_apply_with_its_paths(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     below = tmp_path / "tools" / "deep"
@@ -59,15 +57,15 @@ def test_settings_of_the_folder_above_are_found_with_paths_from_there(
     (tmp_path / ".git").mkdir()
     settings(tmp_path, "[tool.crosscheck]\nfolders = ['arms', 'simple_pendulum']\nout = 'found'\n")
     (tmp_path / "tools" / "pyproject.toml").write_text("[tool.other]\nresolution = 1\n")
-    found = parsed("run")
-    assert found.folders == ["../../arms", "simple_pendulum"]
-    assert found.out == Path("../../found")
+    options = parsed("run")
+    assert options.folders == ["../../arms", "simple_pendulum"]
+    assert options.out == Path("../../found")
     assert parsed("run", "mine").folders == ["mine"]
-    assert parsed("list").folders == found.folders
+    assert parsed("list").folders == options.folders
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             "resolutoin = 1e-9",
@@ -99,19 +97,19 @@ def test_settings_of_the_folder_above_are_found_with_paths_from_there(
         ("scheduler = 'tcp://there:8786'", "Use --scheduler ADDRESS, or set CROSSCHECK_SCHEDULER"),
     ],
 )
-def test_a_setting_that_can_not_be_taken_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said: str
+def test_invalid_setting_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "link").symlink_to(tmp_path.parent)
     settings(tmp_path, f"[tool.crosscheck]\n{text}\n")
-    with pytest.raises(SettingsError) as told:
+    with pytest.raises(SettingsError) as error:
         parsed("run")
-    assert str(told.value).startswith("pyproject.toml:")
-    assert said in str(told.value)
+    assert str(error.value).startswith("pyproject.toml:")
+    assert message in str(error.value)
 
 
-def test_settings_above_the_repository_are_not_looked_for(
+def test_settings_above_the_repository_are_ignored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     inner = tmp_path / "repository" / "robots"
@@ -131,19 +129,19 @@ def test_settings_of_another_user_are_ignored_with_a_note(
     monkeypatch.chdir(tmp_path)
     settings(tmp_path, "[tool.crosscheck]\nscheduler = 'tcp://there:8786'\njobs = 3\n")
     monkeypatch.setattr(os, "geteuid", lambda: (tmp_path / "pyproject.toml").stat().st_uid + 1)
-    found = parsed("run")
-    assert found.jobs == 0
-    (note,) = found.settings_notes
+    options = parsed("run")
+    assert options.jobs == 0
+    (note,) = options.settings_notes
     assert note.startswith("ignoring settings in pyproject.toml, since it belongs to another")
 
 
-def test_a_scheduler_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scheduler_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CROSSCHECK_SCHEDULER", "tcp://there:8786")
     assert parsed("run").scheduler == "tcp://there:8786"
     assert parsed("run", "--scheduler", "tcp://here:1").scheduler == "tcp://here:1"
 
 
-def test_the_command_line_takes_settings_and_tells_a_wrong_one(place: Path) -> None:
+def test_command_line_uses_settings_and_reports_an_invalid_one(place: Path) -> None:
     settings(place, "[tool.crosscheck]\nfolders = ['models']\n")
     done = crosscheck(place, "list")
     assert len(done.stdout.splitlines()) == 4
@@ -161,7 +159,7 @@ def test_the_command_line_takes_settings_and_tells_a_wrong_one(place: Path) -> N
     assert "pyproject.toml: cannot be read: " in done.stderr
 
 
-def test_a_gate_without_a_baseline_takes_the_targets_of_run(
+def test_gate_without_a_baseline_takes_the_targets_of_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("models/arm", "others/leg"):
@@ -179,7 +177,7 @@ def test_a_gate_without_a_baseline_takes_the_targets_of_run(
     assert folders("accept", *reason, "--folder", "models") == ["models/arm"]
 
 
-def test_accept_accepts_nothing_of_the_settings_besides_a_named_target(
+def test_accept_of_a_named_target_ignores_the_folder_setting(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("models", "others"):

@@ -1,4 +1,4 @@
-"""Runs that are ended before their end, and gone on with; two at once; folders that can't be."""
+"""Interrupted runs that are resumed, concurrent runs, and folders that cannot be written."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.faults.known_folder import KNOWN_ANSWER, KNOWN_MODEL, SYSTEM, known_f
 from tests.robots.files import joint, link
 from tests.standing import without
 
-Told = Callable[[int], None]
+OnCase = Callable[[int], None]
 
 UNWRITABLE = (
     "cannot be read or written: {}. Check the path, its permissions and the free disk space."
@@ -37,7 +37,7 @@ UNWRITABLE = (
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A model that is right, and one that never ends: of the known-answer engine, quick."""
+    """Create a right model and one that never ends, for the fast known-answer engine."""
     monkeypatch.syspath_prepend(KNOWN_ANSWER)
     monkeypatch.chdir(tmp_path)
     return hanging(tmp_path / "osc")
@@ -50,28 +50,28 @@ def hanging(place: Path) -> Path:
 
 
 @pytest.fixture
-def after(monkeypatch: pytest.MonkeyPatch) -> Callable[[Told], None]:
-    """Have something done when a case is, by the number of those that are."""
+def after(monkeypatch: pytest.MonkeyPatch) -> Callable[[OnCase], None]:
+    """Call a function after each case with the number of finished cases."""
 
-    def make(do: Told) -> None:
-        def told(_: Progress, done: int, total: int, case: Case | None) -> None:
+    def make(do: OnCase) -> None:
+        def report(_: Progress, done: int, total: int, case: Case | None) -> None:
             do(done)
 
-        monkeypatch.setattr(Progress, "__call__", told)
+        monkeypatch.setattr(Progress, "__call__", report)
 
     return make
 
 
-def test_a_run_that_is_stopped_keeps_what_is_done_and_goes_on(
-    folder: Path, after: Callable[[Told], None], capsys: pytest.CaptureFixture[str]
+def test_stopped_run_keeps_its_cases_and_resumes(
+    folder: Path, after: Callable[[OnCase], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     after(lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 1 else None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
-    told = capsys.readouterr()
-    assert "stopped by SIGINT: 1 case done and kept" in told.err
-    assert "crosscheck run --resume --out out" in told.err
-    assert "1 of 2 cases agree" in told.out
-    assert "stopped by SIGINT, 1 not run" in told.out
+    output = capsys.readouterr()
+    assert "stopped by SIGINT: 1 case done and kept" in output.err
+    assert "crosscheck run --resume --out out" in output.err
+    assert "1 of 2 cases agree" in output.out
+    assert "stopped by SIGINT, 1 not run" in output.out
     first = read_results(Path("out/results.json"))
     assert [case.model for case in first.cases] == ["good.known"]
     assert [str(case) for case in first.not_run] == ["oscillator/slow.known/free [known]"]
@@ -84,13 +84,13 @@ def test_a_run_that_is_stopped_keeps_what_is_done_and_goes_on(
     second = read_results(Path("out/results.json"))
     assert len(second.cases) == 2
     assert not second.not_run
-    # Its seconds too: what was done was not done again.
+    # The seconds are equal too: the case did not run again.
     assert second.cases[:1] == first.cases
     assert sorted(path.name for path in Path("out").iterdir()) == ["index.html", "results.json"]
 
 
-def test_a_second_signal_ends_the_run_at_once(
-    folder: Path, after: Callable[[Told], None], capsys: pytest.CaptureFixture[str]
+def test_second_signal_ends_the_run_at_once(
+    folder: Path, after: Callable[[OnCase], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     def twice(_: int) -> None:
         for _ in range(2):
@@ -104,7 +104,7 @@ def test_a_second_signal_ends_the_run_at_once(
 
 @pytest.fixture(scope="module")
 def stopped_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A place where a run of a declaration that reads a file was stopped after its good case."""
+    """Stop a run of a declaration that reads a file after its right case; return the place."""
     place = tmp_path_factory.mktemp("stopped")
 
     def stop(_: Progress, done: int, total: int, case: Case | None) -> None:
@@ -128,7 +128,7 @@ def stopped_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def resumed(
     stopped_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[], Case]:
-    """A copy of that place as the working folder: resume the run, and return its case."""
+    """Return a function that resumes a copy of that run and returns its case."""
     monkeypatch.syspath_prepend(KNOWN_ANSWER)
     monkeypatch.chdir(shutil.copytree(stopped_once, tmp_path / "stopped"))
 
@@ -140,40 +140,40 @@ def resumed(
     return resume
 
 
-def test_what_changed_since_is_run_again(resumed: Callable[[], Case]) -> None:
+def test_changed_case_runs_again(resumed: Callable[[], Case]) -> None:
     Path("osc/good.known").write_text(KNOWN_MODEL.replace("47.0", "47.00047"))
     assert resumed().outcome is Outcome.DIFFERS
 
 
-def test_what_was_kept_and_contradicts_itself_is_run_again(resumed: Callable[[], Case]) -> None:
-    kept = Path("out") / NAME
-    lines = [json.loads(line) for line in kept.read_text().splitlines()]
+def test_contradictory_journal_entry_runs_again(resumed: Callable[[], Case]) -> None:
+    path = Path("out") / NAME
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
     damaged = [line["value"] for line in lines if line.get("key", {}).get("kind") == "case"]
     assert damaged
     for case in damaged:
         case["verdict"]["discrepancy"] = 5.2
-    kept.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
     verdict = resumed().verdict
     assert verdict is not None
     assert verdict.discrepancy != 5.2
 
 
-def test_what_a_declaration_read_elsewhere_counts_among_its_files(
+def test_file_read_by_a_declaration_counts(
     resumed: Callable[[], Case],
 ) -> None:
     Path("stiffness.txt").write_text("47.00047")
     assert resumed().outcome is Outcome.DIFFERS
 
 
-def test_what_a_model_that_is_code_depends_on_is_not_known(tmp_path: Path) -> None:
+def test_dependencies_of_a_python_model_are_unknown(tmp_path: Path) -> None:
     (tmp_path / "beside.txt").write_text("1")
     place = str(tmp_path / "osc")
     space, xml = (place, "space.py", "pymunk"), (place, "m.xml", "mujoco")
-    known = with_reads_of_system("hash", xml, {})
+    unread = with_reads_of_system("hash", xml, {})
     assert with_reads_of_system("hash", space, {}) == ""
     assert with_reads_of_system("", xml, {"../beside.txt": "1"}) == ""
     assert with_reads_of_system("hash", xml, {"../beside.txt": "can't be read"}) == ""
-    assert with_reads_of_system("hash", xml, {"../beside.txt": "1"}) not in ("", known)
+    assert with_reads_of_system("hash", xml, {"../beside.txt": "1"}) not in ("", unread)
 
 
 ARM = "\n".join((
@@ -182,8 +182,8 @@ ARM = "\n".join((
 ))  # fmt: skip
 
 
-def test_a_robot_s_file_is_gone_on_with_too(
-    after: Callable[[Told], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_run_of_a_robot_file_resumes(
+    after: Callable[[OnCase], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for engine in ("mujoco", "pybullet"):
         pytest.importorskip(engine)
@@ -199,18 +199,18 @@ def test_a_robot_s_file_is_gone_on_with_too(
     assert main([*command, "--resume"]) == 0
     second = read_results(Path("out/results.json"))
     assert len(second.cases) == 2
-    assert first.cases[0] in second.cases  # its seconds too: it was not done again
+    assert first.cases[0] in second.cases  # with equal seconds: it did not run again
 
 
-def work_of(file: Path, **options: Any) -> CacheKey | None:
-    """A case of a robot's file as a journal has it."""
+def journal_key(file: Path, **options: Any) -> CacheKey | None:
+    """Return the journal's key of a case of a robot file."""
     with journal(Path("out"), resume=True) as done:
-        found = ResultBuilder(lambda *_: None, done)
-        of_file = TargetPlan(file, Options(**options), found)
-        return of_file._journal_key("case", (str(file), file.name, "mujoco"), "states", None)
+        builder = ResultBuilder(lambda *_: None, done)
+        target = TargetPlan(file, Options(**options), builder)
+        return target._journal_key("case", (str(file), file.name, "mujoco"), "states", None)
 
 
-def test_what_a_robot_s_file_depends_on_is_what_a_journal_goes_by(
+def test_journal_key_covers_dependencies_of_a_robot_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -218,34 +218,34 @@ def test_what_a_robot_s_file_depends_on_is_what_a_journal_goes_by(
     mesh = '<visual><geometry><mesh filename="a.stl"/></geometry></visual></link>'
     mesh = link("base").replace("</link>", mesh)
     file.write_text(ARM.replace(link("base"), mesh))
-    before = work_of(file)
+    before = journal_key(file)
     assert before is not None
-    assert work_of(file) == before
-    assert work_of(file, floating=True) != before
-    assert work_of(file, resolution=1e-8) != before
+    assert journal_key(file) == before
+    assert journal_key(file, floating=True) != before
+    assert journal_key(file, resolution=1e-8) != before
     with monkeypatch.context() as patch:
         patch.setattr(caches, "_environment", lambda: "another source or engine")
-        assert work_of(file) != before
+        assert journal_key(file) != before
     Path("a.stl").write_text("solid")
-    assert work_of(file) != before
+    assert journal_key(file) != before
     Path("a.stl").unlink()
     Path("arm.urdf.toml").touch()
-    assert work_of(file) != before
+    assert journal_key(file) != before
     Path("arm.urdf.toml").unlink()
-    assert work_of(file) == before
+    assert journal_key(file) == before
 
 
-def test_two_runs_into_one_folder_are_refused(
+def test_two_runs_into_one_folder_are_rejected(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with journal(Path("out"), resume=False):
         assert main(["run", "osc", "--out", "out"]) == 2
-    told = capsys.readouterr().err
-    assert f"another run (process {os.getpid()}) is writing to out" in told
-    assert len(told.splitlines()) == 1
+    output = capsys.readouterr().err
+    assert f"another run (process {os.getpid()}) is writing to out" in output
+    assert len(output.splitlines()) == 1
 
 
-def test_a_folder_that_cannot_be_written_is_told_before_anything_is_run(
+def test_unwritable_folder_is_reported_before_the_run(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("out").touch()
@@ -253,7 +253,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_anything_is_run(
     assert capsys.readouterr().err == f"crosscheck: out: {UNWRITABLE.format('File exists')}\n"
 
 
-def test_a_disk_that_is_full_leaves_the_results_that_were_there(
+def test_full_disk_keeps_the_previous_results(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def full(_: int) -> None:
@@ -264,9 +264,9 @@ def test_a_disk_that_is_full_leaves_the_results_that_were_there(
     Path("out/results.json").write_text("as it was")
     monkeypatch.setattr(os, "fsync", full)
     assert main(["run", "osc", "--out", "out", "--engine", "known"]) == 3
-    told = capsys.readouterr().err.splitlines()[-1]
+    output = capsys.readouterr().err.splitlines()[-1]
     sentence = UNWRITABLE.format("No space left on device")
-    assert told == f"crosscheck: out/results.json: {sentence}"
+    assert output == f"crosscheck: out/results.json: {sentence}"
     assert Path("out/results.json").read_text() == "as it was"
     assert sorted(path.name for path in Path("out").iterdir()) == ["results.json", NAME]
 
@@ -285,7 +285,7 @@ HOSTILE = {
 
 
 @pytest.mark.slow
-def test_a_declaration_costs_its_own_folder_alone(
+def test_hostile_declaration_fails_only_its_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.syspath_prepend(KNOWN_ANSWER)
@@ -295,10 +295,10 @@ def test_a_declaration_costs_its_own_folder_alone(
         Path(name, "system.py").write_text(f"{SYSTEM}\n{code}\n")
     known_folder(Path("sound"), {"good": ""})
     assert main(["run", *HOSTILE, "sound", "--out", "out", "--limit", "3"]) == 3
-    found = read_results(Path("out/results.json")).cases
-    reasons = {case.folder: case.reason for case in found if case.outcome == "FAILED"}
+    cases = read_results(Path("out/results.json")).cases
+    reasons = {case.folder: case.reason for case in cases if case.outcome == "FAILED"}
     assert reasons.keys() == HOSTILE.keys()
-    assert [case.outcome for case in found if case.folder == "sound"] == ["AGREES"] * 2
+    assert [case.outcome for case in cases if case.folder == "sound"] == ["AGREES"] * 2
     line = len(SYSTEM.splitlines()) + 2
     for name, reason in reasons.items():
         assert reason.startswith(f"{name}/system.py:{line}: ")
@@ -312,7 +312,7 @@ def test_a_declaration_costs_its_own_folder_alone(
 
 
 @pytest.mark.workers
-def test_a_hostile_declaration_does_not_end_other_commands(
+def test_hostile_declaration_does_not_end_other_commands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -320,5 +320,5 @@ def test_a_hostile_declaration_does_not_end_other_commands(
     Path("leaves/system.py").write_text("import os; os._exit(0)\n")
     for command in (["derive"], ["audit"], ["mutate"], ["gate"]):
         assert main([*command, "leaves"]) == 3, command
-        told = capsys.readouterr()
-        assert "leaves/system.py:1: it ends the process, exit code 0" in told.out + told.err
+        output = capsys.readouterr()
+        assert "leaves/system.py:1: it ends the process, exit code 0" in output.out + output.err

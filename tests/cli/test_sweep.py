@@ -1,4 +1,4 @@
-"""`crosscheck sweep` from its words to its page."""
+"""`crosscheck sweep` from its arguments to its page."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def words(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """A sweep that was run: the words that it was asked with."""
+    """Run a sweep, and return its arguments."""
     out = tmp_path_factory.mktemp("out") / "sweep"
     given = ["sweep", str(folder), "--vary", "k=20:200:log", "--draws", "4"]
     given += ["--integrator", "euler", "--integrator", "rk4", "--out", str(out)]
@@ -34,7 +34,7 @@ def words(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return given
 
 
-def test_integrators_are_crossed_with_draws_and_rows_read_as_one_table(words: list[str]) -> None:
+def test_integrators_are_combined_with_draws_in_one_table(words: list[str]) -> None:
     import pyarrow.parquet
 
     table = pyarrow.parquet.read_table(Path(words[-1]) / "rows").to_pydict()
@@ -48,21 +48,21 @@ def test_integrators_are_crossed_with_draws_and_rows_read_as_one_table(words: li
     assert errors["RK4"] < 1e-4 * errors["euler"]
 
 
-def test_a_row_has_the_command_that_runs_it_alone(
+def test_row_has_the_command_that_reruns_it(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     row = next(read_rows(Path(words[-1])))
     program, *again = shlex.split(row.command)
     assert program == "crosscheck"
     assert main(again) == 0
-    told = capsys.readouterr().out
-    assert f"ok  #{row.index} {row.name}, {row.integrator}" in told
-    assert f"k = {row.constants['k']:.6g}" in told
+    output = capsys.readouterr().out
+    assert f"ok  #{row.index} {row.name}, {row.integrator}" in output
+    assert f"k = {row.constants['k']:.6g}" in output
     assert row.global_error is not None
-    assert f"error at dt {percent(row.global_error)}" in told
+    assert f"error at dt {percent(row.global_error)}" in output
 
 
-def test_the_summary_is_told_again_of_the_rows_alone(
+def test_summary_is_rebuilt_from_the_rows(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = Path(words[-1])
@@ -73,7 +73,7 @@ def test_the_summary_is_told_again_of_the_rows_alone(
     assert (out / "index.html").read_text() == page
 
 
-def test_the_page_shows_each_row_and_asks_for_nothing(words: list[str]) -> None:
+def test_page_shows_each_row_and_loads_nothing(words: list[str]) -> None:
     out = Path(words[-1])
     plan = read_plan(out)
     assert plan is not None
@@ -87,7 +87,7 @@ def test_the_page_shows_each_row_and_asks_for_nothing(words: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "message"),
     [
         (["--seed", "1"], "another plan (seed: 0, now 1); choose another --out"),
         (["--vary", "k=9:8"], "9 is not below 8"),
@@ -95,15 +95,15 @@ def test_the_page_shows_each_row_and_asks_for_nothing(words: list[str]) -> None:
         (["--scenario", "fast"], "--scenario fast: unknown scenario; scenarios are free"),
     ],
 )
-def test_what_makes_no_sense_ends_with_2_and_a_remedy(
-    words: list[str], changed: list[str], said: str, capsys: pytest.CaptureFixture[str]
+def test_invalid_arguments_exit_2_with_a_remedy(
+    words: list[str], changed: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = words if changed[0] in ("--seed", "--integrator", "--scenario") else words[:2]
     assert main([*before, *changed]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
-def test_a_folder_without_a_sweep_is_told(
+def test_folder_without_a_sweep_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["sweep", "--summary", str(tmp_path)]) == 2
@@ -114,7 +114,7 @@ Rows = list[dict[str, Any]]
 
 
 def in_row(number: int, **fields: object) -> Callable[[Rows], None]:
-    """Damage to one row."""
+    """Return damage to one row."""
     return lambda rows: rows[number - 1].update(fields)
 
 
@@ -123,7 +123,7 @@ def repeat(rows: Rows) -> None:
 
 
 def without(name: str) -> Callable[[Rows], None]:
-    """Damage to every row: a column that is not there."""
+    """Return damage to every row: a missing column."""
 
     def damage(rows: Rows) -> None:
         for row in rows:
@@ -154,27 +154,27 @@ DAMAGE: dict[str, tuple[Callable[[Rows], None], str]] = {
 @pytest.mark.parametrize(
     ("name", "resumed"), [*((name, False) for name in DAMAGE), ("contradicts", True)]
 )
-def test_damaged_rows_are_told_by_file_and_row(
+def test_damaged_rows_are_reported_by_file_and_row(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, resumed: bool
 ) -> None:
     import pyarrow
     import pyarrow.parquet
 
-    damage, said = DAMAGE[name]
+    damage, message = DAMAGE[name]
     out = shutil.copytree(words[-1], tmp_path / "sweep")
     (part,) = (out / "rows").glob("*.parquet")
     rows = sorted(pyarrow.parquet.read_table(part).to_pylist(), key=lambda row: row["index"])
     damage(rows)
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), part)
-    asked = [*words[:-1], str(out)] if resumed else ["sweep", "--summary", str(out)]
-    assert main(asked) == 3
+    arguments = [*words[:-1], str(out)] if resumed else ["sweep", "--summary", str(out)]
+    assert main(arguments) == 3
     (line,) = capsys.readouterr().err.splitlines()[-1:]
-    assert line.startswith(f"crosscheck: {part}: {said}")
+    assert line.startswith(f"crosscheck: {part}: {message}")
     assert line.endswith("; remove the file to run its cases again")
 
 
 @pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" * 100])
-def test_a_part_that_is_no_parquet_is_told_likewise(
+def test_part_that_is_not_parquet_is_reported(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes
 ) -> None:
     out = shutil.copytree(words[-1], tmp_path / "sweep")
@@ -185,17 +185,18 @@ def test_a_part_that_is_no_parquet_is_told_likewise(
 
 
 @pytest.mark.workers
-def test_what_a_declaration_reads_elsewhere_makes_another_plan(
+def test_changed_file_read_by_a_declaration_changes_the_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    own, mass = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "mass.txt"
+    system, mass = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "mass.txt"
     mass.write_text("1")
-    text = (own / "system.py").read_text()
-    (own / "system.py").write_text(f"open({str(mass)!r}, 'r+').read()\n{text}")
-    asked = ["sweep", str(own), "--vary", "k=20:200", "--draws", "1", "--out", str(tmp_path / "s")]
-    assert main(asked) == 0
-    assert main(asked) == 0
+    text = (system / "system.py").read_text()
+    (system / "system.py").write_text(f"open({str(mass)!r}, 'r+').read()\n{text}")
+    given = ["sweep", str(system), "--vary", "k=20:200", "--draws", "1"]
+    given += ["--out", str(tmp_path / "s")]
+    assert main(given) == 0
+    assert main(given) == 0
     capsys.readouterr()
     mass.write_text("2")
-    assert main(asked) == 2
-    assert f"files of {own} have changed" in capsys.readouterr().err
+    assert main(given) == 2
+    assert f"files of {system} have changed" in capsys.readouterr().err

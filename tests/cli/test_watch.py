@@ -1,4 +1,4 @@
-"""What is saved is run again, alone, and the others' results stay beside it."""
+"""`run --watch` runs a saved file again and keeps the other results."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ class Watching:
                 self._lines.put(line)
 
     def until(self, words: str) -> str:
-        """All that is said up to a line with these words."""
-        said = ""
-        while words not in said:
-            said += self._lines.get(timeout=300)
-        return said
+        """Return the output up to a line with these words."""
+        output = ""
+        while words not in output:
+            output += self._lines.get(timeout=300)
+        return output
 
     def end(self) -> int:
         self._process.send_signal(signal.SIGINT)
@@ -66,33 +66,31 @@ def outcomes(place: Path) -> dict[str, Outcome]:
 
 @pytest.fixture
 def watching(place: Path) -> Iterator[Watching]:
-    found = Watching(place, "models", "-k", "free")
-    yield found
-    found.kill()
+    process = Watching(place, "models", "-k", "free")
+    yield process
+    process.kill()
 
 
 @pytest.mark.slow
-def test_a_saved_file_is_run_again_with_its_results_among_the_others(
-    place: Path, watching: Watching
-) -> None:
+def test_saved_file_runs_again_and_other_results_stay(place: Path, watching: Watching) -> None:
     watching.until("watching")
     assert outcomes(place) == {"good.known": Outcome.AGREES, "wrong.known": Outcome.DIFFERS}
     folder = place / "models" / "oscillator"
     good, wrong = folder / "good.known", folder / "wrong.known"
-    good.write_text(good.read_text())  # as it was: nothing is run for it
+    good.write_text(good.read_text())  # unchanged: nothing runs
     wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
-    said = watching.until("watching")
-    assert "changed: models/oscillator/wrong.known\n" in said
-    assert "1 case agrees to" in said
+    output = watching.until("watching")
+    assert "changed: models/oscillator/wrong.known\n" in output
+    assert "1 case agrees to" in output
     assert outcomes(place) == dict.fromkeys(("good.known", "wrong.known"), Outcome.AGREES)
-    # A new model is run, and one that is gone is left out.
+    # A new model runs, and a deleted one is dropped.
     for name in ("wrong.known", "wrong.known.toml"):
         (folder / name).rename(folder / name.replace("wrong", "other"))
     assert "other.known" in watching.until("watching")
     assert outcomes(place) == dict.fromkeys(("good.known", "other.known"), Outcome.AGREES)
     (folder / "system.py").write_text((folder / "system.py").read_text().replace("1.3", "1.4"))
-    said = watching.until("watching")
-    assert "changed: models/oscillator/system.py\n" in said
+    output = watching.until("watching")
+    assert "changed: models/oscillator/system.py\n" in output
     assert outcomes(place) == dict.fromkeys(("good.known", "other.known"), Outcome.DIFFERS)
     good.write_text("names = [")
     watching.until("watching")
@@ -101,7 +99,7 @@ def test_a_saved_file_is_run_again_with_its_results_among_the_others(
 
 
 @pytest.mark.slow
-def test_a_file_elsewhere_that_is_read_or_looked_for_is_watched(place: Path) -> None:
+def test_file_that_a_system_reads_or_tests_for_is_watched(place: Path) -> None:
     system = place / "models" / "oscillator" / "system.py"
     here = "__import__('pathlib').Path(__file__).parents[2]"
     given = f"float(({here} / 'm.txt').open('r+').read()) + 1.0 * ({here} / 'more').exists()"
@@ -123,7 +121,7 @@ def test_a_file_elsewhere_that_is_read_or_looked_for_is_watched(place: Path) -> 
         watching.kill()
 
 
-def test_a_program_is_not_told_what_a_person_watches(place: Path) -> None:
+def test_watch_rejects_json_format(place: Path) -> None:
     done = crosscheck(place, "run", "--watch", "models", "--format", "json")
     assert (done.returncode, done.stdout) == (2, "")
     assert "--watch prints text, not json" in done.stderr
