@@ -116,7 +116,7 @@ def test_settings_above_the_repository_are_ignored(
     inner.mkdir(parents=True)
     settings(tmp_path, "[tool.crosscheck]\nscheduler = 'tcp://there:8786'\n")
     monkeypatch.chdir(inner)
-    assert parsed("run").jobs == 0  # no repository: the working folder alone
+    assert parsed("run").jobs == 0  # no repository: only the working folder
     (inner.parent / ".git").write_text("gitdir: elsewhere\n")  # as in a work tree
     assert parsed("run").jobs == 0
     settings(inner.parent, "[tool.crosscheck]\njobs = 3\n")

@@ -107,7 +107,7 @@ def laws(
 def acting(
     a: Path, b: Path, engine_a: str = "mujoco", engine_b: str = "mujoco"
 ) -> tuple[ComparedActing, ...]:
-    """Compare what the numbers of two files act as, without the motions."""
+    """Compare how the numbers of two files act, without the motions."""
     models = candidate("A", a, engine_a), candidate("B", b, engine_b)
     prepared = prepare(InThisProcess(), *models, ({}, {}), include_constraints=False)
     return compare_acting(prepared.facts)

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def chain(seed: int, joints: int) -> tuple[str, str]:
-    """(MJCF, URDF) of a chain with random axes, offsets, turned inertias, springs and dampers."""
+    """Return (MJCF, URDF) of a chain with random axes, offsets, inertias, springs and dampers."""
     random = np.random.default_rng(seed)
     bodies, links = "", '  <link name="ground"/>\n'
     for i in range(joints):

@@ -1,4 +1,4 @@
-"""A repository with one built-in system, accepted as it is; and what a person does to it."""
+"""A repository with one accepted built-in system, and how users edit, gate and accept it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from tests.standing import keep_default_engines, shorten_scenarios, without
 SYSTEM = "mass_spring_damper"
 
 
-def nothing(*_: object) -> None:
-    """Progress that nobody watches."""
+def ignore_progress(*_: object) -> None:
+    """Ignore progress."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,15 @@ class Repository:
     def gate(self, *engines: str, **options: Any) -> GateResult:
         folders = sorted(path.parent for path in self.root.glob("models/*/system.py"))
         wanted = GateOptions(baseline=self.baseline, engines=engines, jobs=1, **options)
-        return gate(folders, wanted, nothing)
+        return gate(folders, wanted, ignore_progress)
 
-    def accept(self, reason: str, *patterns: str, found: GateResult | None = None) -> Acceptance:
-        return accept(found or self.gate(), patterns, reason, self.baseline)
+    def accept(self, reason: str, *patterns: str, result: GateResult | None = None) -> Acceptance:
+        return accept(result or self.gate(), patterns, reason, self.baseline)
 
 
 @pytest.fixture(scope="session")
 def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
-    """Made once: nobody changes this one."""
+    """Create a repository with an accepted baseline, which no test changes."""
     repository = Repository(tmp_path_factory.mktemp("pristine"))
     shutil.copytree(
         builtin() / SYSTEM, repository.folder, ignore=shutil.ignore_patterns("__pycache__")
@@ -72,7 +72,7 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
 
 @pytest.fixture
 def repository(pristine: Repository, tmp_path: Path) -> Repository:
-    """A copy of it to change."""
+    """Copy that repository for a test to change."""
     return copy_of(pristine, tmp_path / "repository")
 
 
@@ -85,7 +85,7 @@ def copy_of(repository: Repository, root: Path) -> Repository:
 def damped(
     pristine: Repository, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Repository, GateResult]:
-    """A copy in which the damper of `space.py` is another, and its gate; nobody changes it."""
+    """Gate a copy with another damper in `space.py`, which no test changes."""
     repository = copy_of(pristine, tmp_path_factory.mktemp("damped") / "repository")
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     return repository, repository.gate("pymunk")

@@ -1,4 +1,4 @@
-"""Accepting: by case or all, with a reason, in a small readable difference; known differences."""
+"""Acceptance by case or of all, with a reason and a small readable diff; known differences."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.run import Options, run
-from tests.gate.conftest import SYSTEM, Repository, copy_of, nothing
+from tests.gate.conftest import SYSTEM, Repository, copy_of, ignore_progress
 
 
 def _absent(_: object) -> None:
-    """The version of an engine that is not installed."""
+    """Return no version, as of an engine that is not installed."""
 
 
 def lines_changed(before: str, after: str) -> list[str]:
@@ -41,10 +41,10 @@ def lines_changed(before: str, after: str) -> list[str]:
 def run_pymunk(repository: Repository) -> Results:
     choice = CaseSelection(words="free")
     options = Options(("pymunk",), baseline=repository.baseline, jobs=2, choice=choice)
-    return run([repository.folder], options, nothing).results
+    return run([repository.folder], options, ignore_progress).results
 
 
-def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository: Repository) -> None:
+def test_entry_has_a_summary_and_a_line_per_quantity(repository: Repository) -> None:
     text = repository.file.read_text()
     entry = text[text.index('"model": "mujoco.xml"') :].splitlines()
     assert [line.strip() for line in entry[1:3]] == ['"scenario": "free",', '"engine": "mujoco",']
@@ -55,17 +55,17 @@ def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository: Reposit
 
 
 @pytest.mark.slow
-def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository: Repository) -> None:
+def test_accepting_one_case_changes_only_its_lines(repository: Repository) -> None:
     before = repository.file.read_text()
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
-    found = repository.gate()
-    done = repository.accept("a new damper", "*/space.py/resonance", found=found)
+    result = repository.gate()
+    done = repository.accept("a new damper", "*/space.py/resonance", result=result)
     assert list(map(str, done.cases)) == [f"{SYSTEM}/space.py/resonance [pymunk]"]
     changed = lines_changed(before, repository.file.read_text())
     assert 10 < len(changed) < 60
-    # Of the case, and of what the audit finds of its model.
+    # One of the case, and one of the audit of its model.
     assert sum('"reason": "a new damper"' in line for line in changed) == 2
-    # The text is the one accepted last; the cases that were not accepted are still told.
+    # The last accepted text is stored; cases that were not accepted are still reported.
     assert (repository.baseline / SYSTEM / "space.py.accepted").read_text().count("0.91") == 1
     again = repository.gate()
     assert {c.id.scenario: c.status for c in again.changes if c.id.model == "space.py"} == {
@@ -75,16 +75,16 @@ def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository: Rep
     assert not again.passes
 
 
-def test_accepting_what_did_not_move_changes_hashes_alone_and_the_gate_rests(
+def test_accepting_unchanged_motions_changes_only_hashes(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cases of an absent engine keep what was accepted."""
+    """Keep the accepted entries of cases whose engine is missing."""
     before = repository.file.read_text()
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     with monkeypatch.context() as patch:
         patch.setattr(PymunkEngine, "version", _absent)
-        found = repository.gate()
-        done = repository.accept("comment", found=found)
+        result = repository.gate()
+        done = repository.accept("comment", result=result)
     assert (len(done.cases), len(done.unchanged)) == (2, 2)
     changed = lines_changed(before, repository.file.read_text())
     assert {line.split('"')[1] for line in changed} == {"files", "seal"}
@@ -94,49 +94,49 @@ def test_accepting_what_did_not_move_changes_hashes_alone_and_the_gate_rests(
     assert repository.file.read_bytes() == written
 
 
-def test_a_gone_case_is_taken_out_with_its_text_and_snapshots_none_needs(
+def test_gone_case_is_removed_with_its_text_and_snapshots(
     repository: Repository,
 ) -> None:
     for name in ("space.py", "space.py.toml"):
         (repository.folder / name).unlink()
     assert len(repository.accept("not simulated in pymunk any more").cases) == 2
-    one = read_baseline(repository.baseline)[SYSTEM]
-    assert not any(case.model == "space.py" for case in one.cases)
-    assert len(one.snapshots) == 2
+    entry = read_baseline(repository.baseline)[SYSTEM]
+    assert not any(case.model == "space.py" for case in entry.cases)
+    assert len(entry.snapshots) == 2
     assert not list((repository.baseline / SYSTEM).glob("space.py*"))
     assert repository.gate().passes
 
 
 @pytest.mark.slow
-def test_a_failed_case_can_t_be_accepted_and_nothing_is_written(repository: Repository) -> None:
+def test_failed_case_cannot_be_accepted_and_nothing_is_written(repository: Repository) -> None:
     before = repository.file.read_bytes()
     repository.edit("mujoco.xml", "<worldbody>", "<worldbody")
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
-    found = repository.gate()
+    result = repository.gate()
     with pytest.raises(AcceptError, match=r"mujoco\.xml/free \[mujoco\] can't be accepted: FAILED"):
-        repository.accept("all of it", found=found)
+        repository.accept("all of it", result=result)
     assert repository.file.read_bytes() == before
-    assert len(repository.accept("the damper", "*/space.py/*", found=found).cases) == 2
+    assert len(repository.accept("the damper", "*/space.py/*", result=result).cases) == 2
 
 
-def test_a_pattern_that_matches_no_case_is_refused(repository: Repository) -> None:
+def test_pattern_that_matches_no_case_is_rejected(repository: Repository) -> None:
     with pytest.raises(FolderError, match="no case matches 'mujoko"):
         repository.accept("typing", "mujoko.xml/*")
 
 
-def test_a_known_difference_passes_until_it_changes(
+def test_known_difference_passes_until_it_changes(
     damped: tuple[Repository, GateResult], tmp_path: Path
 ) -> None:
-    repository, found = copy_of(damped[0], tmp_path / "repository"), damped[1]
-    repository.accept("the real damper", found=found)
-    found = repository.gate("pymunk")
-    assert {c.status for c in found.changes} == {Status.EXPECTED}
-    assert found.passes
-    known = run_pymunk(repository)
-    jsonschema.validate(json.loads(encoded(known)), schema(Results))
-    assert {case.outcome for case in known.cases} == {"DIFFERS"}
-    assert {case.accepted for case in known.cases} == {"the real damper"}
-    assert exit_code(known, False) == AGREE
+    repository, result = copy_of(damped[0], tmp_path / "repository"), damped[1]
+    repository.accept("the real damper", result=result)
+    result = repository.gate("pymunk")
+    assert {c.status for c in result.changes} == {Status.EXPECTED}
+    assert result.passes
+    results = run_pymunk(repository)
+    jsonschema.validate(json.loads(encoded(results)), schema(Results))
+    assert {case.outcome for case in results.cases} == {"DIFFERS"}
+    assert {case.accepted for case in results.cases} == {"the real damper"}
+    assert exit_code(results, False) == AGREE
 
     repository.edit("space.py", "DAMPING = 0.91 ", "DAMPING = 0.9100001 ")
     changed = run_pymunk(repository)
@@ -149,13 +149,13 @@ def test_a_known_difference_passes_until_it_changes(
 
 
 @pytest.mark.slow
-def test_a_known_difference_that_is_mended_is_an_improvement(repository: Repository) -> None:
+def test_fixed_known_difference_is_an_improvement(repository: Repository) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     repository.accept("for now", "*/space.py/*")
     repository.edit("space.py", "DAMPING = 0.91 ", "DAMPING = 0.9 ")
-    found = repository.gate()
-    assert {c.status for c in found.changes if c.id.model == "space.py"} == {Status.IMPROVED}
-    assert found.passes
+    result = repository.gate()
+    assert {c.status for c in result.changes if c.id.model == "space.py"} == {Status.IMPROVED}
+    assert result.passes
 
 
 @pytest.mark.parametrize(("arguments", "environment", "code", "sentence"), [
@@ -163,7 +163,7 @@ def test_a_known_difference_that_is_mended_is_an_improvement(repository: Reposit
     (["--reason", "why not"], {"GITHUB_ACTIONS": "true"}, USAGE, "refused in CI"),
     (["--reason", "  "], {}, USAGE, "--reason is empty"),
 ])  # fmt: skip
-def test_accept_is_a_persons_decision_with_a_reason(
+def test_accept_is_rejected_in_ci_and_without_a_reason(
     repository: Repository,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -198,7 +198,7 @@ def test_accept_and_gate_work_from_the_command_line(
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_the_first_lines_name_the_edit_and_the_remedy(
+def test_first_lines_name_the_edit_and_the_remedy(
     damped: tuple[Repository, GateResult], width: int
 ) -> None:
     lines = gate_lines(damped[1], width)
@@ -208,10 +208,10 @@ def test_the_first_lines_name_the_edit_and_the_remedy(
     assert f"crosscheck accept --reason \"WHY\" '{SYSTEM}/space.py/*'" in top
     assert all(len(line) <= width or " " not in line.strip() for line in lines)
     assert lines[-1].startswith("2 cases changed (2 run, ")
-    assert sum("0.91" in line for line in lines) <= 4  # once an edit, once a case at most
+    assert sum("0.91" in line for line in lines) <= 4  # at most once per edit and once per case
 
 
-def test_what_passes_is_a_line(repository: Repository) -> None:
+def test_passing_gate_prints_one_line(repository: Repository) -> None:
     (line,) = gate_lines(repository.gate("pymunk"))
     assert re.fullmatch(r"ok  2 cases as accepted \(0 run, \d+\.\d s\)", line)
 
@@ -224,7 +224,7 @@ def test_what_passes_is_a_line(repository: Repository) -> None:
     ("<body>", "<body", "changed to: <body"),
     ("x1 = 2", "x2 = 2", "changed to: x2 = 2"),
 ])  # fmt: skip
-def test_an_edited_number_is_named(old: str, new: str, edit: str) -> None:
+def test_edited_number_is_named(old: str, new: str, edit: str) -> None:
     (line,) = _lines(f"first\n{old}\n", f"first\n{new}\n")
     assert line.line == 2
     assert line.edit.endswith(edit)

@@ -1,4 +1,4 @@
-"""What a pull request shows: annotations at file and line, and a summary."""
+"""Annotations of a pull request at file and line, and its summary."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def note(**given: Any) -> Annotation:
     return Annotation(**(values | given))
 
 
-def test_ten_annotations_at_most_the_first_ones(
+def test_at_most_the_first_ten_annotations_are_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -57,7 +57,7 @@ def test_ten_annotations_at_most_the_first_ones(
     assert commands([note()], {}) == []
 
 
-def test_text_of_files_can_t_forge_a_command(
+def test_text_of_files_cannot_forge_a_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -72,7 +72,7 @@ def test_text_of_files_can_t_forge_a_command(
     )
 
 
-def test_files_are_told_relative_to_the_repository(
+def test_paths_are_relative_to_the_repository(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "sub").mkdir()
@@ -81,7 +81,7 @@ def test_files_are_told_relative_to_the_repository(
     assert "file=sub/a.xml," in commands([note()], environment)[0]
 
 
-def test_a_summary_is_cut_to_what_github_takes(tmp_path: Path) -> None:
+def test_summary_is_truncated_to_the_limit_of_github(tmp_path: Path) -> None:
     path = tmp_path / "summary.md"
     path.write_text("x" * 1000)
     write_summary("é" * MOST_SUMMARY, {"GITHUB_STEP_SUMMARY": str(path)})
@@ -93,14 +93,14 @@ def test_a_summary_is_cut_to_what_github_takes(tmp_path: Path) -> None:
     write_summary("nowhere", {})
 
 
-def test_ci_is_known_by_its_variables() -> None:
+def test_ci_is_detected_by_its_variables() -> None:
     assert in_ci({"CI": "true"})
     assert in_ci({"GITHUB_ACTIONS": "true"})
     assert not in_ci({"CI": "false"})
     assert not in_ci({})
 
 
-def test_a_changed_literal_is_annotated_at_its_line(
+def test_changed_literal_is_annotated_at_its_line(
     repository: Repository,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -116,11 +116,13 @@ def test_a_changed_literal_is_annotated_at_its_line(
     line = text.split("47.05")[0].count("\n") + 1
     assert cli.main(["gate"]) == 1
     out = capsys.readouterr().out
-    made = re.findall(r"^::.*$", out, re.MULTILINE)
-    assert len(made) == 1
-    assert made[0].startswith(f"::error file=models/mass_spring_damper/mujoco.xml,line={line},")
-    assert "joint[x]@stiffness 47.0 -> 47.05, bound to k" in made[0]
-    assert "(and 1 case more)" in made[0]
+    annotations = re.findall(r"^::.*$", out, re.MULTILINE)
+    assert len(annotations) == 1
+    assert annotations[0].startswith(
+        f"::error file=models/mass_spring_damper/mujoco.xml,line={line},"
+    )
+    assert "joint[x]@stiffness 47.0 -> 47.05, bound to k" in annotations[0]
+    assert "(and 1 case more)" in annotations[0]
     assert "\x1b" not in out
     shown = (tmp_path / "summary.md").read_text()
     assert "## crosscheck gate: FAIL" in shown
@@ -128,7 +130,7 @@ def test_a_changed_literal_is_annotated_at_its_line(
     assert (repository.root / "reports/gate/summary.md").read_text() == shown
 
 
-def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Path) -> None:
+def test_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Path) -> None:
     changes = tuple(
         Change(
             diff=Diff(
@@ -144,50 +146,50 @@ def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Pat
         )
         for i, status in enumerate(Status)
     )
-    found = GateResult(
+    result = GateResult(
         changes=changes, file_diffs=(), results=None, folders={}, baseline={}, seconds=0.0
     )
-    made = notes(found)
-    assert [n.title.split(":")[0] for n in made] == [
+    annotations = notes(result)
+    assert [n.title.split(":")[0] for n in annotations] == [
         "could not run",
         "changed",
         "gone",
         "new",
         "improved",
     ]
-    assert [n.level for n in made] == ["error"] * 4 + ["notice"]
-    assert "<b>" not in summary(found)
-    assert "&#60;b&#62;&#124;text&#96;" in summary(found)
+    assert [n.level for n in annotations] == ["error"] * 4 + ["notice"]
+    assert "<b>" not in summary(result)
+    assert "&#60;b&#62;&#124;text&#96;" in summary(result)
 
 
-def test_a_run_annotates_the_diagnosed_line(tmp_path: Path) -> None:
+def test_run_annotates_the_diagnosed_line(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text("x")
-    one = differing(tmp_path, "free")
+    first = differing(tmp_path, "free")
     results = results_of(
-        one, differing(tmp_path, "step"), causes=(cause("joint[x]@stiffness", 12),)
+        first, differing(tmp_path, "step"), causes=(cause("joint[x]@stiffness", 12),)
     )
-    (made,) = case_notes(results)
-    assert (made.file.name, made.line) == ("m.xml", 12)
+    (annotation,) = case_notes(results)
+    assert (annotation.file.name, annotation.line) == ("m.xml", 12)
     where = f"joint[x]@stiffness ({tmp_path}/m.xml:12)"
-    assert made.message == f"{where} is 1; the motion implies 2 ± 0.1: off"
-    assert made.title == "DIFFERS spring/m.xml/free [e]"
+    assert annotation.message == f"{where} is 1; the motion implies 2 ± 0.1: off"
+    assert annotation.title == "DIFFERS spring/m.xml/free [e]"
     assert case_notes(results_of(differing(tmp_path, "free", accepted="known"))) == []
 
 
-def test_a_pair_of_causes_is_annotated_at_the_first_that_stands_in_a_file(tmp_path: Path) -> None:
+def test_pair_of_causes_is_annotated_at_the_first_with_a_line(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text("x")
     pair = cause("nut and bolt", None), cause("joint[x]@damping", 7)
-    (made,) = case_notes(results_of(differing(tmp_path, "free"), causes=pair))
-    assert (made.file.name, made.line) == ("m.xml", 7)
-    assert made.message == (
+    (annotation,) = case_notes(results_of(differing(tmp_path, "free"), causes=pair))
+    assert (annotation.file.name, annotation.line) == ("m.xml", 7)
+    assert annotation.message == (
         "nut and bolt is 1; the motion implies 2 ± 0.1 and"
         f" joint[x]@damping ({tmp_path}/m.xml:7) is 1; the motion implies 2 ± 0.1: off"
     )
 
 
-def test_a_model_that_no_cause_explains_is_annotated_where_the_audit_finds(tmp_path: Path) -> None:
+def test_unexplained_model_is_annotated_at_its_audit_finding(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text("x")
-    found = results_of(differing(tmp_path, "free"), causes=(cause("joint[x]@damping", 7),))
+    results = results_of(differing(tmp_path, "free"), causes=(cause("joint[x]@damping", 7),))
     wrong = AuditFinding(
         kind="literal",
         subject=("mass",),
@@ -197,18 +199,18 @@ def test_a_model_that_no_cause_explains_is_annotated_where_the_audit_finds(tmp_p
         actual=9.0,
         severity="finding",
     )
-    (one,) = found.models
-    assert one.diagnosis is not None
-    unexplained = replace(one.diagnosis, explained=False)
-    found = replace(found, models=(replace(one, diagnosis=unexplained, audit=(wrong,)),))
-    (made,) = case_notes(found)
-    assert (made.file.name, made.line) == ("m.xml", 3)
-    assert made.message == "mass is 9 where m = 0.9: off"
+    (model,) = results.models
+    assert model.diagnosis is not None
+    unexplained = replace(model.diagnosis, explained=False)
+    results = replace(results, models=(replace(model, diagnosis=unexplained, audit=(wrong,)),))
+    (annotation,) = case_notes(results)
+    assert (annotation.file.name, annotation.line) == ("m.xml", 3)
+    assert annotation.message == "mass is 9 where m = 0.9: off"
 
 
-def test_a_model_without_a_diagnosis_is_annotated_at_its_file(tmp_path: Path) -> None:
-    (made,) = case_notes(results_of(differing(tmp_path, "free")))
-    assert (made.file, made.line, made.message) == (tmp_path, None, "off")
+def test_model_without_a_diagnosis_is_annotated_at_its_file(tmp_path: Path) -> None:
+    (annotation,) = case_notes(results_of(differing(tmp_path, "free")))
+    assert (annotation.file, annotation.line, annotation.message) == (tmp_path, None, "off")
 
 
 def differing(folder: Path, scenario: str, **fields: Any) -> Case:
@@ -228,7 +230,7 @@ def cause(subject: str, line: int | None) -> Cause:
 
 
 def results_of(*cases: Case, causes: tuple[Cause, ...] = ()) -> Results:
-    """Results of one model's cases, diagnosed where there are causes."""
+    """Return the results of one model's cases, with a diagnosis if there are causes."""
     explanation = Explanation(causes=causes, remaining=0.0)
     model = Model(
         system=cases[0].system,
@@ -250,7 +252,7 @@ def results_of(*cases: Case, causes: tuple[Cause, ...] = ()) -> Results:
     )
 
 
-def test_the_workflow_and_the_hooks_call_commands_that_there_are(
+def test_workflow_and_hooks_call_existing_commands(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     yaml = pytest.importorskip("yaml")

@@ -1,4 +1,4 @@
-"""Motions with events in a baseline: the same again, a changed model, and changed equations."""
+"""Motions with events in a baseline: unchanged, a changed model, and changed equations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def gated(root: Path) -> GateResult:
 
 @pytest.fixture(scope="module")
 def accepted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bouncing ball in one engine, accepted as it is."""
+    """Accept a bouncing ball in one engine."""
     root = tmp_path_factory.mktemp("accepted")
     hidden = shutil.ignore_patterns("__pycache__", "mujoco*", "robot*")
     shutil.copytree(builtin() / "events" / "bouncing_ball", root / "ball", ignore=hidden)
@@ -43,19 +43,17 @@ def edited(accepted: Path, root: Path, name: str, old: str, new: str) -> GateRes
     return gated(root)
 
 
-def test_a_motion_with_events_is_the_same_again(accepted: Path) -> None:
+def test_repeated_motion_with_events_is_unchanged(accepted: Path) -> None:
     again = gated(accepted)
     assert {change.status for change in again.changes} == {Status.SAME}
 
 
-def test_a_restitution_that_is_off_by_a_millionth_changes_the_model(
-    accepted: Path, tmp_path: Path
-) -> None:
+def test_restitution_off_by_a_millionth_changes_the_model(accepted: Path, tmp_path: Path) -> None:
     result = edited(accepted, tmp_path, "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.8000008")
     assert {change.status for change in result.changes} == {Status.CHANGED}
     assert {kind for change in result.changes for kind in change.kinds} == {"model"}
 
 
-def test_a_declared_restitution_changes_the_equations(accepted: Path, tmp_path: Path) -> None:
+def test_declared_restitution_changes_the_equations(accepted: Path, tmp_path: Path) -> None:
     result = edited(accepted, tmp_path, "system.py", '"e", 0.8,', '"e", 0.81,')
     assert {kind for change in result.changes for kind in change.kinds} == {"equations"}

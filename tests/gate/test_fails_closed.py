@@ -1,4 +1,4 @@
-"""Whatever goes wrong, the gate does not pass, and what was accepted is still there."""
+"""Whatever fails, the gate does not pass, and the accepted baseline stays intact."""
 
 from __future__ import annotations
 
@@ -26,29 +26,29 @@ from tests.gate.conftest import SYSTEM, Repository, copy_of
 
 
 class Gating(Protocol):
-    """`crosscheck gate` with some arguments: its exit code."""
+    """A function that runs `crosscheck gate` with arguments and returns its exit code."""
 
     def __call__(self, *arguments: str) -> int: ...
 
 
 def _absent(_: object) -> None:
-    """The version of an engine that is not installed."""
+    """Return no version, as of an engine that is not installed."""
 
 
 @pytest.fixture
 def gate(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> Gating:
-    """`crosscheck gate` in the repository: its exit code."""
+    """Return a function that runs `crosscheck gate` in the repository."""
     monkeypatch.chdir(repository.root)
     return lambda *arguments: cli.main(["gate", *arguments])
 
 
 def contents(repository: Repository) -> dict[Path, bytes]:
-    """Every file of the baseline."""
+    """Return the content of every file of the baseline."""
     return {path: path.read_bytes() for path in repository.baseline.rglob("*") if path.is_file()}
 
 
 def flip(text: str, after: str) -> str:
-    """One digit of the number after a key, changed."""
+    """Change one digit of the number after a key."""
     place = text.index(after) + len(after)
     while not text[place].isdigit():
         place += 1
@@ -71,7 +71,7 @@ def flip(text: str, after: str) -> str:
     (lambda text: "[" * 100_000, "not JSON"),
     (lambda text: "null", "baseline of format 2"),
 ])  # fmt: skip
-def test_a_damaged_baseline_is_told_and_never_passes(
+def test_damaged_baseline_is_reported_and_never_passes(
     repository: Repository,
     gate: Gating,
     capsys: pytest.CaptureFixture[str],
@@ -88,14 +88,12 @@ def test_a_damaged_baseline_is_told_and_never_passes(
     assert f"{SYSTEM}.json" in error
 
 
-def test_a_run_does_not_believe_a_damaged_baseline_either(
-    repository: Repository, gate: Gating
-) -> None:
+def test_run_fails_on_a_damaged_baseline(repository: Repository, gate: Gating) -> None:
     repository.file.write_text("{")
     assert cli.main(["run", str(repository.folder), "--engine", "pymunk"]) == FAIL
 
 
-def test_a_baseline_that_is_a_file_or_holds_bytes_is_refused(repository: Repository) -> None:
+def test_baseline_that_is_a_file_or_binary_is_rejected(repository: Repository) -> None:
     repository.file.write_bytes(b"\xff\xfe")
     with pytest.raises(BaselineError, match="not JSON"):
         read_baseline(repository.baseline)
@@ -103,7 +101,7 @@ def test_a_baseline_that_is_a_file_or_holds_bytes_is_refused(repository: Reposit
         read_baseline(repository.file)
 
 
-def test_no_baseline_at_all_is_no_pass(
+def test_missing_baseline_does_not_pass(
     repository: Repository, gate: Gating, capsys: pytest.CaptureFixture[str]
 ) -> None:
     repository.file.unlink()
@@ -113,7 +111,7 @@ def test_no_baseline_at_all_is_no_pass(
     assert "Fix: accept them:" in out
 
 
-def test_an_accepted_text_that_was_changed_is_not_shown_as_the_accepted_one(
+def test_altered_accepted_text_is_not_shown(
     repository: Repository, damped: tuple[Repository, GateResult]
 ) -> None:
     (repository.baseline / SYSTEM / "space.py.accepted").write_text("DAMPING = 5.0\n")
@@ -122,7 +120,7 @@ def test_an_accepted_text_that_was_changed_is_not_shown_as_the_accepted_one(
     assert messages == ["changed; the accepted text is not kept, so its lines are unknown"]
 
 
-def test_a_file_that_can_t_be_opened_is_named(
+def test_unreadable_file_is_named(
     repository: Repository,
     gate: Gating,
     capsys: pytest.CaptureFixture[str],
@@ -142,7 +140,7 @@ def test_a_file_that_can_t_be_opened_is_named(
     assert "4 as accepted (1 run" in out
 
 
-def test_a_missing_engine_exits_3(
+def test_missing_engine_exits_3(
     repository: Repository,
     gate: Gating,
     monkeypatch: pytest.MonkeyPatch,
@@ -153,7 +151,7 @@ def test_a_missing_engine_exits_3(
     assert "ABSENT: pymunk is not installed" in capsys.readouterr().out
 
 
-def test_a_full_disk_under_the_gates_own_files_is_no_pass(
+def test_full_disk_while_gating_does_not_pass(
     repository: Repository,
     gate: Gating,
     monkeypatch: pytest.MonkeyPatch,
@@ -168,20 +166,20 @@ def test_a_full_disk_under_the_gates_own_files_is_no_pass(
     assert "No space left" in capsys.readouterr().err
 
 
-def test_a_summary_that_can_t_be_written_is_no_pass(
+def test_unwritable_summary_does_not_pass(
     repository: Repository, gate: Gating, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "/dev/full")
     assert gate() == FAIL
 
 
-def test_a_full_disk_while_accepting_leaves_the_old_baseline(
+def test_full_disk_while_accepting_leaves_the_old_baseline(
     damped: tuple[Repository, GateResult], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    repository, found = copy_of(damped[0], tmp_path / "repository"), damped[1]
+    repository, result = copy_of(damped[0], tmp_path / "repository"), damped[1]
     before = contents(repository)
     real = os.fsync
-    # A text and the entries are to be written.
+    # Accepting writes a text, then the entries.
     for fails_at in (1, 2):
         count = itertools.count(1)
 
@@ -192,13 +190,13 @@ def test_a_full_disk_while_accepting_leaves_the_old_baseline(
 
         monkeypatch.setattr(os, "fsync", full)
         with pytest.raises(OSError, match="No space left"):
-            repository.accept("more", found=found)
+            repository.accept("more", result=result)
         assert contents(repository) == before
     monkeypatch.setattr(os, "fsync", real)
-    assert len(repository.accept("more", found=found).files) == 2
+    assert len(repository.accept("more", result=result).files) == 2
 
 
-def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository: Repository) -> None:
+def test_killed_gate_does_not_exit_0_and_loses_nothing(repository: Repository) -> None:
     before = contents(repository)
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     root = Path(cli.__file__).parents[2]
@@ -216,27 +214,27 @@ def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository: Rep
     assert contents(repository) == before
 
 
-def test_a_file_that_changes_while_it_is_run_is_no_pass(
+def test_file_changed_during_the_run_does_not_pass(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     repository.edit("space.py", "MASS = 1.3  # kg", "MASS = 1.3  # kilograms")
     real = gating._run
 
     def meanwhile(*arguments: Any) -> Any:
-        found = real(*arguments)
+        result = real(*arguments)
         repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
-        return found
+        return result
 
     monkeypatch.setattr(gating, "_run", meanwhile)
-    found = repository.gate()
-    assert not found.passes
-    assert {c.messages[0] for c in found.changes if c.case is not None} == {
+    result = repository.gate()
+    assert not result.passes
+    assert {c.messages[0] for c in result.changes if c.case is not None} == {
         "its files changed during the run; run it again"
     }
 
 
 @pytest.mark.slow
-def test_two_folders_of_one_system_are_refused(
+def test_two_folders_of_one_system_are_rejected(
     repository: Repository, gate: Gating, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(repository.folder, repository.folder.parent / "copy")

@@ -1,4 +1,4 @@
-"""A person goes through what changed: what is accepted is written, and nothing else."""
+"""Interactive review of changes: accepted cases are written, and no others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.gate.conftest import SYSTEM, Repository
 
 
 class Person:
-    """Answers in turn, and hears what is told; then nobody is there."""
+    """A reviewer who gives answers in turn and then ends the input."""
 
     def __init__(self, *answers: str) -> None:
         self._answers: Iterator[str] = iter(answers)
@@ -35,17 +35,17 @@ class Person:
             raise EOFError
         return answer
 
-    def review(self, found: GateResult) -> Decisions:
-        return Review(found, self.ask, self.heard.append).walk()
+    def review(self, result: GateResult) -> Decisions:
+        return Review(result, self.ask, self.heard.append).walk()
 
 
 @pytest.fixture
 def changed(damped: tuple[Repository, GateResult]) -> GateResult:
-    """The damper of `space.py` is another: two cases changed."""
+    """Return a gate with two changed cases, due to another damper in `space.py`."""
     return damped[1]
 
 
-def test_each_is_decided_with_its_reason_and_its_files_are_told_once(changed: GateResult) -> None:
+def test_each_case_is_decided_and_its_files_are_shown_once(changed: GateResult) -> None:
     person = Person("?", "a", "", "a new  damper", "r")
     decided = person.review(changed)
     first, second = changed.with_status(Status.CHANGED)
@@ -60,43 +60,41 @@ def test_each_is_decided_with_its_reason_and_its_files_are_told_once(changed: Ga
     assert "2 of 2  changed" in text
 
 
-def test_the_others_of_a_file_are_accepted_with_it(changed: GateResult) -> None:
+def test_all_cases_of_a_file_can_be_accepted_at_once(changed: GateResult) -> None:
     decided = Person("A", "a new damper").review(changed)
     assert len(decided.reasons) == 2
     assert set(decided.reasons.values()) == {"a new damper"}
     assert decided.rejected == decided.undecided == []
 
 
-def test_who_quits_has_decided_what_was_decided(changed: GateResult) -> None:
+def test_quitting_keeps_earlier_decisions(changed: GateResult) -> None:
     first, *rest = changed.with_status(Status.CHANGED)
     for answers in (["a", "right", "q"], ["a", "right"]):
         decided = Person(*answers).review(changed)
         assert (list(decided.reasons), decided.undecided) == ([first.id], rest)
 
 
-def test_an_empty_reason_is_the_last_one(changed: GateResult) -> None:
+def test_empty_reason_repeats_the_last_one(changed: GateResult) -> None:
     decided = Person("a", "a new damper", "a", "").review(changed)
     assert list(decided.reasons.values()) == ["a new damper"] * 2
 
 
-def test_what_moves_as_accepted_is_asked_of_once_and_keeps_its_reasons(
+def test_unchanged_motions_are_asked_about_once_and_keep_their_reasons(
     repository: Repository,
 ) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.90 ")
-    found = repository.gate("pymunk")
-    decided = Person("a").review(found)
+    result = repository.gate("pymunk")
+    decided = Person("a").review(result)
     assert len(decided.reasons) == len(decided.kept) == 2
     named = decided.reasons.keys() - decided.kept
-    accept_each(found, decided.reasons, named, repository.baseline)
+    accept_each(result, decided.reasons, named, repository.baseline)
     again = repository.gate("pymunk")
     assert {change.status for change in again.changes} == {Status.SAME}
     assert {change.entry.reason for change in again.changes if change.entry} == {"first baseline"}
-    assert not Person("s").review(found).reasons
+    assert not Person("s").review(result).reasons
 
 
-def test_nobody_is_asked_where_nobody_sits(
-    repository: Repository, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_review_needs_a_terminal(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
     for ci in ("1", ""):
         done = crosscheck("review", cwd=repository.root, CI=ci)
@@ -105,12 +103,12 @@ def test_nobody_is_asked_where_nobody_sits(
 
 
 @pytest.mark.slow
-def test_at_a_terminal_what_is_accepted_is_in_the_baseline(repository: Repository) -> None:
+def test_review_at_a_terminal_writes_accepted_cases(repository: Repository) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
-    code, said = _at_a_terminal(repository, "a\na new damper\nr\n")
-    assert code == DIFFER, said
-    assert "1 accepted, 1 rejected" in said
-    assert f"models/{SYSTEM}/space.py:7 DAMPING 0.9 -> 0.91" in said
+    code, output = _at_a_terminal(repository, "a\na new damper\nr\n")
+    assert code == DIFFER, output
+    assert "1 accepted, 1 rejected" in output
+    assert f"models/{SYSTEM}/space.py:7 DAMPING 0.9 -> 0.91" in output
     statuses = [change.status for change in repository.gate("pymunk").changes]
     assert sorted(statuses) == sorted([Status.EXPECTED, Status.CHANGED])
 

@@ -29,7 +29,7 @@ from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, 
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.run import Options, run
-from tests.gate.conftest import nothing
+from tests.gate.conftest import ignore_progress
 
 ROOT = Path(__file__).parents[2]
 ARM = """\
@@ -91,19 +91,19 @@ class Robots:
     def gate(self, *targets: Path, **options: Any) -> GateResult:
         chosen = targets or accepted_targets(self.baseline)
         wanted = GateOptions(baseline=self.baseline, engines=("mujoco",), jobs=1, **options)
-        return gate(chosen, wanted, nothing)
+        return gate(chosen, wanted, ignore_progress)
 
-    def accept(self, reason: str, found: GateResult) -> Acceptance:
-        return accept(found, (), reason, self.baseline)
+    def accept(self, reason: str, result: GateResult) -> Acceptance:
+        return accept(result, (), reason, self.baseline)
 
     def run(self, **options: Any) -> Results:
         wanted = Options(("mujoco",), baseline=self.baseline, jobs=1, **options)
-        return run([], wanted, nothing, robots=[self.arm]).results
+        return run([], wanted, ignore_progress, robots=[self.arm]).results
 
 
 @pytest.fixture(scope="module")
 def accepted(tmp_path_factory: pytest.TempPathFactory) -> Robots:
-    """Made once: nobody changes this one."""
+    """Accept robot files in a repository that no test changes."""
     robots = Robots(tmp_path_factory.mktemp("robots"))
     (robots.root / "robots" / "left").mkdir(parents=True)
     for name, text in {
@@ -119,25 +119,25 @@ def accepted(tmp_path_factory: pytest.TempPathFactory) -> Robots:
 
 @pytest.fixture
 def robots(accepted: Robots, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robots:
-    """A copy of it to change, as the working directory."""
+    """Copy that repository as the working directory."""
     shutil.copytree(accepted.root, tmp_path / "repository")
     monkeypatch.chdir(tmp_path / "repository")
     return Robots(tmp_path / "repository")
 
 
-def statuses(found: GateResult) -> dict[str, Status]:
-    """The status of each case."""
-    return {str(change.id): change.status for change in found.changes}
+def statuses(result: GateResult) -> dict[str, Status]:
+    """Return the status of each case."""
+    return {str(change.id): change.status for change in result.changes}
 
 
-def test_files_of_one_stem_are_two_systems_called_by_their_paths(accepted: Robots) -> None:
-    known = read_baseline(accepted.baseline)
-    assert sorted(known) == ["robots/arm.urdf", "robots/left/arm.urdf", "robots/scene.xml"]
+def test_files_of_the_same_name_are_systems_named_by_path(accepted: Robots) -> None:
+    baseline = read_baseline(accepted.baseline)
+    assert sorted(baseline) == ["robots/arm.urdf", "robots/left/arm.urdf", "robots/scene.xml"]
     assert (accepted.baseline / "robots/left/arm.urdf.json").is_file()
-    (scene,) = known["robots/scene.xml"].cases.values()
+    (scene,) = baseline["robots/scene.xml"].cases.values()
     assert set(scene.files) == {"scene.xml", "part.xml"}
-    kept = accepted.baseline / "robots/left/arm.urdf/arm.urdf.accepted"
-    assert kept.read_text() == ARM.replace("1.3", "1.4")
+    text = accepted.baseline / "robots/left/arm.urdf/arm.urdf.accepted"
+    assert text.read_text() == ARM.replace("1.3", "1.4")
     assert str(accepted.root) not in (accepted.baseline / "robots/arm.urdf.json").read_text()
 
 
@@ -159,7 +159,7 @@ def test_unchanged_files_pass_without_an_engine_or_sympy(accepted: Robots) -> No
     assert "3 cases as accepted (0 run" in done.stdout
 
 
-def test_a_changed_number_is_named_by_file_and_line_first(
+def test_changed_number_is_named_by_file_and_line_first(
     robots: Robots, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robots.edit('mass value="1.3"', 'mass value="1.35"')
@@ -182,30 +182,30 @@ def test_a_changed_number_is_named_by_file_and_line_first(
 
 def test_annotations_and_the_summary_name_the_changed_line(robots: Robots) -> None:
     robots.edit('mass value="1.3"', 'mass value="1.35"')
-    found = robots.gate()
-    (note,) = notes(found)
+    result = robots.gate()
+    (note,) = notes(result)
     assert (note.file.name, note.line) == ("arm.urdf", 11)
     assert note.title == f"changed: {ARM_CASE}"
-    assert "**robots/arm.urdf**" in summary(found)
-    assert robots.accept("heavier", found).cases == (found.changes[0].id,)
+    assert "**robots/arm.urdf**" in summary(result)
+    assert robots.accept("heavier", result).cases == (result.changes[0].id,)
     assert set(statuses(robots.gate()).values()) == {Status.SAME}
 
 
-def test_a_comment_moves_nothing(robots: Robots) -> None:
+def test_comment_changes_no_motion(robots: Robots) -> None:
     robots.edit('<link name="base">', '<!-- the base --><link name="base">')
     assert statuses(robots.gate()) == {
         ARM_CASE: Status.WITHIN, TWIN_CASE: Status.SAME, SCENE_CASE: Status.SAME,
     }  # fmt: skip
 
 
-def test_a_file_that_is_included_counts_with_its_model(robots: Robots) -> None:
+def test_included_file_counts_with_its_model(robots: Robots) -> None:
     robots.edit('mass="1.2"', 'mass="1.3"', "part.xml")
-    found = robots.gate()
-    assert statuses(found)[SCENE_CASE] is Status.CHANGED
-    assert [diff.file for diff in found.file_diffs] == ["part.xml"]
+    result = robots.gate()
+    assert statuses(result)[SCENE_CASE] is Status.CHANGED
+    assert [diff.file for diff in result.file_diffs] == ["part.xml"]
 
 
-def test_a_part_is_a_model_where_it_was_accepted_itself(robots: Robots) -> None:
+def test_included_part_is_a_model_if_accepted(robots: Robots) -> None:
     folder = robots.root / "robots"
     (folder / "part.xml").write_text(SCENE.replace('<include file="part.xml"/>', PART[15:-16]))
     (folder / "scene.xml").write_text('<mujoco><include file="part.xml"/></mujoco>')
@@ -215,7 +215,7 @@ def test_a_part_is_a_model_where_it_was_accepted_itself(robots: Robots) -> None:
     assert "robots/part.xml/states [mujoco]" in statuses(robots.gate())
 
 
-def test_an_accepted_file_is_gated_wherever_it_is_below_a_folder(robots: Robots) -> None:
+def test_accepted_file_is_gated_in_any_subfolder(robots: Robots) -> None:
     deep = robots.root / "robots" / "build" / "arm.xml"
     deep.parent.mkdir()
     # The search for models reads no further than the comment.
@@ -230,8 +230,8 @@ def test_an_accepted_file_is_gated_wherever_it_is_below_a_folder(robots: Robots)
 
 def test_gone_new_and_renamed_files_fail_and_can_be_accepted(robots: Robots) -> None:
     robots.arm.rename(robots.arm.with_name("crane.urdf"))
-    found = robots.gate()
-    assert statuses(found) == {
+    result = robots.gate()
+    assert statuses(result) == {
         ARM_CASE: Status.GONE, "robots/crane.urdf/states [mujoco]": Status.NEW,
         TWIN_CASE: Status.SAME, SCENE_CASE: Status.SAME,
     }  # fmt: skip
@@ -239,7 +239,7 @@ def test_gone_new_and_renamed_files_fail_and_can_be_accepted(robots: Robots) -> 
     assert statuses(parents)[ARM_CASE] is Status.GONE
     elsewhere = robots.gate(robots.root / "robots/scene.xml", parents=(robots.root / "models",))
     assert ARM_CASE not in statuses(elsewhere)
-    robots.accept("renamed", found)
+    robots.accept("renamed", result)
     assert set(statuses(robots.gate()).values()) == {Status.SAME}
     assert not (robots.baseline / "robots/arm.urdf.json").exists()
     assert not list((robots.baseline / "robots/arm.urdf").iterdir())
@@ -255,7 +255,7 @@ def test_another_engine_version_runs_the_files_again(
     assert change.case is not None
 
 
-def test_a_damaged_entry_is_told_with_its_file(
+def test_damaged_entry_is_reported_with_its_file(
     robots: Robots, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = robots.baseline / "robots/arm.urdf.json"
@@ -264,13 +264,13 @@ def test_a_damaged_entry_is_told_with_its_file(
     assert "robots/arm.urdf.json" in capsys.readouterr().err
 
 
-def test_a_file_that_is_no_xml_or_changes_meanwhile_is_no_pass(
+def test_invalid_or_changing_file_does_not_pass(
     robots: Robots, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robots.edit("</robot>", "")
-    found = robots.gate()
-    assert [change.id.scenario for change in found.with_status(Status.NOT_RUN)] == ["-"]
-    assert not found.with_status(Status.GONE)
+    result = robots.gate()
+    assert [change.id.scenario for change in result.with_status(Status.NOT_RUN)] == ["-"]
+    assert not result.with_status(Status.GONE)
     robots.arm.write_text(ARM.replace("boom", "jib"))
     real = gating._run
 
@@ -283,50 +283,50 @@ def test_a_file_that_is_no_xml_or_changes_meanwhile_is_no_pass(
     assert statuses(robots.gate())[ARM_CASE] is Status.NOT_RUN
 
 
-def test_the_gate_reads_a_file_with_the_options_it_was_accepted_with(robots: Robots) -> None:
+def test_gate_reads_a_file_with_its_accepted_options(robots: Robots) -> None:
     floating = "robots/arm.urdf/floating states [mujoco]"
-    found = robots.gate(floating=True)
-    assert statuses(found)[ARM_CASE] is Status.GONE
-    assert statuses(found)[floating] is Status.NEW
-    robots.accept("it floats", found)
+    result = robots.gate(floating=True)
+    assert statuses(result)[ARM_CASE] is Status.GONE
+    assert statuses(result)[floating] is Status.NEW
+    robots.accept("it floats", result)
     assert {change.case for change in robots.gate().changes} == {None}
     robots.edit('mass value="1.3"', 'mass value="1.35"')
-    found = robots.gate()
-    assert statuses(found)[floating] is Status.CHANGED
-    robots.accept("heavier", found)
+    result = robots.gate()
+    assert statuses(result)[floating] is Status.CHANGED
+    robots.accept("heavier", result)
     assert statuses(robots.gate())[floating] is Status.SAME
-    # Read in another way, nothing of it is as accepted, nor missing.
+    # A run with other options has a new case, and none is missing.
     changes = robots.run().baseline
     assert changes is not None
     assert [(one.scenario, one.status) for one in changes.changes] == [("states", Status.NEW)]
 
 
-def test_another_model_of_the_file_is_another_robot(robots: Robots) -> None:
+def test_another_model_of_a_file_is_another_robot(robots: Robots) -> None:
     file = robots.arm.with_suffix(".sdf")
     file.write_text('<sdf version="1.9"/>')
     first, other = (robot_options(file, floating=True, model=name) for name in ("a", "b"))
     assert not first.floating
-    known = read_baseline(robots.baseline)["robots/arm.urdf"]
-    one = robot_file(robots.arm, ("mujoco",), first)
-    declared = msgspec.structs.replace(known.declared, robot=first)
+    entry = read_baseline(robots.baseline)["robots/arm.urdf"]
+    first_file = robot_file(robots.arm, ("mujoco",), first)
+    declared = msgspec.structs.replace(entry.declared, robot=first)
     versions = {"mujoco": MujocoEngine().version()}
-    known = type(known)(declared=declared, snapshots=known.snapshots, cases=known.cases)
-    assert not stale(one, one.models[0], "mujoco", known, versions, 1e-9)
-    two = robot_file(robots.arm, ("mujoco",), other)
-    assert stale(two, two.models[0], "mujoco", known, versions, 1e-9)
+    entry = type(entry)(declared=declared, snapshots=entry.snapshots, cases=entry.cases)
+    assert not stale(first_file, first_file.models[0], "mujoco", entry, versions, 1e-9)
+    other_file = robot_file(robots.arm, ("mujoco",), other)
+    assert stale(other_file, other_file.models[0], "mujoco", entry, versions, 1e-9)
 
 
-def test_a_baseline_that_was_moved_knows_its_files_by_name(robots: Robots) -> None:
+def test_moved_baseline_matches_files_by_name(robots: Robots) -> None:
     moved = robots.root / "accepted"
     robots.baseline.rename(moved)
-    known = read_baseline(moved)
-    one = match(robots.arm, moved, known)
-    assert one is not None
-    assert one.system == "robots/arm.urdf"
-    assert match(robots.root / "robots/left/other.urdf", moved, known) is None
+    baseline = read_baseline(moved)
+    matched = match(robots.arm, moved, baseline)
+    assert matched is not None
+    assert matched.system == "robots/arm.urdf"
+    assert match(robots.root / "robots/left/other.urdf", moved, baseline) is None
 
 
-def test_a_known_difference_passes_and_is_marked_in_a_run(robots: Robots) -> None:
+def test_known_difference_passes_and_is_marked_in_a_run(robots: Robots) -> None:
     robots.edit("  <joint", f"{MASSLESS}  <joint")
     robots.accept("MuJoCo drops it", robots.gate())
     assert statuses(robots.gate(every=True))[ARM_CASE] is Status.EXPECTED
@@ -341,15 +341,15 @@ def test_a_known_difference_passes_and_is_marked_in_a_run(robots: Robots) -> Non
     assert "was accepted here (MuJoCo drops it), but" in case.reason
 
 
-def test_a_file_that_an_engine_refuses_is_accepted_as_refused(robots: Robots) -> None:
+def test_file_rejected_by_an_engine_can_be_accepted(robots: Robots) -> None:
     possible, impossible = 'izz="0.006"', 'izz="0.6"'
     robots.edit(possible, impossible)
-    found = robots.gate()
-    (change,) = found.with_status(Status.CHANGED)
+    result = robots.gate()
+    (change,) = result.with_status(Status.CHANGED)
     assert change.messages[0] == "the verdict changed from AGREES to REFUSED"
     assert "inertia must satisfy" in change.messages[1]
-    assert gate_lines(found)[0].startswith("FAIL  ")
-    robots.accept("MuJoCo refuses it", found)
+    assert gate_lines(result)[0].startswith("FAIL  ")
+    robots.accept("MuJoCo refuses it", result)
     assert "1 known difference in robots/arm.urdf: REFUSED" in "\n".join(gate_lines(robots.gate()))
     assert statuses(robots.gate(every=True))[ARM_CASE] is Status.EXPECTED
     robots.edit(impossible, possible)
@@ -369,7 +369,7 @@ def test_files_and_folders_are_targets_of_accept(
     assert set(statuses(robots.gate()).values()) == {Status.SAME}
 
 
-def test_a_model_of_a_system_folder_is_not_gated_alone(
+def test_model_of_a_system_folder_is_not_gated_alone(
     robots: Robots, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (robots.root / "robots" / "system.py").touch()
@@ -377,7 +377,7 @@ def test_a_model_of_a_system_folder_is_not_gated_alone(
     assert "name its folder, robots" in capsys.readouterr().err
 
 
-def test_two_files_of_one_name_are_refused(
+def test_two_files_of_one_name_are_rejected(
     robots: Robots, capsys: pytest.CaptureFixture[str]
 ) -> None:
     inner = robots.root / "reports" / "robots" / "arm.urdf"

@@ -1,4 +1,4 @@
-"""What a run says of the baseline: known differences, and what changed since."""
+"""Changes of a run since the baseline was accepted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.run import Options, run
-from tests.gate.conftest import nothing
+from tests.gate.conftest import ignore_progress
 from tests.standing import keep_default_engines, shorten_scenarios, without
 
 pytestmark = pytest.mark.skipif(
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def changed(tmp_path_factory: pytest.TempPathFactory) -> Results:
-    """Accepted models: the step of one is finer, of another coarser, one is gone, one is left."""
+    """Accept models; then refine one step, coarsen another, delete a model and keep one."""
     home = tmp_path_factory.mktemp("home")
     folder = home / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
@@ -56,10 +56,10 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Results:
     for name in ("gone.xml", "gone.xml.toml"):
         (folder / name).unlink()
     options = Options(("mujoco",), jobs=2, baseline=place)
-    return run([folder], options, nothing).results
+    return run([folder], options, ignore_progress).results
 
 
-def test_each_change_is_told_for_what_it_is_and_nothing_of_what_is_left(changed: Results) -> None:
+def test_changes_are_listed_and_unchanged_models_are_not(changed: Results) -> None:
     jsonschema.validate(json.loads(encoded(changed)), schema(Results))
     assert changed.baseline is not None
     changes = {c.model: c for c in changed.baseline.changes}
@@ -71,7 +71,7 @@ def test_each_change_is_told_for_what_it_is_and_nothing_of_what_is_left(changed:
         assert "step 0.002 s -> " in "; ".join(changes[name].messages)
 
 
-def test_the_terminal_lists_what_changed(changed: Results) -> None:
+def test_terminal_lists_changes(changed: Results) -> None:
     console = Console(record=True, width=200)
     print_results(console, changed)
     text = console.export_text()

@@ -1,4 +1,4 @@
-"""What is run, and what an unchanged repository costs."""
+"""Cases that the gate runs, and the cost of an unchanged repository."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tests.gate.conftest import SYSTEM, Repository
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_case_that_was_run_again_is_as_accepted(pristine: Repository) -> None:
-    found = pristine.gate("pymunk", every=True)
-    assert len(found.changes) == 2
-    for change in found.changes:
+def test_repeated_case_is_as_accepted(pristine: Repository) -> None:
+    result = pristine.gate("pymunk", every=True)
+    assert len(result.changes) == 2
+    for change in result.changes:
         assert (change.status, change.kinds, change.messages) == (Status.SAME, (), ())
         assert change.case is not None
-    record = found.record()
+    record = result.record()
     assert record.passes
     assert {(one.system, one.model, one.engine, one.run) for one in record.cases} == {
         ("mass_spring_damper", "space.py", "pymunk", True)
@@ -33,15 +33,15 @@ def test_a_case_that_was_run_again_is_as_accepted(pristine: Repository) -> None:
 
 
 def chosen(repository: Repository) -> set[tuple[str, str]]:
-    """The models to run, with their engines."""
+    """Return the models to run, with their engines."""
     state = survey([repository.folder], GateOptions(baseline=repository.baseline))
     return {(model, engine) for _, model, engine in state.chosen}
 
 
-def test_what_depends_on_a_change_is_run(
+def test_only_cases_that_depend_on_a_change_run(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cases of a changed file or engine alone; of other numerics all."""
+    """Run only cases of a changed file or engine, but all cases after a change of numerics."""
     assert chosen(repository) == set()
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     assert chosen(repository) == {("mujoco.xml", "mujoco")}
@@ -51,7 +51,7 @@ def test_what_depends_on_a_change_is_run(
     assert len(chosen(repository)) == 4
 
 
-def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Repository) -> None:
+def test_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Repository) -> None:
     code = (
         "import sys; from physics_crosscheck.harness.interfaces.cli.main import main;"
         "code = main(['gate', '--out', sys.argv[1]]);"
@@ -71,7 +71,7 @@ def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Rep
     assert done.stdout.splitlines()[-1] == "0", done.stdout + done.stderr
 
 
-def test_what_code_reads_or_looks_for_elsewhere_is_run_again_when_it_changes(
+def test_change_of_a_file_that_code_reads_or_tests_for_runs_again(
     repository: Repository,
 ) -> None:
     shared, hidden = repository.root / "shared.txt", repository.folder / ".mass"
@@ -84,22 +84,22 @@ def test_what_code_reads_or_looks_for_elsewhere_is_run_again_when_it_changes(
     repository.edit("system.py", '"k", 47.0', f'"k", {stiffness}')
     mass = f"float({here}.joinpath('.mass').open('r+').read())"
     repository.edit("space.py", "Body(MASS, ", f"Body({mass}, ")
-    repository.accept("read from files", found=repository.gate("pymunk"))
+    repository.accept("read from files", result=repository.gate("pymunk"))
     for case, entry in read_baseline(repository.baseline)[SYSTEM].cases.items():
         read_too = {"../../shared.txt", ".mass"} & set(entry.files)
         assert len(read_too) == (2 if case.engine == "pymunk" else 0)
     assert str(repository.root) not in repository.file.read_text()
     assert {c.status for c in repository.gate("pymunk").changes} == {Status.SAME}
     hidden.write_text("1.4")
-    found = repository.gate("pymunk")
-    assert {c.status for c in found.changes} == {Status.CHANGED}
-    assert [(diff.file, diff.models) for diff in found.file_diffs] == [(".mass", ("space.py",))]
+    result = repository.gate("pymunk")
+    assert {c.status for c in result.changes} == {Status.CHANGED}
+    assert [(diff.file, diff.models) for diff in result.file_diffs] == [(".mass", ("space.py",))]
     hidden.write_text("1.3")
     assert {c.case for c in repository.gate("pymunk").changes} == {None}
     soft.touch()
-    found = repository.gate("pymunk")
-    assert {c.status for c in found.changes} == {Status.CHANGED}
-    (diff,) = found.file_diffs
+    result = repository.gate("pymunk")
+    assert {c.status for c in result.changes} == {Status.CHANGED}
+    (diff,) = result.file_diffs
     assert [line.message for line in diff.changes] == ["was added"]
     soft.unlink()
     shared.unlink()
