@@ -1,4 +1,4 @@
-"""A record with every key in it, made from its type: each list has one entry, nothing is null."""
+"""Example records with every key, generated from their types: one entry per list, no nulls."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Path = tuple[str | int, ...]
 
 
 def example(record: type[Record]) -> Any:
-    """The record as plain JSON."""
-    return _of(inspect.type_info(record))
+    """Return a complete example of a record as plain JSON."""
+    return _example_value(inspect.type_info(record))
 
 
 PLAIN: dict[type[inspect.Type], Any] = {
@@ -24,18 +24,20 @@ PLAIN: dict[type[inspect.Type], Any] = {
 }  # fmt: skip
 
 
-def _of(wanted: inspect.Type) -> Any:
+def _example_value(wanted: inspect.Type) -> Any:
     match wanted:
         case inspect.StructType(fields=fields):
             return {field.encode_name: _named(field) for field in fields}
         case inspect.UnionType(types=types):
-            return _of(next(one for one in types if not isinstance(one, inspect.NoneType)))
+            return _example_value(
+                next(kind for kind in types if not isinstance(kind, inspect.NoneType))
+            )
         case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
-            return [_of(item)]
+            return [_example_value(item)]
         case inspect.TupleType(item_types=items):
-            return [_of(item) for item in items]
+            return [_example_value(item) for item in items]
         case inspect.DictType(value_type=value):
-            return {"a": _of(value)}
+            return {"a": _example_value(value)}
         case inspect.LiteralType(values=values):
             return values[0]
         case inspect.EnumType(cls=cls) if issubclass(cls, enum.Enum):
@@ -44,17 +46,17 @@ def _of(wanted: inspect.Type) -> Any:
 
 
 def _named(field: inspect.Field) -> Any:
-    # A point of a sketch is a pair of trees, which the types don't say.
-    # The example's case agrees, so that nothing is misread.
-    # The one body of its scene is on the one joint, and that is on the world.
+    # A point of a sketch is a pair of expression trees, which the types do not express.
+    # The example's case agrees, so it has no misread numbers.
+    # The only body of its scene is attached to the only joint, whose parent is the world.
     exceptions = {"center": [0.5, 0.5], "mesh": 0, "misread": [], "parent": -1}
     if isinstance(field.type, inspect.IntType):
         exceptions["joint"] = 0
-    return exceptions.get(field.encode_name, _of(field.type))
+    return exceptions.get(field.encode_name, _example_value(field.type))
 
 
 def required(wanted: inspect.Type, here: Path = ()) -> Iterator[Path]:
-    """Where every key is that must be there, in the example of a type."""
+    """Yield the path of every required key in the example of a type."""
     match wanted:
         case inspect.StructType(fields=fields):
             for field in fields:
@@ -62,7 +64,7 @@ def required(wanted: inspect.Type, here: Path = ()) -> Iterator[Path]:
                     yield (*here, field.encode_name)
                 yield from required(field.type, (*here, field.encode_name))
         case inspect.UnionType(types=types):
-            kinds = (one for one in types if not isinstance(one, inspect.NoneType))
+            kinds = (kind for kind in types if not isinstance(kind, inspect.NoneType))
             yield from required(next(kinds), here)
         case inspect.VarTupleType(item_type=item):
             yield from required(item, (*here, 0))
@@ -71,7 +73,7 @@ def required(wanted: inspect.Type, here: Path = ()) -> Iterator[Path]:
 
 
 def paths(value: Any, here: Path = ()) -> Iterator[Path]:
-    """Where every value of plain JSON is, the outermost first."""
+    """Yield the path of every value of plain JSON, outermost first."""
     yield here
     if isinstance(value, dict):
         for key, item in value.items():
@@ -81,17 +83,17 @@ def paths(value: Any, here: Path = ()) -> Iterator[Path]:
             yield from paths(item, (*here, i))
 
 
-def at(value: Any, path: Path) -> Any:
-    """The value at a path."""
+def value_at(value: Any, path: Path) -> Any:
+    """Return the value at a path."""
     for step in path:
         value = value[step]
     return value
 
 
 def replaced(value: Any, path: Path, new: Any) -> Any:
-    """A copy with another value at a path."""
+    """Return a copy with a new value at a path."""
     if not path:
         return new
     copy = msgspec.json.decode(msgspec.json.encode(value))
-    at(copy, path[:-1])[path[-1]] = new
+    value_at(copy, path[:-1])[path[-1]] = new
     return copy

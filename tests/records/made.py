@@ -1,4 +1,4 @@
-"""Records made by hand: a case that agrees, and what is to be different of it."""
+"""Handmade records: a case that agrees, with fields that a test overrides."""
 
 from __future__ import annotations
 
@@ -19,63 +19,63 @@ from physics_crosscheck.harness.records.results import Results
 
 
 def verdict(**fields: Any) -> Verdict:
-    known: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "discrepancy": 1e-13, "uncertainty": 2e-12, "component": "x", "time": 0.5,
         "largest_discrepancy": 3e-13, "largest_uncertainty": 4e-12, "order": 0.99,
         "claimed_order": 1, "rungs": (1, 2, 3), "steps": 60,
     }  # fmt: skip
-    return Verdict(**known | fields)
+    return Verdict(**defaults | fields)
 
 
 def full_run(**fields: Any) -> FullRun:
-    known: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "time_step": 0.002, "integrator": "Euler", "global_error": 0.005, "order": 1.0,
         "residual": 1e-12, "decomposition": None,
         "steps_for": (TargetStep(target=0.001, step=4e-4),),
         "checked_step": CheckedStep(target=0.001, step=4e-4, measured=0.001),
         "energy_error": 0.01, "constraint_drift": 0.0,
     }  # fmt: skip
-    return FullRun(**known | fields)
+    return FullRun(**defaults | fields)
 
 
 def stepping(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Stepping:
-    known: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "rule": "semi-implicit Euler", "besides": "", "step": 0.002, "outcome": outcome,
         "discrepancy": 3e-5, "uncertainty": 1e-11, "component": "x_dot", "digits": 1.4,
         "digits_later": 3.0,
     }  # fmt: skip
-    return Stepping(**known | fields)
+    return Stepping(**defaults | fields)
 
 
 def case(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Case:
-    known: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "system": "disc", "model": "mujoco.xml", "scenario": "free", "engine": "mujoco",
         "folder": "models/disc", "outcome": outcome, "seconds": 0.1,
     }  # fmt: skip
     if outcome.is_run:
-        known |= {"verdict": verdict(), "full_run": full_run()}
-    return Case(**known | fields)
+        defaults |= {"verdict": verdict(), "full_run": full_run()}
+    return Case(**defaults | fields)
 
 
 def model(*findings: AuditFinding, **fields: Any) -> Model:
-    known: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "system": "disc", "model": "mujoco.xml", "engine": "mujoco", "folder": "models/disc",
         "text": "", "sidecar": "", "audit": findings,
     }  # fmt: skip
-    return Model(**known | fields)
+    return Model(**defaults | fields)
 
 
 def finding(message: str = "is wrong", **fields: Any) -> AuditFinding:
-    known: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "kind": "literal", "subject": (message,), "message": message, "location": None,
         "expected": None, "actual": None, "severity": "finding",
     }  # fmt: skip
-    return AuditFinding(**known | fields)
+    return AuditFinding(**defaults | fields)
 
 
 def results(*cases: Case, models: tuple[Model, ...] = (), **fields: Any) -> Results:
-    known: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "created": "2026-01-01T00:00:00+00:00", "versions": {}, "resolution": 1e-9,
         "seconds": 1.5, "systems": (), "models": models, "cases": cases,
     }  # fmt: skip
-    return Results(**known | fields)
+    return Results(**defaults | fields)

@@ -1,4 +1,4 @@
-"""Message codes: every kind has one, none is dead, and a record's code follows from its kind."""
+"""Message codes: every kind has a code, every code is used, and kinds determine codes."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from tests.records.made import case, finding
 
 HARNESS = Path(__file__).parents[2] / "harness"
-KINDS = [kind for one in codes().values() for kind in one.kinds]
+KINDS = [kind for code in codes().values() for kind in code.kinds]
 CHANGES = ("model", "engine", "tool", "equations", "scenario", "numbers", "outcome", "audit",
            "unexplained")  # fmt: skip
-"""What the gate calls a change (`harness.baseline.diff`, `harness.commands.gate.gate`)."""
+"""Kinds of change in the gate (`harness.baseline.diff`, `harness.commands.gate.gate`)."""
 
 
-def of(group: str) -> set[str]:
+def kinds_of(group: str) -> set[str]:
     return {kind.split(":")[-1] for kind in KINDS if kind.startswith(f"{group}:")}
 
 
-def test_every_kind_has_one_code_and_every_code_a_kind() -> None:
+def test_kinds_and_codes_correspond() -> None:
     assert len(set(KINDS)) == len(KINDS)
-    assert of("audit") == {*get_args(AuditKind), *get_args(PlausibilityKind)}
-    assert of("cause") == set(get_args(CauseKind))
-    assert of("case") == set(get_args(CaseKind))
+    assert kinds_of("audit") == {*get_args(AuditKind), *get_args(PlausibilityKind)}
+    assert kinds_of("cause") == set(get_args(CauseKind))
+    assert kinds_of("case") == set(get_args(CaseKind))
     states = {kind.split(":")[1] for kind in KINDS if kind.startswith("gate:")}
     assert states == {one.value for one in Status} - {Status.SAME.value}
-    assert of("gate") == {"", *CHANGES}
+    assert kinds_of("gate") == {"", *CHANGES}
     assert set(get_args(RemarkKind)) | set(get_args(InertiaKind)) <= set(get_args(AuditKind))
 
 
 @cache
 def kinds_in_code() -> frozenset[str]:
-    """Every text in the code of the harness, but for docstrings and the declarations of kinds."""
-    found = set[str]()
+    """Return every string of the harness except docstrings and the declarations of kinds."""
+    kinds = set[str]()
     for file in HARNESS.rglob("*.py"):
         if file.name != "codes.py":
             code = re.sub(r'"""[\s\S]*?"""|\bLiteral\[[^]]*\]', "", file.read_text())
-            found |= set(re.findall(r'"([^"\n]*)"', code))
-    return frozenset(found)
+            kinds |= set(re.findall(r'"([^"\n]*)"', code))
+    return frozenset(kinds)
 
 
 @pytest.mark.parametrize("group", ["audit", "cause", "case", "gate", "baseline"])
 def test_no_code_is_dead(group: str) -> None:
-    found = {*kinds_in_code(), ""}
+    used = {*kinds_in_code(), ""}
     # The diagnosis takes the kinds of terms from the equations' variants.
     reference = "".join(file.read_text() for file in (HARNESS.parent / "reference").rglob("*.py"))
-    dead = {kind for kind in of(group) if kind not in found and f'"{kind}"' not in reference}
+    dead = {kind for kind in kinds_of(group) if kind not in used and f'"{kind}"' not in reference}
     assert not dead
 
 
@@ -72,16 +72,16 @@ def test_codes_and_names_are_unique_and_in_their_group() -> None:
     assert all(code[:3] in GROUPS for code in codes())
 
 
-def test_a_code_is_written_and_is_never_another_than_that_of_its_kind() -> None:
-    one = finding("a is 1", kind="massless")
-    assert one.code == "XC104"
-    told = msgspec.json.encode(one)
-    assert msgspec.json.decode(told)["code"] == "XC104"
-    assert msgspec.json.decode(told.replace(b"XC104", b"XC999"), type=AuditFinding) == one
-    assert msgspec.structs.replace(one, kind="triangle").code == "XC107"
+def test_code_is_written_and_follows_from_the_kind() -> None:
+    record = finding("a is 1", kind="massless")
+    assert record.code == "XC104"
+    encoded = msgspec.json.encode(record)
+    assert msgspec.json.decode(encoded)["code"] == "XC104"
+    assert msgspec.json.decode(encoded.replace(b"XC104", b"XC999"), type=AuditFinding) == record
+    assert msgspec.structs.replace(record, kind="triangle").code == "XC107"
 
 
-def test_each_record_has_the_code_of_its_kind() -> None:
+def test_record_has_the_code_of_its_kind() -> None:
     cause = Cause(kind="axis", subject=("q",), nominal=1.0, estimate=None, standard_error=None)
     names = {"system": "s", "model": "m", "scenario": "c", "engine": "e"}
     bare = bare_diff(CaseId(**names), Status.SAME)
@@ -107,30 +107,30 @@ CASES = [
 
 
 @pytest.mark.parametrize(("outcome", "kind", "code"), CASES)
-def test_a_case_has_the_code_of_its_outcome_and_kind(
+def test_case_has_the_code_of_its_outcome_and_kind(
     outcome: Outcome, kind: CaseKind, code: str
 ) -> None:
     assert case(outcome, kind=kind).code == code
 
 
-def test_an_outcome_that_fails_has_a_code_whatever_its_kind() -> None:
+def test_every_failing_outcome_has_a_code() -> None:
     for outcome in set(Outcome) - {Outcome.AGREES}:
         assert case(outcome, kind="").code in codes()
 
 
 class OwnError(EngineError):
-    """Of an engine outside this package."""
+    """An error of an engine outside this package."""
 
     kind = "mine"
 
 
-def test_a_failure_has_the_kind_of_its_error() -> None:
+def test_failure_has_the_kind_of_its_error() -> None:
     kinds = [failure_of(error("bad")).kind for error in (EngineError, UnsupportedError, OwnError)]
     assert kinds == ["file", "unsupported", ""]
     assert failure_of(SidecarError("bad")).kind == "sidecar"
 
 
-def test_every_record_with_a_kind_of_ours_has_a_code() -> None:
+def test_records_with_kinds_have_codes() -> None:
     for record in (AuditFinding, Cause, Case, Diff):
         assert issubclass(record, Record)
         assert "code" in record.__struct_fields__

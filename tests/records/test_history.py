@@ -1,4 +1,4 @@
-"""A line a case and a run: appended whole, read whatever else is there."""
+"""History files: one line per case and run, appended whole, read despite torn lines."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from tests.records.made import case, results, verdict
 
 
-def test_what_is_appended_is_read_in_order(tmp_path: Path) -> None:
+def test_appended_lines_are_read_in_order(tmp_path: Path) -> None:
     run = results(case(), case(Outcome.FAILED, scenario="far"), versions={"mujoco": "3.2"})
     for commit in ("abc", "def"):
         append_history(tmp_path, past_of(run, commit))
-    found = read_history(tmp_path)
-    assert [(one.scenario, one.commit) for one in found] == [
+    lines = read_history(tmp_path)
+    assert [(line.scenario, line.commit) for line in lines] == [
         ("free", "abc"), ("far", "abc"), ("free", "def"), ("far", "def"),
     ]  # fmt: skip
-    assert found[:2] == past_of(run, "abc")
-    assert (found[0].version, found[0].digits, found[0].global_error) == ("3.2", 11.3, 0.005)
-    assert (found[1].outcome, found[1].digits, found[1].global_error) == ("FAILED", None, None)
+    assert lines[:2] == past_of(run, "abc")
+    assert (lines[0].version, lines[0].digits, lines[0].global_error) == ("3.2", 11.3, 0.005)
+    assert (lines[1].outcome, lines[1].digits, lines[1].global_error) == ("FAILED", None, None)
 
 
 @pytest.mark.parametrize("torn", [b'{"time":"2026', b"\xff\xfe", b"[1]", b"null\n{}", b""])
-def test_a_torn_line_loses_itself_alone(tmp_path: Path, torn: bytes) -> None:
+def test_torn_line_is_ignored(tmp_path: Path, torn: bytes) -> None:
     past = past_of(results(case()), "")
     append_history(tmp_path, past)
     with open(tmp_path / "history" / "cases.jsonl", "ab") as file:
@@ -39,16 +39,16 @@ def test_a_torn_line_loses_itself_alone(tmp_path: Path, torn: bytes) -> None:
     assert read_history(tmp_path) == (*past, *past)
 
 
-def test_no_history_is_none(tmp_path: Path) -> None:
+def test_missing_history_is_empty(tmp_path: Path) -> None:
     assert read_history(tmp_path) == ()
 
 
-def test_a_line_is_small(tmp_path: Path) -> None:
+def test_line_is_small(tmp_path: Path) -> None:
     append_history(tmp_path, past_of(results(case(), versions={"mujoco": "3.2.7"}), "a" * 40))
     assert (tmp_path / "history" / "cases.jsonl").stat().st_size < 300
 
 
-def test_digits_are_of_the_worst_component_and_none_is_claimed_of_a_failure() -> None:
+def test_digits_are_those_of_the_worst_component() -> None:
     assert case().digits == 11.3
     assert case(Outcome.FAILED).digits is None
     assert case(verdict=verdict(largest_uncertainty=None)).digits is None

@@ -1,4 +1,4 @@
-"""Results files that nobody would write: each is refused in one sentence, never by a traceback."""
+"""Malformed results files: each is rejected in one sentence, without a traceback."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results
-from tests.records.examples import at, example, paths, replaced, required
+from tests.records.examples import example, paths, replaced, required, value_at
 
 EXAMPLE: dict[str, Any] = example(Results)
 TEXT = json.dumps(EXAMPLE)
@@ -22,7 +22,7 @@ DEEP = "[" * 5000 + "]" * 5000
 
 
 def raw(path: tuple[str | int, ...], text: str) -> str:
-    """The example with a piece of text in the place of a value."""
+    """Return the example with raw text in place of a value."""
     return json.dumps(replaced(EXAMPLE, path, "HERE")).replace('"HERE"', text)
 
 
@@ -33,7 +33,7 @@ def truncated() -> Iterator[tuple[str, str]]:
 
 def wrong_types() -> Iterator[tuple[str, str]]:
     for path in paths(EXAMPLE):
-        value = at(EXAMPLE, path)
+        value = value_at(EXAMPLE, path)
         wrong: Any = "x" if isinstance(value, (bool, int, float)) else 7
         yield f"{path} is {wrong!r}", json.dumps(replaced(EXAMPLE, path, wrong))
         if isinstance(value, (list, dict)):
@@ -43,14 +43,14 @@ def wrong_types() -> Iterator[tuple[str, str]]:
 
 def missing_keys() -> Iterator[tuple[str, str]]:
     for path in required(msgspec.inspect.type_info(Results)):
-        parent = dict(at(EXAMPLE, path[:-1]))
+        parent = dict(value_at(EXAMPLE, path[:-1]))
         del parent[str(path[-1])]
         yield f"{path} is missing", json.dumps(replaced(EXAMPLE, path[:-1], parent))
 
 
 def extra_keys() -> Iterator[tuple[str, str]]:
     for path in paths(EXAMPLE):
-        value = at(EXAMPLE, path)
+        value = value_at(EXAMPLE, path)
         if isinstance(value, dict) and value.keys() != {"a"}:
             more = json.dumps(replaced(EXAMPLE, path, {**value, "surprise": 1}))
             yield f"{path} has more", more
@@ -73,7 +73,7 @@ def numbers() -> Iterator[tuple[str, str]]:
 def twice() -> Iterator[tuple[str, str]]:
     for key in ("created", "cases", "verdict", "pose", "held"):
         yield f"{key} twice", TEXT.replace(f'"{key}":', f'"{key}": null, "{key}":', 1)
-        value = json.dumps(next(at(EXAMPLE, p) for p in paths(EXAMPLE) if p and p[-1] == key))
+        value = json.dumps(next(value_at(EXAMPLE, p) for p in paths(EXAMPLE) if p and p[-1] == key))
         yield f"{key} twice alike", TEXT.replace(f'"{key}":', f'"{key}": {value}, "{key}":', 1)
 
 
@@ -88,7 +88,7 @@ def other_files() -> Iterator[tuple[str, str]]:
 
 
 def unequal() -> Iterator[tuple[str, str]]:
-    """Columns of one table that are not equally long: no key is wrong."""
+    """Yield examples with columns of unequal length in a table, all keys being right."""
     case: tuple[str | int, ...] = ("cases", 0, "series")
     for path in (
         (*case, "t"),
@@ -102,7 +102,7 @@ def unequal() -> Iterator[tuple[str, str]]:
         (*case, "convergence", "rungs"),
         ("models", 0, "linearizations", 0, "frequencies"),
     ):
-        value = at(EXAMPLE, path)
+        value = value_at(EXAMPLE, path)
         yield f"{path} is longer", json.dumps(replaced(EXAMPLE, path, [*value, value[0]]))
 
 
@@ -116,7 +116,7 @@ def sketches() -> Iterator[tuple[str, str]]:
 
 
 def texts() -> dict[str, str]:
-    """By name: what is text."""
+    """Return all malformed texts by name."""
     kinds = (
         truncated, wrong_types, missing_keys, extra_keys, numbers, twice, other_files, unequal,
         sketches,
@@ -136,14 +136,14 @@ BYTES = {
 }  # fmt: skip
 
 
-def test_the_example_itself_is_read(tmp_path: Path) -> None:
+def test_unmodified_example_is_read(tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     path.write_text(TEXT)
     assert read_results(path).cases[0].verdict is not None
 
 
 @pytest.mark.slow
-def test_each_is_refused_in_one_sentence_that_names_the_file(
+def test_malformed_file_is_rejected_in_one_sentence_with_its_path(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "results.json"
@@ -164,7 +164,7 @@ def test_each_is_refused_in_one_sentence_that_names_the_file(
     assert not (tmp_path / "index.html").exists()
 
 
-def test_what_is_no_file_is_refused_likewise(tmp_path: Path) -> None:
+def test_path_that_is_not_a_file_is_rejected(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "loop").symlink_to("loop")
     for path in (tmp_path, *(tmp_path / name for name in ("none.json", "pipe", "loop"))):

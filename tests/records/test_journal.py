@@ -1,4 +1,4 @@
-"""What a run keeps as it goes: whole lines, for the same inputs, of one run at a time."""
+"""The journal of a run: whole lines, keyed by inputs, locked by one run at a time."""
 
 from __future__ import annotations
 
@@ -15,59 +15,59 @@ from physics_crosscheck.harness.records.read import ResultsError
 from tests.records.made import case
 
 
-def work(kind: str = "case", scenario: str = "", inputs: str = "i") -> CacheKey:
+def cache_key(kind: str = "case", scenario: str = "", inputs: str = "i") -> CacheKey:
     return CacheKey(kind=kind, folder="f", model="m", engine="e", scenario=scenario, inputs=inputs)
 
 
 DONE: dict[CacheKey, object] = {
-    work(scenario="free"): case(),
-    work("coverage"): Coverage(note="none"),
-    work("linearizations"): (),
-    work("diagnosis"): Diagnosis(explained=True),
+    cache_key(scenario="free"): case(),
+    cache_key("coverage"): Coverage(note="none"),
+    cache_key("linearizations"): (),
+    cache_key("diagnosis"): Diagnosis(explained=True),
 }
 
 
-def filled(place: Path) -> None:
+def fill_journal(place: Path) -> None:
     with journal(place, resume=False) as fresh:
-        for one, value in DONE.items():
-            fresh.store(one, value)
+        for key, value in DONE.items():
+            fresh.store(key, value)
 
 
-def kept(place: Path, *, resume: bool = True) -> dict[CacheKey, object]:
-    keys = (*DONE, work(scenario="free", inputs="other"), work())
+def read_journal(place: Path, *, resume: bool = True) -> dict[CacheKey, object]:
+    keys = (*DONE, cache_key(scenario="free", inputs="other"), cache_key())
     with journal(place, resume=resume) as again:
         values = {key: again.find(key, RESULTS[key.kind]) for key in keys}
     return {key: value for key, value in values.items() if value is not None}
 
 
-def test_what_was_kept_is_there_when_it_is_resumed_and_only_then(tmp_path: Path) -> None:
-    filled(tmp_path)
-    assert kept(tmp_path) == DONE
-    assert kept(tmp_path, resume=False) == {}
-    assert kept(tmp_path) == {}
+def test_entries_are_read_only_on_resume(tmp_path: Path) -> None:
+    fill_journal(tmp_path)
+    assert read_journal(tmp_path) == DONE
+    assert read_journal(tmp_path, resume=False) == {}
+    assert read_journal(tmp_path) == {}
 
 
 @pytest.mark.parametrize("lost", [1, 2, 30])
-def test_a_line_that_was_cut_is_lost_alone_and_the_next_is_whole(tmp_path: Path, lost: int) -> None:
-    filled(tmp_path)
+def test_truncated_line_is_ignored_and_next_line_is_whole(tmp_path: Path, lost: int) -> None:
+    fill_journal(tmp_path)
     path = tmp_path / NAME
     os.truncate(path, path.stat().st_size - lost)
     last = list(DONE)[-1]
-    assert kept(tmp_path) == {one: value for one, value in DONE.items() if one != last}
+    assert read_journal(tmp_path) == {key: value for key, value in DONE.items() if key != last}
     with journal(tmp_path, resume=True) as again:
         again.store(last, DONE[last])
-    assert kept(tmp_path) == DONE
+    assert read_journal(tmp_path) == DONE
 
 
 @pytest.mark.parametrize("line", [b"{}", b"\xff\xfe", b"[" * 5000, b'{"work": 1}', b"null", b""])
-def test_a_line_that_is_no_work_is_none(tmp_path: Path, line: bytes) -> None:
-    filled(tmp_path)
+def test_malformed_line_is_ignored(tmp_path: Path, line: bytes) -> None:
+    fill_journal(tmp_path)
     with (tmp_path / NAME).open("ab") as file:
         file.write(line + b"\n")
-    assert kept(tmp_path) == DONE
+    assert read_journal(tmp_path) == DONE
 
 
-def test_a_second_run_is_refused_by_the_first_ones_process(tmp_path: Path) -> None:
+def test_second_run_is_rejected_with_process_of_first(tmp_path: Path) -> None:
     with journal(tmp_path, resume=False):
         refused = pytest.raises(ResultsError, match=rf"\(process {os.getpid()}\).*--out")
         with refused, journal(tmp_path, resume=False):
@@ -76,15 +76,15 @@ def test_a_second_run_is_refused_by_the_first_ones_process(tmp_path: Path) -> No
         pass
 
 
-def test_a_file_that_was_removed_meanwhile_is_not_taken_for_the_lock(tmp_path: Path) -> None:
+def test_removed_file_is_not_taken_for_the_lock(tmp_path: Path) -> None:
     with journal(tmp_path, resume=False) as first:
         first.remove()
         with journal(tmp_path, resume=False) as second:
-            second.store(work(), case())
-    assert kept(tmp_path) == {work(): case()}
+            second.store(cache_key(), case())
+    assert read_journal(tmp_path) == {cache_key(): case()}
 
 
-def test_a_full_disk_ends_the_journal_and_not_the_run(
+def test_full_disk_ends_the_journal_but_not_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_: int) -> None:
@@ -93,11 +93,11 @@ def test_a_full_disk_ends_the_journal_and_not_the_run(
     with journal(tmp_path, resume=False) as fresh:
         monkeypatch.setattr(os, "fsync", full)
         for _ in range(2):
-            fresh.store(work(), case())
+            fresh.store(cache_key(), case())
         assert fresh.problem == f"{tmp_path / NAME}: No space left on device"
 
 
-def test_what_is_no_file_or_no_folder_is_an_error_with_its_name(tmp_path: Path) -> None:
+def test_wrong_file_type_is_an_error(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / NAME)
     with pytest.raises(OSError, match="not a regular file"), journal(tmp_path, resume=True):
         pass

@@ -35,13 +35,13 @@ CASE = Case(system="s", folder="f", model="m", engine="e", scenario="a", outcome
 
 
 def test_nan_and_infinity_never_reach_json() -> None:
-    found = Convergence(
+    convergence = Convergence(
         rungs=(1,),
         h=numbers([1.0]),
         defect=numbers([float("-inf")]),
         increments=numbers([float("nan"), None]),
     )
-    read = json.loads(encoded(found), parse_constant=lambda name: pytest.fail(name))
+    read = json.loads(encoded(convergence), parse_constant=lambda name: pytest.fail(name))
     assert read["defect"] == [None]
     assert read["increments"] == [None, None]
     assert number(float("inf")) is None
@@ -53,13 +53,13 @@ def test_numpy_numbers_become_plain_ones() -> None:
     assert type(rows(np.eye(2))[0][0]) is float
 
 
-def test_what_was_written_is_read_back(tmp_path: Path) -> None:
-    found = some(CASE)
-    write_whole(tmp_path / "deep" / "r.json", encoded(found))
-    assert read_results(tmp_path / "deep" / "r.json") == found
+def test_written_results_are_read_back(tmp_path: Path) -> None:
+    results = some(CASE)
+    write_whole(tmp_path / "deep" / "r.json", encoded(results))
+    assert read_results(tmp_path / "deep" / "r.json") == results
 
 
-def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
+def test_failed_write_leaves_only_the_old_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "r.json"
@@ -79,7 +79,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
     (None, "can't be read"), ("{", "not JSON"), ("[]", "not a results file of schema 5"),
     ('{"schema": 99}', "not a results file of schema 5"),
 ])  # fmt: skip
-def test_a_file_that_is_no_results_is_refused_with_a_remedy(
+def test_other_file_is_rejected_with_a_remedy(
     tmp_path: Path, text: str | None, sentence: str
 ) -> None:
     path = tmp_path / "r.json"
@@ -115,23 +115,21 @@ CONTRADICTORY = {
 
 
 @pytest.mark.parametrize("name", CONTRADICTORY)
-def test_a_case_that_contradicts_its_own_numbers_is_refused_by_its_place(
-    tmp_path: Path, name: str
-) -> None:
+def test_contradictory_case_is_rejected_with_its_place(tmp_path: Path, name: str) -> None:
     path = tmp_path / "r.json"
     write_whole(path, encoded(some(case(), CONTRADICTORY[name])))
     with pytest.raises(ResultsError) as refused:
         read_results(path)
-    said = str(refused.value)
-    assert said.startswith(f"{path}: `$.cases[1]`, disc/mujoco.xml/free [mujoco]: ")
-    assert "contradicts" in said or "without the numbers of a verdict" in said
-    assert said.endswith("run `crosscheck run` again")
+    message = str(refused.value)
+    assert message.startswith(f"{path}: `$.cases[1]`, disc/mujoco.xml/free [mujoco]: ")
+    assert "contradicts" in message or "without the numbers of a verdict" in message
+    assert message.endswith("run `crosscheck run` again")
 
 
 @pytest.mark.parametrize("sound", [
     case(AGREES),
     case(AGREES, verdict=verdict(discrepancy=3e-10, uncertainty=1e-12)),  # below the resolution
-    # Of an engine with few digits, as its own record has it and as an older one has not.
+    # An engine with few digits: with its resolution, and an older record without it.
     case(AGREES, verdict=verdict(
         discrepancy=9e-7, uncertainty=2e-7, largest_discrepancy=9e-7, largest_uncertainty=5e-7,
         resolution=1.5e-6)),
@@ -139,26 +137,26 @@ def test_a_case_that_contradicts_its_own_numbers_is_refused_by_its_place(
         discrepancy=9e-7, uncertainty=2e-7, largest_discrepancy=9e-7, largest_uncertainty=5e-7)),
     case(DIFFERS, verdict=verdict(discrepancy=0.01, largest_discrepancy=0.01)),
     case(UNRESOLVED, verdict=verdict(uncertainty=None, largest_uncertainty=None)),
-    case(UNRESOLVED),  # for what a full run says
+    case(UNRESOLVED),  # because of its full run
     case(Outcome.FAILED), case(Outcome.FAILED, verdict=verdict(discrepancy=5.2)),
     case(Outcome.ABSENT),
 ])  # fmt: skip
-def test_a_case_that_does_not_is_read(tmp_path: Path, sound: Case) -> None:
+def test_consistent_case_is_read(tmp_path: Path, sound: Case) -> None:
     path = tmp_path / "r.json"
     write_whole(path, encoded(some(sound)))
     assert read_results(path).cases == (sound,)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_judgement_contradicts_itself(seed: int) -> None:
-    """The rule for a file is that of the judge, whatever the digits of the engine."""
+def test_judgements_are_consistent(seed: int) -> None:
+    """Compare the rule for files with the judge's, for any number of digits."""
     random = np.random.default_rng(seed)
     for _ in range(200):
         e, u = 10 ** random.uniform(-14, -4, (2, 5, 4))
         u[random.random(u.shape) < 0.02] = np.inf
         resolution = 10 ** random.uniform(-10, -5)
-        found = judge(e, u, resolution, None)
-        numbers_ = number(found.discrepancy), number(found.uncertainty)
-        assert contradiction(found.outcome, *numbers_, resolution) == ""
-        others = {AGREES, DIFFERS, UNRESOLVED} - {found.outcome, UNRESOLVED}
+        judgement = judge(e, u, resolution, None)
+        numbers_ = number(judgement.discrepancy), number(judgement.uncertainty)
+        assert contradiction(judgement.outcome, *numbers_, resolution) == ""
+        others = {AGREES, DIFFERS, UNRESOLVED} - {judgement.outcome, UNRESOLVED}
         assert all(contradiction(other, *numbers_, resolution) for other in others)

@@ -1,4 +1,4 @@
-"""The JSON Schemas: made from the records, committed, and as strict as the reading."""
+"""JSON Schemas: generated from the records, committed, and as strict as the reader."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COMMITTED = Path(__file__).parents[2] / "docs" / "schema"
 
 
 def structs(wanted: msgspec.inspect.Type) -> Iterator[msgspec.inspect.StructType]:
-    """Every struct that a type holds, some more than once."""
+    """Yield every struct within a type; a struct may be repeated."""
     inner: list[msgspec.inspect.Type] = []
     match wanted:
         case msgspec.inspect.StructType(fields=fields):
@@ -43,41 +43,41 @@ def structs(wanted: msgspec.inspect.Type) -> Iterator[msgspec.inspect.StructType
             inner = [item]
         case msgspec.inspect.DictType(value_type=value):
             inner = [value]
-    for one in inner:
-        yield from structs(one)
+    for kind in inner:
+        yield from structs(kind)
 
 
-def test_the_committed_schemas_and_pages_are_those_of_the_records(tmp_path: Path) -> None:
+def test_committed_schemas_and_pages_are_current(tmp_path: Path) -> None:
     main(tmp_path / "schema")
-    made = {
+    generated = {
         path.relative_to(tmp_path): path.read_text()
         for path in tmp_path.rglob("*")
         if path.is_file()
     }
-    committed = {path: (COMMITTED.parent / path).read_text() for path in made}
+    committed = {path: (COMMITTED.parent / path).read_text() for path in generated}
     assert {path.name for path in COMMITTED.iterdir()} == {f"{n}.schema.json" for n in SCHEMAS}
-    assert made == committed, "python -m physics_crosscheck.harness.records.schema docs/schema"
+    assert generated == committed, "python -m physics_crosscheck.harness.records.schema docs/schema"
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
-def test_every_object_forbids_other_keys_and_describes_its_own(name: str) -> None:
+def test_objects_forbid_other_keys_and_describe_all_fields(name: str) -> None:
     for definition in schema(SCHEMAS[name])["$defs"].values():
         if definition.get("type") == "object":
             assert definition["additionalProperties"] is False, definition
             assert definition["description"]
     for struct in structs(msgspec.inspect.type_info(SCHEMAS[name])):
-        told = inspect.getdoc(struct.cls) or ""
+        docstring = inspect.getdoc(struct.cls) or ""
         undescribed = [
             field.encode_name
             for field in struct.fields
-            if not re.search(rf"\b{field.encode_name}\b", told)
+            if not re.search(rf"\b{field.encode_name}\b", docstring)
         ]
         assert not undescribed, struct.cls.__name__
         assert meanings(struct.cls).keys() == {field.name for field in struct.fields}, struct.cls
 
 
 @pytest.mark.parametrize("record", SCHEMAS.values(), ids=list(SCHEMAS))
-def test_an_example_is_valid_and_one_with_another_key_anywhere_is_not(
+def test_example_is_valid_only_without_extra_keys(
     record: type[Record],
 ) -> None:
     validator = jsonschema.Draft202012Validator(schema(record))
@@ -92,12 +92,12 @@ def test_an_example_is_valid_and_one_with_another_key_anywhere_is_not(
             assert not validator.is_valid(replaced(good, path, {**value, "surprise": 1})), path
 
 
-def test_results_name_the_schema_that_they_follow() -> None:
+def test_results_name_their_schema() -> None:
     properties = schema(Results)["$defs"]["Results"]["properties"]
     assert properties["schema"]["enum"] == [5]
 
 
-def test_the_pages_have_a_row_for_every_field_and_a_section_for_every_link() -> None:
+def test_pages_have_rows_for_fields_and_sections_for_links() -> None:
     pages = page_texts(PAGES)
     heading = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
     sections = {name: dict(heading.findall(text)) for name, text in pages.items()}
@@ -115,7 +115,7 @@ def test_the_pages_have_a_row_for_every_field_and_a_section_for_every_link() -> 
         assert "None" not in text
 
 
-def test_a_field_is_described_in_at_most_twenty_words() -> None:
+def test_field_is_described_in_at_most_twenty_words() -> None:
     for page in PAGES:
         for record in page.records:
             for struct in structs(msgspec.inspect.type_info(record)):
