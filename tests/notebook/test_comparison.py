@@ -32,7 +32,7 @@ def differing(heavier: Path) -> Comparison:
     return compare("simple_pendulum/mujoco.xml", heavier)
 
 
-def test_two_files_of_one_mechanism_agree_and_have_nothing_to_tell() -> None:
+def test_two_files_of_one_mechanism_agree_without_differences() -> None:
     same = compare("simple_pendulum/robot.urdf", MODEL, engine="mujoco")
     assert same
     assert same.agree
@@ -43,7 +43,7 @@ def test_two_files_of_one_mechanism_agree_and_have_nothing_to_tell() -> None:
     assert "AGREES" in same._repr_html_()
 
 
-def test_the_wrong_number_is_named_with_its_line(differing: Comparison, heavier: Path) -> None:
+def test_wrong_number_is_named_with_its_line(differing: Comparison, heavier: Path) -> None:
     assert not differing
     assert differing.outcome is Outcome.DIFFERS
     mass = next(one for one in differing.differences if one.source == "file")
@@ -57,7 +57,7 @@ def test_the_wrong_number_is_named_with_its_line(differing: Comparison, heavier:
     assert 'mass="0.4501"' in heavier.read_text().splitlines()[line.where_b.line - 1]
 
 
-def test_the_table_and_the_page_say_the_same(differing: Comparison) -> None:
+def test_table_and_page_have_the_same_content(differing: Comparison) -> None:
     pytest.importorskip("pandas")
     frame = differing.to_frame()
     assert len(frame) == len(differing.differences)
@@ -66,11 +66,11 @@ def test_the_table_and_the_page_say_the_same(differing: Comparison) -> None:
     assert row["where_b"].endswith("mujoco.xml:38")
     html = differing._repr_html_()
     ElementTree.fromstring(html)
-    for said in ("DIFFERS", "body[pendulum]/inertial@mass", "0.4501", "mujoco.xml:38"):
-        assert said in html
+    for text in ("DIFFERS", "body[pendulum]/inertial@mass", "0.4501", "mujoco.xml:38"):
+        assert text in html
 
 
-def test_its_text_is_that_of_the_terminal_and_its_record_that_of_the_command(
+def test_text_equals_terminal_output_and_record_equals_json_output(
     differing: Comparison,
 ) -> None:
     assert "mujoco.xml:38" in str(differing)
@@ -85,8 +85,8 @@ def test_joints_are_mapped_and_starts_are_given(tmp_path: Path) -> None:
     Path(f"{other}.toml").unlink()
     plain = tmp_path / "plain.xml"
     plain.write_text(MODEL.read_text())
-    found = compare(plain, other, joints={"theta": "phi"}, starts=[{"theta": 0.5}])
-    assert found.agree, str(found)
+    comparison = compare(plain, other, joints={"theta": "phi"}, starts=[{"theta": 0.5}])
+    assert comparison.agree, str(comparison)
 
 
 ARM = """\
@@ -106,7 +106,7 @@ ARM = """\
 """
 
 
-def test_a_joint_that_turns_the_other_way_is_told_in_the_page(tmp_path: Path) -> None:
+def test_page_reports_reversed_joint(tmp_path: Path) -> None:
     arm, turned = tmp_path / "arm.xml", tmp_path / "turned.xml"
     arm.write_text(ARM)
     turned.write_text(ARM.replace('name="knee" axis="0 1 0"', 'name="knee" axis="0 -1 0"'))
@@ -117,19 +117,19 @@ def test_a_joint_that_turns_the_other_way_is_told_in_the_page(tmp_path: Path) ->
     assert "knee turns the other way in B (mapped so, " in apart._repr_html_()
 
 
-def test_what_can_not_be_compared_is_refused_in_the_words_of_python(tmp_path: Path) -> None:
+def test_errors_name_python_parameters(tmp_path: Path) -> None:
     with pytest.raises(CompareError, match=r"nowhere\.xml: there is no such file"):
         compare("nowhere.xml", MODEL)
-    with pytest.raises(CompareError, match="choose another with engine_a=") as told:
+    with pytest.raises(CompareError, match="choose another with engine_a=") as error:
         compare(MODEL, MODEL, engine="pymunk")
-    assert "--" not in str(told.value)
+    assert "--" not in str(error.value)
     with pytest.raises(ValueError, match="resolution must be a number"):
         compare(MODEL, MODEL, resolution=0)
     with pytest.raises(CompareError, match="theta starts at inf"):
         compare(MODEL, MODEL, starts=[{"theta": float("inf")}])
 
 
-@pytest.mark.parametrize(("given", "told"), [
+@pytest.mark.parametrize(("given", "message"), [
     ({"b": None}, "b must be a path, not None"),
     ({"engine": ["mujoco"]}, r"engine must be a string, not \['mujoco'\]"),
     ({"joints": 5}, "joints is 5, expected joints of A by those of B"),
@@ -137,19 +137,17 @@ def test_what_can_not_be_compared_is_refused_in_the_words_of_python(tmp_path: Pa
     ({"starts": {"theta": 1.0}}, "starts is .* expected a list of states"),
     ({"limit": "long"}, "limit must be a number of seconds, not 'long'"),
 ])  # fmt: skip
-def test_an_argument_of_another_type_is_refused_with_what_belongs_there(
-    given: dict[str, Any], told: str
-) -> None:
-    with pytest.raises(TypeError, match=told):
+def test_argument_of_wrong_type_is_rejected(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(TypeError, match=message):
         compare(**{"a": MODEL, "b": MODEL, **given})
 
 
-def test_an_engine_that_fails_makes_it_failed_with_the_reason(tmp_path: Path) -> None:
+def test_failing_engine_gives_outcome_failed_with_reason(tmp_path: Path) -> None:
     broken = tmp_path / "broken.xml"
     broken.write_text('<mujoco><worldbody><body><joint name="theta"/></body></worldbody></mujoco>')
-    found = compare(broken, MODEL)
-    assert found.outcome is Outcome.FAILED
-    assert not found.agree
-    assert "broken.xml" in found.reason
-    assert found.differences == ()
-    assert "FAILED" in found._repr_html_()
+    comparison = compare(broken, MODEL)
+    assert comparison.outcome is Outcome.FAILED
+    assert not comparison.agree
+    assert "broken.xml" in comparison.reason
+    assert comparison.differences == ()
+    assert "FAILED" in comparison._repr_html_()

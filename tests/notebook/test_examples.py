@@ -19,29 +19,29 @@ PAGE = ROOT / "docs" / "reference" / "python.md"
 
 
 def cells(notebook: Path) -> list[str]:
-    """What its cells say that are code."""
+    """Return the sources of the code cells."""
     read = json.loads(notebook.read_text(encoding="utf-8"))
     return ["".join(one["source"]) for one in read["cells"] if one["cell_type"] == "code"]
 
 
 def run(code: list[str], place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Run cells one after the other in a folder; returns what they print."""
+    """Run cells in order in a folder and return their output."""
     pytest.importorskip("matplotlib").use("Agg")
     import matplotlib.pyplot as plt
 
     monkeypatch.chdir(place)
     names: dict[str, Any] = {}
-    said = io.StringIO()
+    output = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said):
+        with contextlib.redirect_stdout(output):
             for cell in code:
                 exec(cell, names)
     finally:
         plt.close("all")
-    return said.getvalue()
+    return output.getvalue()
 
 
-def test_there_are_four_and_none_has_outputs() -> None:
+def test_four_notebooks_have_no_outputs() -> None:
     assert [one.stem for one in NOTEBOOKS] == [
         "choosing_a_time_step", "converted_robot", "pendulum", "urdf_against_mjcf",
     ]  # fmt: skip
@@ -70,7 +70,7 @@ FAULTS = {
         ("(wanted / finest)", "(2 * wanted / finest)"),
     ],
 }  # fmt: skip
-"""By notebook: what is right, and what its asserts must notice."""
+"""Faults of each notebook that its assertions must detect: right and wrong text."""
 
 
 @pytest.mark.release
@@ -79,7 +79,7 @@ FAULTS = {
     [(name, *pair) for name, pairs in FAULTS.items() for pair in pairs],
     ids=lambda text: text[:24],
 )
-def test_a_fault_in_a_notebook_is_noticed(
+def test_fault_in_notebook_fails_an_assertion(
     name: str, right: str, wrong: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pandas")
@@ -90,13 +90,15 @@ def test_a_fault_in_a_notebook_is_noticed(
 
 
 @pytest.mark.release
-def test_the_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_examples_of_page_print_documented_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("pandas")
     blocks = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     code = [body for language, body in blocks if language == "python"]
     assert len(code) >= 6
-    said = "\n".join(map(plain, run(code, tmp_path, monkeypatch).splitlines()))
-    told = [line for language, body in blocks if not language for line in body.splitlines()]
-    assert len(told) >= 6
-    for line in told:
-        assert plain(line) in said, f"the page shows {line!r}:\n{said}"
+    printed = "\n".join(map(plain, run(code, tmp_path, monkeypatch).splitlines()))
+    expected = [line for language, body in blocks if not language for line in body.splitlines()]
+    assert len(expected) >= 6
+    for line in expected:
+        assert plain(line) in printed, f"the page shows {line!r}:\n{printed}"

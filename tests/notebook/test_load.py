@@ -30,7 +30,7 @@ def pendulum(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_robot_has_joints_masses_and_total_inertia(pendulum: Path) -> None:
+def test_robot_has_joints_masses_and_total_inertia(pendulum: Path) -> None:
     robot = load(pendulum)
     (joint,) = robot.joints
     assert (joint.name, joint.kind, joint.link, joint.limits) == ("hinge", "hinge", "rod", (-1, 2))
@@ -43,7 +43,7 @@ def test_a_robot_has_joints_masses_and_total_inertia(pendulum: Path) -> None:
     assert "<td" in robot._repr_html_()
 
 
-def test_its_matrices_are_those_of_a_pendulum(pendulum: Path) -> None:
+def test_matrices_equal_those_of_a_pendulum(pendulum: Path) -> None:
     robot = load(pendulum)
     np.testing.assert_allclose(robot.mass_matrix(), [[0.1 + 2 * 0.5**2]])
     for q in ({"hinge": 0.7}, [0.7]):
@@ -51,7 +51,7 @@ def test_its_matrices_are_those_of_a_pendulum(pendulum: Path) -> None:
         np.testing.assert_allclose(held, [2 * 9.81 * 0.5 * np.sin(0.7)], rtol=1e-12)
 
 
-def test_positions_of_other_names_or_sizes_are_refused(pendulum: Path) -> None:
+def test_positions_with_wrong_names_or_sizes_are_rejected(pendulum: Path) -> None:
     robot = load(pendulum)
     with pytest.raises(MotionError, match="no coordinate 'elbow'; there are hinge"):
         robot.mass_matrix({"elbow": 1.0})
@@ -59,13 +59,13 @@ def test_positions_of_other_names_or_sizes_are_refused(pendulum: Path) -> None:
         robot.mass_matrix([0.1, 0.2])
 
 
-def test_a_folder_of_energies_has_no_bodies() -> None:
+def test_folder_of_energies_has_no_bodies() -> None:
     with pytest.raises(MotionError, match="declares energies, not bodies"):
         load("simple_pendulum")
 
 
-def test_a_file_and_a_folder_answer_alike(pendulum: Path) -> None:
-    """The calls that take a file take a name in a system folder, too."""
+def test_file_and_folder_give_the_same_results(pendulum: Path) -> None:
+    """Accept a name in a system folder wherever a file is accepted."""
     start = {"hinge": 0.3}
     for run, exact in (
         (
@@ -102,7 +102,7 @@ system = MultibodySystem(
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with the bodies of the pendulum, and a file with another mass."""
+    """Create a folder with the pendulum's bodies and a file whose mass differs."""
     place = tmp_path / "arm"
     place.mkdir()
     (place / "system.py").write_text(BODIES)
@@ -112,7 +112,7 @@ def folder(tmp_path: Path) -> Path:
     return place
 
 
-def test_a_folder_with_bodies_loads_as_it_declares(folder: Path, pendulum: Path) -> None:
+def test_folder_with_bodies_loads_its_declaration(folder: Path, pendulum: Path) -> None:
     declared, stated = load(folder), load(pendulum)
     assert declared.masses == stated.masses
     assert declared.coordinates == stated.coordinates
@@ -123,13 +123,13 @@ def test_a_folder_with_bodies_loads_as_it_declares(folder: Path, pendulum: Path)
     np.testing.assert_allclose(declared.inertia.inertia, stated.inertia.inertia)
 
 
-def test_a_file_in_a_folder_loads_as_it_states(folder: Path) -> None:
-    """The folder's equations have another mass."""
+def test_file_in_folder_loads_its_own_numbers(folder: Path) -> None:
+    """Load the mass of the file, which differs from the folder's."""
     assert (load(folder / "pendulum.urdf").mass, load(folder).mass) == (2.5, 2.0)
     assert load("simple_pendulum/robot.urdf").mass == pytest.approx(1.45)
 
 
-def test_a_folder_with_one_file_stands_for_it(folder: Path, pendulum: Path) -> None:
+def test_folder_with_one_file_is_simulated_from_that_file(folder: Path, pendulum: Path) -> None:
     start = {"hinge": 0.3}
     runs = [simulate(one, start, 0.01, duration=0.1, engine="mujoco") for one in (folder, pendulum)]
     assert abs((runs[0] - runs[1])["hinge"]).max() > 1e-9
@@ -140,13 +140,13 @@ def test_a_folder_with_one_file_stands_for_it(folder: Path, pendulum: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["missing.urdf", "missing.py", "place/missing.txt"])
-def test_a_missing_file_is_no_folder(name: str) -> None:
+def test_missing_file_is_reported(name: str) -> None:
     for ask in (load, check, lambda path: solve(path, "free"), lambda path: simulate(path, "free")):
         with pytest.raises(ValueError, match=f"^{name}: there is no such file"):
             ask(name)
 
 
-def test_causes_name_the_wrong_number_and_its_line(tmp_path: Path) -> None:
+def test_causes_name_wrong_number_and_line(tmp_path: Path) -> None:
     folder = tmp_path / "pendulum"
     shutil.copytree(builtin() / "simple_pendulum", folder)
     for name in ("mujoco.xml", "robot.sdf", "space.py"):
@@ -158,22 +158,22 @@ def test_causes_name_the_wrong_number_and_its_line(tmp_path: Path) -> None:
     text = file.read_text()
     assert text.count('<mass value="0.45"/>') == 1
     file.write_text(text.replace('<mass value="0.45"/>', '<mass value="0.46"/>'))
-    found = check(folder, engines=["mujoco"])
-    assert not found.agree
-    (cause,) = found.causes
+    results = check(folder, engines=["mujoco"])
+    assert not results.agree
+    (cause,) = results.causes
     line = text[: text.index('<mass value="0.45"/>')].count("\n") + 1
     assert [place.line for place in cause.locations] == [line]
     assert cause.nominal == 0.46
     assert cause.estimate == pytest.approx(0.45, rel=1e-6)
-    assert f"robot.urdf:{line}" in found.summary()
-    page = found.show()
+    assert f"robot.urdf:{line}" in results.summary()
+    page = results.show()
     assert f"robot.urdf:{line}" in page.html
     assert "<iframe" in page._repr_html_()
     page.write(tmp_path / "page.html")
     assert (tmp_path / "page.html").read_text() == page.html
 
 
-def test_advice_is_accepted_with_a_reason_until_its_number_changes(
+def test_advice_stays_accepted_until_its_number_changes(
     pendulum: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(pendulum.parent)

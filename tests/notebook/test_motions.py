@@ -42,27 +42,27 @@ def copy(system: str, place: Path) -> Path:
     return place
 
 
-def test_the_reference_has_the_digits_that_it_claims() -> None:
+def test_reference_has_the_digits_that_it_claims() -> None:
     # Energy is kept; and the quarter period of a large swing is Gauss's.
-    found = solve("simple_pendulum", START, duration=4)
-    assert found.names == ("theta", "theta_dot", "energy")
-    assert found.units == ("rad", "rad/s", "J")
+    motion = solve("simple_pendulum", START, duration=4)
+    assert motion.names == ("theta", "theta_dot", "energy")
+    assert motion.units == ("rad", "rad/s", "J")
     a, b = 1.0, np.cos(START["theta"] / 2)
     for _ in range(6):
         a, b = (a + b) / 2, np.sqrt(a * b)
     period = 2 * np.pi * np.sqrt(0.75 / 9.81) / a
-    at = solve("simple_pendulum", START, times=[period / 4, period / 2, period], duration=4)
-    bounds = at.uncertainty_of("theta")
-    misses = np.abs(at["theta"] - [0.0, -1.5, 1.5])
+    samples = solve("simple_pendulum", START, times=[period / 4, period / 2, period], duration=4)
+    bounds = samples.uncertainty_of("theta")
+    misses = np.abs(samples["theta"] - [0.0, -1.5, 1.5])
     assert np.all(misses <= bounds + 1e-15)
     assert np.all(bounds < 1e-11)
     energy = -0.45 * 9.81 * 0.75 * np.cos(1.5)
-    off = np.abs(found["energy"] - energy)
-    assert np.all(off <= found.uncertainty_of("energy"))
-    assert 0 < np.max(found.uncertainty_of("energy")) < 1e-10
+    off = np.abs(motion["energy"] - energy)
+    assert np.all(off <= motion.uncertainty_of("energy"))
+    assert 0 < np.max(motion.uncertainty_of("energy")) < 1e-10
 
 
-def test_a_run_converges_to_the_reference_at_the_order_of_its_integrator(tmp_path: Path) -> None:
+def test_run_converges_with_the_order_of_its_integrator(tmp_path: Path) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
     exact = solve(folder, "free", duration=1)
 
@@ -80,7 +80,7 @@ def test_a_run_converges_to_the_reference_at_the_order_of_its_integrator(tmp_pat
     assert order("mujoco.xml") == pytest.approx(4, abs=0.1)
 
 
-def test_a_wrong_length_stays_in_the_errors_whatever_the_step(tmp_path: Path) -> None:
+def test_error_of_wrong_length_does_not_depend_on_the_step(tmp_path: Path) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
     model = folder / "mujoco.xml"
     exact = solve(folder, "free", duration=4)
@@ -93,21 +93,21 @@ def test_a_wrong_length_stays_in_the_errors_whatever_the_step(tmp_path: Path) ->
     assert wrong[1] == pytest.approx(wrong[0], rel=0.05)
 
 
-def test_names_and_units_are_those_of_the_system_and_not_of_the_engine() -> None:
-    found = simulate("drum_pendulum/space.py", "free", duration=1)
-    assert found.names == ("x", "theta", "x_dot", "theta_dot", "energy")
-    assert found.units == ("m", "rad", "m/s", "rad/s", "J")
-    assert (found.system, found.scenario, found.step) == ("drum_pendulum", "free", 0.002)
-    assert "space.py in pymunk" in found.origin
-    assert "a step of 0.002 s" in found.origin
-    assert found.uncertainty is None
-    exact = solve("drum_pendulum", "free", times=found.t, duration=1)
-    errors = found - exact
+def test_names_and_units_come_from_the_system() -> None:
+    motion = simulate("drum_pendulum/space.py", "free", duration=1)
+    assert motion.names == ("x", "theta", "x_dot", "theta_dot", "energy")
+    assert motion.units == ("m", "rad", "m/s", "rad/s", "J")
+    assert (motion.system, motion.scenario, motion.step) == ("drum_pendulum", "free", 0.002)
+    assert "space.py in pymunk" in motion.origin
+    assert "a step of 0.002 s" in motion.origin
+    assert motion.uncertainty is None
+    exact = solve("drum_pendulum", "free", times=motion.t, duration=1)
+    errors = motion - exact
     assert 1e-6 < largest(errors, "x") < 1e-2
     assert np.max(errors.uncertainty_of("x")) < 1e-11
 
 
-def test_outputs_of_other_names_are_columns_too(tmp_path: Path) -> None:
+def test_declared_outputs_are_columns(tmp_path: Path) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
     declared = (folder / "system.py").read_text()
     more = 'Output("theta", theta.q, "rad", "angle"), Output("height", -l * cos(theta.q), "m", ""),'
@@ -115,23 +115,23 @@ def test_outputs_of_other_names_are_columns_too(tmp_path: Path) -> None:
     (folder / "system.py").write_text(
         declared.replace('Output("theta", theta.q, "rad", "angle"),', more)
     )
-    found = solve(folder, START, times=[0.0, 0.3], duration=1)
-    assert found.names == ("theta", "theta_dot", "height", "energy", "T + V")
-    assert found.label("height") == "height (m)"
-    assert np.allclose(found["height"], -0.75 * np.cos(found["theta"]), rtol=0, atol=1e-15)
-    assert np.array_equal(found["energy"], found["theta_dot"])
+    motion = solve(folder, START, times=[0.0, 0.3], duration=1)
+    assert motion.names == ("theta", "theta_dot", "height", "energy", "T + V")
+    assert motion.label("height") == "height (m)"
+    assert np.allclose(motion["height"], -0.75 * np.cos(motion["theta"]), rtol=0, atol=1e-15)
+    assert np.array_equal(motion["energy"], motion["theta_dot"])
     # The height is known as the angle is, times the slope, and its own rounding.
-    slope = 0.75 * np.abs(np.sin(found["theta"]))
-    bound = found.uncertainty_of("height") - slope * found.uncertainty_of("theta")
+    slope = 0.75 * np.abs(np.sin(motion["theta"]))
+    bound = motion.uncertainty_of("height") - slope * motion.uncertainty_of("theta")
     assert np.all(bound > 0)
     assert np.all(bound < 2e-15)
     run = simulate(folder / "mujoco.xml", START, duration=0.3)
-    assert run.names == found.names
+    assert run.names == motion.names
     with pytest.raises(ValueError, match="read-only"):
         run["height"][0] = 1.0
 
 
-def test_a_driven_motion_has_its_inputs() -> None:
+def test_driven_motion_has_its_inputs() -> None:
     run = simulate("simple_pendulum/mujoco.xml", "driven", 0.001, duration=3)
     errors = run - solve("simple_pendulum", "driven", times=run.t, duration=3)
     undriven = solve("simple_pendulum", {"theta": 0.2}, times=run.t, duration=3)
@@ -139,14 +139,14 @@ def test_a_driven_motion_has_its_inputs() -> None:
     assert np.max(np.abs(run["theta"] - undriven["theta"])) > 0.1
 
 
-def test_an_engine_is_chosen_by_its_name() -> None:
-    found = simulate("simple_pendulum/robot.urdf", START, duration=0.1, engine="mujoco")
-    assert "robot.urdf in MuJoCo" in found.origin
+def test_engine_is_selected_by_name() -> None:
+    motion = simulate("simple_pendulum/robot.urdf", START, duration=0.1, engine="mujoco")
+    assert "robot.urdf in MuJoCo" in motion.origin
     first = simulate("simple_pendulum/robot.urdf", START, duration=0.1)
     assert "robot.urdf in PyBullet" in first.origin
 
 
-def test_a_robots_file_alone_has_equations_too(tmp_path: Path) -> None:
+def test_single_robot_file_has_equations(tmp_path: Path) -> None:
     arm = tmp_path / "arm.urdf"
     arm.write_text(ARM)
     start = {"pin": 0.5, "pin_dot": 1.0}
@@ -182,7 +182,7 @@ system = MultibodySystem(
 """
 
 
-def test_a_folder_that_declares_bodies_runs_as_its_sidecar_says(tmp_path: Path) -> None:
+def test_folder_that_declares_bodies_runs_with_sidecar_settings(tmp_path: Path) -> None:
     (tmp_path / "system.py").write_text(BODIES)
     (tmp_path / "arm.urdf").write_text(ARM)
     sidecar = 'engines = ["mujoco"]\n[settings]\nstep = 0.001\ngravity = [0, 0, -9.81]\n'
@@ -199,27 +199,27 @@ def test_a_folder_that_declares_bodies_runs_as_its_sidecar_says(tmp_path: Path) 
         simulate(tmp_path / "arm.urdf", start, duration=0.2)
 
 
-def test_a_reference_is_remembered_until_its_declaration_changes(
+def test_reference_is_cached_until_its_declaration_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
-    asked: list[object] = []
+    calls: list[object] = []
     done: Any = ask._done
 
     def counted(*arguments: Any) -> Any:
-        asked.append(arguments[0])
+        calls.append(arguments[0])
         return done(*arguments)
 
     monkeypatch.setattr(ask, "_done", counted)
     first = solve(folder, START, duration=1)
     solve(folder, START, times=[0, 0.5], duration=1)
-    assert len(asked) == 1
+    assert len(calls) == 1
     solve(folder, START, duration=0.5)
-    assert len(asked) == 2
+    assert len(calls) == 2
     text = (folder / "system.py").read_text()
     (folder / "system.py").write_text(text.replace('"l", 0.75', '"l", 0.80'))
     second = solve(folder, START, duration=1)
-    assert len(asked) == 3
+    assert len(calls) == 3
     assert largest(second - first, "theta") > 0.01
 
 
@@ -227,7 +227,7 @@ PENDULUM = "simple_pendulum/mujoco.xml"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ((PENDULUM, "fre"), "has no scenario 'fre'; it has free, driven, large, chirp; or give"),
         ((PENDULUM, {"phi": 1.0}), "a start has no 'phi'; simple_pendulum has theta, theta_dot"),
@@ -236,14 +236,12 @@ PENDULUM = "simple_pendulum/mujoco.xml"
         ((PENDULUM, "free", 1e-8), "takes 1.8e\\+09 steps"),
     ],
 )
-def test_what_a_worker_finds_wrong_is_told_with_what_there_is(
-    arguments: tuple[Any, ...], told: str
-) -> None:
-    with pytest.raises(MotionError, match=told):
+def test_worker_errors_list_valid_names(arguments: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(MotionError, match=message):
         simulate(*arguments)
 
 
-def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
+def test_invalid_arguments_are_rejected_before_a_run(tmp_path: Path) -> None:
     for step in (-1, 0, np.inf, "slow"):
         with pytest.raises(MotionError, match=r"the step is .*, expected a number of sec"):
             simulate(PENDULUM, "free", step)  # type: ignore[arg-type]
@@ -274,7 +272,7 @@ def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
         solve(builtin(), "free")
 
 
-def test_times_lie_in_the_motion_and_ascend() -> None:
+def test_times_must_ascend_within_the_motion() -> None:
     for times in ([0, 1, 1], [[0, 1]], []):
         with pytest.raises(MotionError, match="numbers in a row, ascending"):
             solve("simple_pendulum", START, times=times, duration=1)
@@ -282,19 +280,19 @@ def test_times_lie_in_the_motion_and_ascend() -> None:
         solve("simple_pendulum", START, times=[0, 2], duration=1)
 
 
-def test_numbers_of_numpy_are_numbers() -> None:
+def test_numpy_numbers_are_accepted() -> None:
     plain = simulate("simple_pendulum/mujoco.xml", START, 0.004, duration=1)
     start = {"theta": np.float32(1.5)}
-    found = simulate(
+    motion = simulate(
         "simple_pendulum/mujoco.xml",
         start,  # type: ignore[arg-type]
         np.float64(0.004),
         duration=np.int64(1),  # type: ignore[arg-type]
     )
-    assert np.array_equal(found.values, plain.values)
+    assert np.array_equal(motion.values, plain.values)
 
 
-def test_arguments_of_another_type_are_refused_with_what_belongs_there() -> None:
+def test_arguments_of_wrong_type_are_rejected() -> None:
     anything: Any = "ab"
     with pytest.raises(MotionError, match="times are 'ab', expected ascending numbers"):
         solve("simple_pendulum", "free", times=anything)
@@ -314,7 +312,7 @@ def test_arguments_of_another_type_are_refused_with_what_belongs_there() -> None
         simulate("simple_pendulum/mujoco.xml", "free", engine=anything)
 
 
-def test_an_engine_that_is_not_installed_is_told_with_what_installs_it(
+def test_missing_engine_is_reported_with_install_command(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     from physics_crosscheck.harness.engines.pymunk import PymunkEngine
@@ -325,7 +323,7 @@ def test_an_engine_that_is_not_installed_is_told_with_what_installs_it(
 
 
 @pytest.mark.workers
-def test_a_crash_ends_the_call_alone_and_says_where(tmp_path: Path) -> None:
+def test_crash_raises_error_with_line(tmp_path: Path) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
     space = folder / "space.py"
     text = space.read_text()

@@ -32,7 +32,7 @@ def pyplot() -> Iterator[Any]:
     plt.close("all")
 
 
-def test_the_table_has_a_row_a_case_with_its_numbers(mixed: CheckResults) -> None:
+def test_table_has_one_row_per_case(mixed: CheckResults) -> None:
     pytest.importorskip("pandas")
     frame = mixed.to_frame()
     assert len(frame) == len(mixed.cases)
@@ -53,13 +53,13 @@ def test_the_table_has_a_row_a_case_with_its_numbers(mixed: CheckResults) -> Non
     assert frame["reason"].str.contains("exponents").any()
 
 
-def test_the_table_of_nothing_has_the_same_columns(mixed: CheckResults) -> None:
+def test_empty_table_has_the_same_columns(mixed: CheckResults) -> None:
     pytest.importorskip("pandas")
     nothing = msgspec.structs.replace(mixed, cases=())
     assert list(nothing.to_frame().columns) == list(mixed.to_frame().columns)
 
 
-def test_the_page_shows_every_outcome_in_words_and_the_causes_beneath(mixed: CheckResults) -> None:
+def test_page_shows_outcomes_and_causes(mixed: CheckResults) -> None:
     html = mixed._repr_html_()
     ElementTree.fromstring(html)
     for outcome in Outcome:
@@ -72,26 +72,26 @@ def test_the_page_shows_every_outcome_in_words_and_the_causes_beneath(mixed: Che
     assert "url(" not in html
 
 
-def test_of_many_cases_the_page_shows_some_and_says_how_many_more(mixed: CheckResults) -> None:
-    many = msgspec.structs.replace(mixed, cases=mixed.cases * 5)
-    html = many._repr_html_()
-    assert f"and {len(many.cases) - 60} more, in .cases and .to_frame()" in html
+def test_page_limits_cases_and_counts_the_rest(mixed: CheckResults) -> None:
+    enlarged = msgspec.structs.replace(mixed, cases=mixed.cases * 5)
+    html = enlarged._repr_html_()
+    assert f"and {len(enlarged.cases) - 60} more, in .cases and .to_frame()" in html
 
 
-def test_a_case_has_its_motions_as_trajectories_with_units(mixed: CheckResults) -> None:
+def test_case_has_trajectories_with_units(mixed: CheckResults) -> None:
     given = {"scenario": "free", "model": "mujoco.xml", "system": "system_1"}
-    case, found = mixed.case(**given), mixed.trajectories(**given)
+    case, trajectories = mixed.case(**given), mixed.trajectories(**given)
     assert case.series is not None
-    assert found.simulated.names == case.series.components
-    half = len(found.simulated.names) // 2
+    assert trajectories.simulated.names == case.series.components
+    half = len(trajectories.simulated.names) // 2
     coordinates = mixed.systems[1].coordinates
-    assert found.simulated.units[:half] == tuple(one.unit for one in coordinates)
-    assert found.simulated.units[half:] == tuple(f"{one.unit}/s" for one in coordinates)
-    name = found.simulated.names[0]
-    assert found.simulated[name].tolist() == list(case.series.engine[0])
-    assert found.reference[name].tolist() == list(case.series.reference[0])
-    assert found.errors[name].tolist() == list(case.series.error[0])
-    assert "mujoco.xml in mujoco" in found.errors.origin
+    assert trajectories.simulated.units[:half] == tuple(one.unit for one in coordinates)
+    assert trajectories.simulated.units[half:] == tuple(f"{one.unit}/s" for one in coordinates)
+    name = trajectories.simulated.names[0]
+    assert trajectories.simulated[name].tolist() == list(case.series.engine[0])
+    assert trajectories.reference[name].tolist() == list(case.series.reference[0])
+    assert trajectories.errors[name].tolist() == list(case.series.error[0])
+    assert "mujoco.xml in mujoco" in trajectories.errors.origin
     broken = mixed.trajectories("driven", "robot.urdf", "mujoco", "system_0").simulated
     assert "not finite from t = " in broken._repr_html_()
     with pytest.raises(MotionError, match="has no motion: ABSENT, pybullet is not installed"):
@@ -106,7 +106,7 @@ def luminance(colour: str) -> float:
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
 
-def test_white_can_be_read_on_every_badge_and_a_curve_on_white_and_black() -> None:
+def test_badges_and_curves_have_enough_contrast() -> None:
     for colour in GROUNDS.values():
         assert 1.05 / (luminance(colour) + 0.05) >= 4.5
     (line,) = set(re.findall(r"#[0-9a-f]{6}", _curve()))
@@ -120,26 +120,26 @@ def _curve() -> str:
     return curve(np.arange(3.0), np.arange(3.0), "a line")
 
 
-def test_verdicts_and_steps_are_drawn_case_by_case(mixed: CheckResults, pyplot: Any) -> None:
+def test_verdicts_and_steps_are_drawn_per_case(mixed: CheckResults, pyplot: Any) -> None:
     ax: Any = mixed.plot()
     judged = [case for case in mixed.cases if case.verdict is not None]
     labels = [text.get_text() for text in ax.get_yticklabels()]
     assert labels == [f"{case.id}  {case.outcome}" for case in judged]
     drawn = ax.lines[0].get_xdata()
-    told = [case.verdict.discrepancy for case in judged if case.verdict is not None]
-    assert np.array_equal(drawn, np.array(told, dtype=float), equal_nan=True)
+    expected = [case.verdict.discrepancy for case in judged if case.verdict is not None]
+    assert np.array_equal(drawn, np.array(expected, dtype=float), equal_nan=True)
     assert ax.lines[2].get_xdata()[0] == mixed.resolution
-    own: Any = pyplot.subplots()[1]
-    back: Any = mixed.plot("steps", ax=own)
-    assert back is own
+    axes: Any = pyplot.subplots()[1]
+    back: Any = mixed.plot("steps", ax=axes)
+    assert back is axes
     runs = [case for case in judged if case.series is not None]
-    assert len(own.lines) == 2 * len(runs)
+    assert len(axes.lines) == 2 * len(runs)
     assert runs[0].series is not None
-    assert own.lines[0].get_ydata().tolist() == [0.0045, 0.0091, 0.019]
-    assert (own.get_xlabel(), own.get_yscale()) == ("step (s)", "log")
+    assert axes.lines[0].get_ydata().tolist() == [0.0045, 0.0091, 0.019]
+    assert (axes.get_xlabel(), axes.get_yscale()) == ("step (s)", "log")
 
 
-def test_what_can_not_be_drawn_is_refused(mixed: CheckResults, pyplot: Any) -> None:
+def test_invalid_plots_are_rejected(mixed: CheckResults, pyplot: Any) -> None:
     with pytest.raises(ValueError, match="'verdicts' and 'steps' can"):
         mixed.plot("motions")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="no case has verdicts"):
