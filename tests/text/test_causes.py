@@ -33,7 +33,7 @@ def sentences(*causes: Cause, tied: tuple[CauseId, ...] = ()) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("one", "sentence"),
+    ("explained", "sentence"),
     [
         (cause("literal", "joint[x]@stiffness", nominal=47.47, estimate=47.0000001, lines=(7,)),
          "joint[x]@stiffness (robot.urdf:7) is 47.47; the motion implies 47 ± 1e-06"),
@@ -56,20 +56,22 @@ def sentences(*causes: Cause, tied: tuple[CauseId, ...] = ()) -> list[str]:
          "m is 2 ± unknown in the model, but 1 in the equations"),
     ],
 )  # fmt: skip
-def test_a_cause_is_a_sentence(one: Cause, sentence: str) -> None:
-    assert sentences(one) == [sentence, "residual 2.5e-07 of the discrepancy"]
+def test_cause_is_a_sentence(explained: Cause, sentence: str) -> None:
+    assert sentences(explained) == [sentence, "residual 2.5e-07 of the discrepancy"]
 
 
-def test_two_causes_are_two_sentences_whatever_their_names() -> None:
-    told = sentences(cause("literal", "body[nut and bolt]@mass"), cause("friction", "lock and key"))
-    assert told == [
+def test_two_causes_are_two_sentences() -> None:
+    lines = sentences(
+        cause("literal", "body[nut and bolt]@mass"), cause("friction", "lock and key")
+    )
+    assert lines == [
         "body[nut and bolt]@mass is 1; the motion implies 2 ± 1e-06",
         "friction on lock and key is 2 ± 1e-06 in the model, but 1 in the equations",
         "residual 2.5e-07 of the discrepancy",
     ]
 
 
-def test_ties_are_told_at_the_end() -> None:
+def test_ties_are_listed_at_the_end() -> None:
     tied = (CauseId(kind="constant", subject=("m",)), CauseId(kind="spring", subject=("x",)))
     assert sentences(cause("axis", "x"), tied=tied)[-1] == (
         "residual 2.5e-07 of the discrepancy; indistinguishable here from: m, spring on x"

@@ -1,4 +1,4 @@
-"""What `crosscheck derive` prints: complete, computed, and fit for a terminal or for LaTeX."""
+"""Output of `crosscheck derive`: complete and computed, for terminals and LaTeX."""
 
 import dataclasses
 import re
@@ -53,7 +53,7 @@ def squeeze(text: str) -> str:
 
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("name", NAMES)
-def test_the_page_names_what_is_declared(name: str, style: Style) -> None:
+def test_page_names_declared_parts(name: str, style: Style) -> None:
     system, text = system_of(name), squeeze(page(name, style))
     assert system.title in text
     assert system.source in text
@@ -72,13 +72,13 @@ def test_the_page_names_what_is_declared(name: str, style: Style) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_text_fits_a_terminal_of_100_columns(name: str) -> None:
+def test_text_fits_100_columns(name: str) -> None:
     assert max(map(len, page(name).splitlines())) <= 100
     assert not re.search(r"[ \t]$", page(name), re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_text_has_no_names_of_the_program(name: str) -> None:
+def test_text_has_no_internal_names(name: str) -> None:
     text = page(name)
     assert "_dot" not in text
     assert "_ddot" not in text
@@ -139,13 +139,13 @@ def test_the_text_has_no_names_of_the_program(name: str) -> None:
         ]),
     ],
 )  # fmt: skip
-def test_the_text_holds_what_is_computed(name: str, lines: list[str]) -> None:
+def test_text_has_computed_values(name: str, lines: list[str]) -> None:
     text = squeeze(page(name))
     for line in lines:
         assert line in text
 
 
-def test_a_changed_constant_changes_the_numbers() -> None:
+def test_changed_constant_changes_the_numbers() -> None:
     system = system_of("mass_spring_damper")
     m, c, k = system.constants
     stiffer = dataclasses.replace(system, constants=(m, c, dataclasses.replace(k, value=48.0)))
@@ -153,9 +153,9 @@ def test_a_changed_constant_changes_the_numbers() -> None:
     assert f"{np.sqrt(47 / 1.3):.6g}" not in describe(derivation(stiffer))
 
 
-def test_a_planted_erratum_is_counted() -> None:
+def test_planted_erratum_is_counted() -> None:
     system = system_of("mass_spring_damper")
-    first, second = (one for one in system.published if one.number in ("2.5", "2.6"))
+    first, second = (entry for entry in system.published if entry.number in ("2.5", "2.6"))
     wrong = dataclasses.replace(second, text="m*x'' + 2*c*x' + k*x = f")
     text = squeeze(describe(derivation(dataclasses.replace(system, published=(first, wrong)))))
     assert "1 of 2 differs" in text
@@ -163,14 +163,14 @@ def test_a_planted_erratum_is_counted() -> None:
     assert "left over c*x'" in text
 
 
-def test_a_linear_system_has_no_taylor_series_and_no_reach() -> None:
+def test_linear_system_has_no_taylor_series() -> None:
     text = page("mass_spring_damper")
     assert "Taylor" not in text
     assert "How far" not in text
     assert "Taylor" in page("simple_pendulum")
 
 
-def test_a_system_without_inputs_is_described() -> None:
+def test_system_without_inputs_is_described() -> None:
     system = system_of("simple_pendulum")
     free = dataclasses.replace(
         system, inputs=(), scenarios=(dataclasses.replace(system.scenarios[0], inputs={}),)
@@ -180,7 +180,7 @@ def test_a_system_without_inputs_is_described() -> None:
     assert "Transfer functions" not in text
 
 
-def test_an_equilibrium_that_is_none_is_refused() -> None:
+def test_wrong_equilibrium_is_rejected() -> None:
     system = system_of("simple_pendulum")
     off = Equilibrium("off", {system.coordinates[0]: 1}, False, "none")
     with pytest.raises(DeclarationError, match="'off': is not an equilibrium"):
@@ -188,8 +188,8 @@ def test_an_equilibrium_that_is_none_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_an_arm_of_two_joints_is_printed_within_seconds() -> None:
-    """Its mass matrix is two by two, but too long to be inverted, expanded or read as symbols."""
+def test_arm_with_two_joints_is_printed_within_seconds() -> None:
+    """Print a 2 x 2 mass matrix that is too long to invert or expand symbolically."""
     began = time.process_time()
     text, latex = (describe(found, style) for found in [derivation(arm())] for style in STYLES)
     assert time.process_time() - began < 30
@@ -203,11 +203,11 @@ def test_an_arm_of_two_joints_is_printed_within_seconds() -> None:
 
 
 @pytest.mark.slow
-def test_three_coordinates_with_short_equations_have_their_symbols() -> None:
+def test_three_coordinates_with_short_equations_are_symbolic() -> None:
     text = describe(derivation(CART))
     assert "l1*m1 + l1*m2" in text
     assert "-1/(l1*m0)" in text, "B, of the inverse mass matrix"
-    assert "e-6" not in text, "what is rounding is nothing"
+    assert "e-6" not in text, "rounding errors are dropped"
 
 
 # LaTeX
@@ -225,7 +225,7 @@ def environments(text: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_latex_is_balanced(name: str) -> None:
+def test_latex_is_balanced(name: str) -> None:
     text = page(name, "latex")
     environments(text)
     depth = 0
@@ -239,7 +239,7 @@ def test_the_latex_is_balanced(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_table_in_latex_has_as_many_cells_as_columns(name: str) -> None:
+def test_latex_rows_have_as_many_cells_as_columns(name: str) -> None:
     tables = re.findall(
         r"\\begin\{tabular\}\{((?:l|p\{[^}]*\})+)\}\n(.*?)\n\\end\{tabular\}",
         page(name, "latex"),
@@ -250,12 +250,12 @@ def test_a_table_in_latex_has_as_many_cells_as_columns(name: str) -> None:
         count = len(re.sub(r"p\{[^}]*\}", "l", columns))
         for row in body.splitlines():
             assert len(re.findall(r"(?<!\\)&", row)) == count - 1
-            # A bracket at the start of a row would be taken for the spacing of the row above.
+            # LaTeX reads a bracket at the start of a row as spacing of the row above.
             assert not row.startswith("[")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name: str) -> None:
+def test_latex_has_no_raw_specials_or_internal_names(name: str) -> None:
     text = page(name, "latex")
     outside = re.sub(
         r"\$[^$]*\$|\\\[.*?\\\]|\\begin\{align\*\}.*?\\end\{align\*\}", "", text, flags=re.DOTALL
@@ -287,13 +287,13 @@ def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name: str) ->
         ]),
     ],
 )  # fmt: skip
-def test_the_latex_holds_what_is_computed(name: str, formulas: list[str]) -> None:
+def test_latex_has_computed_values(name: str, formulas: list[str]) -> None:
     text = page(name, "latex")
     for formula in formulas:
         assert formula in text
 
 
-def test_special_signs_in_words_are_escaped() -> None:
+def test_special_characters_are_escaped() -> None:
     system = system_of("mass_spring_damper")
     m, c, k = system.constants
     odd = dataclasses.replace(m, description=r"50 % of m_1 & {more} \ #2 ~ $")
@@ -303,17 +303,17 @@ def test_special_signs_in_words_are_escaped() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_formula_can_be_set_in_a_browser(name: str) -> None:
-    found = derived(name)
-    latex = Latex(found.q, found.v, found.a)
-    formulas = [each.latex for each in (*found.coordinates, *found.inputs)]
-    formulas += [each.latex for each in found.constants]
-    formulas += [latex.math(e) for e in (*found.outputs, *(e for _, e in found.energies))]
-    formulas += [f"{latex.sum(left)} = {latex.sum(right)}" for left, right in found.motion]
-    for equilibrium in found.equilibria:
+def test_every_formula_converts_to_mathml(name: str) -> None:
+    equations = derived(name)
+    latex = Latex(equations.q, equations.v, equations.a)
+    formulas = [each.latex for each in (*equations.coordinates, *equations.inputs)]
+    formulas += [each.latex for each in equations.constants]
+    formulas += [latex.math(e) for e in (*equations.outputs, *(e for _, e in equations.energies))]
+    formulas += [f"{latex.sum(lhs)} = {latex.sum(rhs)}" for lhs, rhs in equations.motion]
+    for equilibrium in equations.equilibria:
         formulas += [latex.rational(each.function, each.s) for each in equilibrium.transfers]
-        for left, right in equilibrium.series or ():
-            formulas.append(f"{latex.sum(left)} = {latex.sum(right)}")
+        for lhs, rhs in equilibrium.series or ():
+            formulas.append(f"{latex.sum(lhs)} = {latex.sum(rhs)}")
         for matrix in equilibrium.matrices:
             if matrix.symbolic is not None:
                 rows = matrix.symbolic.tolist()
@@ -338,10 +338,10 @@ def folder_of(path: Path, friction: str) -> Path:
 
 
 @pytest.mark.slow
-def test_what_rests_at_no_round_angle_is_inverted_in_numbers(tmp_path: Path) -> None:
-    """Its short matrices have digits of a search in them, which sympy factors without end."""
-    found = derivation(load_system(folder_of(tmp_path, "")))
-    matrices = {one.name: one for one in found.equilibria[0].matrices}
+def test_equilibrium_at_irregular_angle_is_inverted_numerically(tmp_path: Path) -> None:
+    """Invert short matrices with searched digits, which sympy would factor endlessly."""
+    equations = derivation(load_system(folder_of(tmp_path, "")))
+    matrices = {matrix.name: matrix for matrix in equations.equilibria[0].matrices}
     assert matrices["M"].symbolic is not None
     assert matrices["M"].symbolic.has(sp.Float)
     assert matrices["A"].symbolic is None
@@ -350,7 +350,7 @@ def test_what_rests_at_no_round_angle_is_inverted_in_numbers(tmp_path: Path) -> 
     np.testing.assert_allclose(mass @ below, -stiffness, rtol=1e-12)
 
 
-def test_two_bodies_are_told_in_formulas(tmp_path: Path) -> None:
+def test_two_bodies_are_printed_as_formulas(tmp_path: Path) -> None:
     declared = load_declaration(folder_of(tmp_path, ' friction="0.1"'))
     assert isinstance(declared, MultibodySystem)
     text, latex = (
@@ -364,24 +364,24 @@ def test_two_bodies_are_told_in_formulas(tmp_path: Path) -> None:
     assert r"\begin{bmatrix} 0.32984 & 0.14344 \\" in latex
 
 
-def test_seven_are_told_in_numbers_and_that_is_said(tmp_path: Path) -> None:
+def test_seven_joints_are_printed_as_numbers_with_a_note(tmp_path: Path) -> None:
     pybullet_data = pytest.importorskip("pybullet_data", reason="comes with PyBullet")
     kuka = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
     from_model(kuka, tmp_path / "kuka")
     declared = load_declaration(tmp_path / "kuka")
     assert isinstance(declared, MultibodySystem)
-    found = tree_derivation(declared)
-    for text in (describe(found, style) for style in STYLES):
+    equations = tree_derivation(declared)
+    for text in (describe(equations, style) for style in STYLES):
         assert "they are left out: they are too long for 7 joints" in text
         assert "Degrees of freedom: 7." in text
         rows = re.findall(r"lbr_iiwa_link_3|lbr\\_iiwa\\_link\\_3", text)
-        assert len(rows) == 3  # what it weighs, what it carries, and its joint
+        assert len(rows) == 3  # its mass, its load and its joint
         assert "e-15" not in text
-        assert r"\times 10^{-15}" not in text  # what turned axes leave of zeros
+        assert r"\times 10^{-15}" not in text  # rounding errors of rotated axes
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_text_fits_the_terminal_without_a_word_cut(
+def test_text_fits_the_terminal_without_truncated_words(
     width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Seven columns of a mass matrix are wider than sixty characters, and printed in parts."""
@@ -398,10 +398,10 @@ def test_text_fits_the_terminal_without_a_word_cut(
     monkeypatch.chdir(tmp_path)
     file = Path("arm.urdf")
     file.write_text(f'<robot name="arm">{links}{joints}</robot>')
-    found = tree_derivation(robot_bodies(read_robot(file)))
-    lines = describe(found, "text", width).splitlines()
+    equations = tree_derivation(robot_bodies(read_robot(file)))
+    lines = describe(equations, "text", width).splitlines()
     assert max(map(len, lines)) <= width
-    wide = describe(found, "text", 400)
+    wide = describe(equations, "text", 400)
     words = {word for word in wide.split() if set(word) - {"-", "="}}
     assert words - set(" ".join(lines).split()) <= {"M"}
     assert ("M, columns 1 to" in " ".join(lines)) is (width < 120)

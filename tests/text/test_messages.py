@@ -17,26 +17,26 @@ LONGEST = 25
 """Words of a sentence."""
 
 
-def test_the_committed_pages_are_those_of_the_table() -> None:
+def test_committed_pages_are_current() -> None:
     committed = {path.name: path.read_text() for path in COMMITTED.iterdir()}
     assert committed == pages(), (
         "python -m physics_crosscheck.harness.results.messages docs/messages"
     )
 
 
-def test_a_page_of_a_code_that_no_longer_exists_is_removed(tmp_path: Path) -> None:
+def test_page_of_removed_code_is_deleted(tmp_path: Path) -> None:
     (tmp_path / "XC999.md").write_text("old")
     write(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(pages())
 
 
-@pytest.mark.parametrize("one", codes().values(), ids=str)
-def test_a_page_is_of_short_sentences(one: Code) -> None:
-    for text in (one.title, one.cause, one.remedy):
+@pytest.mark.parametrize("code", codes().values(), ids=str)
+def test_page_has_short_sentences(code: Code) -> None:
+    for text in (code.title, code.cause, code.remedy):
         assert text.endswith((".", "`"))
         for sentence in re.split(r"(?<=[.:?!])\s", text):
             assert len(sentence.split()) <= LONGEST, sentence
-    assert one.example.strip()
+    assert code.example.strip()
 
 
 def test_explain_prints_a_page_by_code_or_name(capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,12 +49,12 @@ def test_explain_prints_a_page_by_code_or_name(capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize("width", [60, 80, 100])
-def test_an_explained_page_fits_the_terminal(width: int) -> None:
+def test_explained_page_fits_the_terminal(width: int) -> None:
     lines = "\n".join(part for code in codes().values() for part in code_lines(code, width))
     assert max(map(len, lines.splitlines())) <= width
 
 
-def test_explain_hints_at_the_code_that_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_suggests_the_closest_code(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", "wrong-numbr", "XC104"]) == 2
     shown = capsys.readouterr()
     assert "did you mean wrong-number" in shown.err

@@ -1,4 +1,4 @@
-"""The table of models in terminals of any width: nothing in it is cut."""
+"""The table of models in terminals of any width, without truncated text."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def printed(*cases: object, details: bool = False) -> str:
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 200])
-def test_no_name_and_no_number_is_cut_at_any_width(width: int) -> None:
+def test_names_and_numbers_are_never_truncated(width: int) -> None:
     text = table(width)
     for word in (*LONG, "1 ERROR, 1 FAIL", "11.3"):
         assert word in text
@@ -52,18 +52,18 @@ def test_no_line_is_longer_than_the_terminal(width: int, details: bool) -> None:
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
-def test_a_column_that_does_not_fit_is_named_below(width: int) -> None:
+def test_omitted_column_is_named_below(width: int) -> None:
     text = table(width)
     for head in ("status", "digits", "off by", "error at dt", "dt", "order", "dt for 0.1 %"):
         assert head in text
 
 
-def test_names_have_lines_of_their_own_where_they_are_too_wide() -> None:
+def test_wide_names_have_separate_lines() -> None:
     assert "two_drums_on_a_slope/robot_folded_and_turned.urdf [mujoco]" in table(60).splitlines()
 
 
 def test_errors_and_uncertainties_are_details() -> None:
-    """Where a case differs, both are of the component that decides."""
+    """Show both for the deciding component if a case differs."""
     assert "e-" not in table(200)
     lines = table(200, details=True).splitlines()
     (row,) = (line.split() for line in lines if line.startswith(LONG[0]))
@@ -73,22 +73,22 @@ def test_errors_and_uncertainties_are_details() -> None:
     assert "3.0e-13" in agreeing
 
 
-def test_a_column_that_is_empty_in_all_rows_is_not_printed() -> None:
+def test_empty_column_is_not_printed() -> None:
     text = printed(case(full_run=None), case(engine="pymunk", full_run=None))
     assert text.splitlines()[0].split() == ["model", "engine", "status", "digits"]
 
 
-def test_a_chaotic_motion_is_no_error_of_the_model() -> None:
+def test_chaotic_motion_is_not_an_error_of_the_model() -> None:
     (row,) = (line for line in printed(case(full_run=CHAOTIC)).splitlines() if "1 ok" in line)
     assert "chaotic" in row
     assert "94 %" not in row
     both = printed(case(), case(scenario="wild", full_run=CHAOTIC))
     assert "0.50 %, chaotic" in both
-    assert "400 µs" in both, "the step is that of the motions that have one"
+    assert "400 µs" in both, "the step comes from the motions that have a step"
     assert "chaotic: a motion that no time step follows" in both
 
 
-def test_of_many_rows_those_that_agree_are_counted() -> None:
+def test_agreeing_rows_are_counted_in_long_tables() -> None:
     cases = [case(model=f"m{i}.xml") for i in range(MAX_ROWS + 3)]
     text = printed(*cases, case(Outcome.DIFFERS, model="wrong.xml"))
     assert "wrong.xml" in text

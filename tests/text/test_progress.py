@@ -1,4 +1,4 @@
-"""Progress in a log: a line now and then, and the right percentage."""
+"""Progress in a log: a line every few seconds, with the right percentage."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def logged(capsys: pytest.CaptureFixture[str], seconds: float, *, every: bool) -
     return capsys.readouterr().err.splitlines()
 
 
-def test_a_log_has_a_line_every_few_seconds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_log_has_a_line_every_few_seconds(capsys: pytest.CaptureFixture[str]) -> None:
     assert logged(capsys, 0.01, every=False) == []
     lines = logged(capsys, LOG_SECONDS / 2, every=False)
     assert lines[0] == "running: 2 of 40 cases done (5 %)"
@@ -27,13 +27,13 @@ def test_a_log_has_a_line_every_few_seconds(capsys: pytest.CaptureFixture[str]) 
     assert lines[-1].startswith("diagnosing ")
 
 
-def test_it_never_says_100_percent_while_there_is_work(capsys: pytest.CaptureFixture[str]) -> None:
-    """After the last case come diagnoses and the report."""
+def test_progress_stays_below_100_percent_until_done(capsys: pytest.CaptureFixture[str]) -> None:
+    """Leave time for the diagnoses and the report after the last case."""
     assert not [line for line in logged(capsys, LOG_SECONDS, every=False) if "100 %" in line]
 
 
-def test_there_is_one_total_once_all_cases_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
-    """Systems whose scenarios are not derived yet would change it."""
+def test_total_appears_once_all_cases_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Omit the total until every system's scenarios are derived."""
     now = [0.0]
     with Progress(clock=lambda: now[0]) as progress:
         for i in range(1, 41):
@@ -45,7 +45,7 @@ def test_there_is_one_total_once_all_cases_are_counted(capsys: pytest.CaptureFix
     assert lines[-1] == "checking coverage"
 
 
-def test_a_log_has_a_line_a_case_where_that_is_asked_for(
+def test_log_has_one_line_per_case_on_request(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     lines = logged(capsys, LOG_SECONDS, every=True)

@@ -1,4 +1,4 @@
-"""SARIF: what a code host shows at the lines of a file."""
+"""SARIF: results that a code host shows at the lines of a file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.records.made import case, finding, model, results
 from tests.text.test_troubles import planted
 
 
-def found(text: str) -> list[dict[str, Any]]:
+def sarif_results(text: str) -> list[dict[str, Any]]:
     log = json.loads(text)
     assert log["version"] == "2.1.0"
     (run,) = log["runs"]
@@ -33,14 +33,14 @@ def found(text: str) -> list[dict[str, Any]]:
         assert codes()[rule["id"]].remedy in rule["help"]["text"].replace("{{", "{").replace(
             "}}", "}"
         )
-    assert rules == sorted({one["ruleId"] for one in run["results"]})
+    assert rules == sorted({result["ruleId"] for result in run["results"]})
     assert run["columnKind"] == "unicodeCodePoints"
-    for one in run["results"]:
-        assert rules[one["ruleIndex"]] == one["ruleId"]
-        assert one["level"] in ("error", "warning", "note")
-        for place in [*one["locations"], *one.get("relatedLocations", [])]:
+    for result in run["results"]:
+        assert rules[result["ruleIndex"]] == result["ruleId"]
+        assert result["level"] in ("error", "warning", "note")
+        for place in [*result["locations"], *result.get("relatedLocations", [])]:
             _check_place(place["physicalLocation"])
-        for fix in one.get("fixes", []):
+        for fix in result.get("fixes", []):
             for change in fix["artifactChanges"]:
                 _check_uri(change["artifactLocation"]["uri"])
                 for replacement in change["replacements"]:
@@ -49,7 +49,7 @@ def found(text: str) -> list[dict[str, Any]]:
 
 
 def _check_place(place: dict[str, Any]) -> None:
-    """Sections 3.29 and 3.30."""
+    """Check a place by sections 3.29 and 3.30."""
     _check_uri(place["artifactLocation"]["uri"])
     if "region" in place:
         _check_region(place["region"])
@@ -66,32 +66,35 @@ def _check_uri(uri: str) -> None:
     assert re.fullmatch(r"(file://)?[A-Za-z0-9/_.~!$&'()*+,;=@%-]+", uri), uri
 
 
-def applied(fix: dict[str, Any], text: str) -> str:
-    """A text of one file with a fix made, as an editor does it."""
+def apply_fix(fix: dict[str, Any], text: str) -> str:
+    """Return a file's text with a fix applied as an editor does it."""
     lines = text.splitlines(keepends=True)
     (change,) = fix["artifactChanges"]
     last_first = sorted(
         change["replacements"],
-        key=lambda one: (one["deletedRegion"]["startLine"], one["deletedRegion"]["startColumn"]),
+        key=lambda replacement: (
+            replacement["deletedRegion"]["startLine"],
+            replacement["deletedRegion"]["startColumn"],
+        ),
         reverse=True,
     )
-    for one in last_first:
-        region, line = one["deletedRegion"], one["deletedRegion"]["startLine"] - 1
+    for replacement in last_first:
+        region, line = replacement["deletedRegion"], replacement["deletedRegion"]["startLine"] - 1
         start, end = region["startColumn"] - 1, region["endColumn"] - 1
-        lines[line] = lines[line][:start] + one["insertedContent"]["text"] + lines[line][end:]
+        lines[line] = (
+            lines[line][:start] + replacement["insertedContent"]["text"] + lines[line][end:]
+        )
     return "".join(lines)
 
 
-def test_a_cause_and_a_finding_stand_at_their_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cause_and_finding_have_their_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "models" / "disc").mkdir(parents=True)
     (tmp_path / "models" / "disc" / "mujoco.xml").write_text("")
-    told = found(sarif(planted()))
-    assert {one["ruleId"] for one in told} == {"XC201", "XC101"}
-    for one in told:
-        (place,) = one["locations"]
+    listed = sarif_results(sarif(planted()))
+    assert {result["ruleId"] for result in listed} == {"XC201", "XC101"}
+    for result in listed:
+        (place,) = result["locations"]
         physical = place["physicalLocation"]
         assert physical["artifactLocation"]["uri"] == "models/disc/mujoco.xml"
         assert physical["region"]["startLine"] == 21
@@ -107,7 +110,7 @@ def test_a_cause_and_a_finding_stand_at_their_line(
         (None, None),
     ],
 )  # fmt: skip
-def test_a_rule_links_to_the_documentation_that_the_package_names(
+def test_rule_links_to_documentation_of_the_package(
     monkeypatch: pytest.MonkeyPatch, urls: list[str] | None, address: str | None
 ) -> None:
     installed = Message()
@@ -119,13 +122,15 @@ def test_a_rule_links_to_the_documentation_that_the_package_names(
     assert rule.get("helpUri") == address
 
 
-def test_what_agrees_is_no_result() -> None:
-    assert found(sarif(results(case()))) == []
+def test_agreeing_case_is_not_a_result() -> None:
+    assert sarif_results(sarif(results(case()))) == []
 
 
-def test_an_engine_that_is_absent_is_a_warning() -> None:
-    (one,) = found(sarif(results(case(Outcome.ABSENT, reason="pymunk is not installed"))))
-    assert (one["ruleId"], one["level"]) == ("XC606", "warning")
+def test_missing_engine_is_a_warning() -> None:
+    (result,) = sarif_results(
+        sarif(results(case(Outcome.ABSENT, reason="pymunk is not installed")))
+    )
+    assert (result["ruleId"], result["level"]) == ("XC606", "warning")
 
 
 TEXT = """<mujoco>
@@ -146,8 +151,8 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def places(file: Path, *addresses: str) -> tuple[SourceLine, ...]:
-    found = find_in(TEXT.encode(), file, addresses)
-    return tuple(source_line(found[one]) for one in addresses)
+    spans = find_in(TEXT.encode(), file, addresses)
+    return tuple(source_line(spans[address]) for address in addresses)
 
 
 def copies(file: Path) -> Cause:
@@ -166,32 +171,32 @@ def diagnosed(*causes: Cause) -> Diagnosis:
     return Diagnosis(explained=True, explanations=(Explanation(causes=causes, remaining=0.0),))
 
 
-def test_a_cause_of_several_lines_is_at_all_of_them_and_its_fix_changes_all(file: Path) -> None:
+def test_cause_of_several_lines_lists_and_fixes_all(file: Path) -> None:
     wrong = case(Outcome.DIFFERS, reason="x is off")
     seen = results(wrong, models=(model(text=TEXT, diagnosis=diagnosed(copies(file))),))
-    (one,) = found(sarif(seen))
-    regions = [place["physicalLocation"]["region"] for place in one["locations"]]
+    (result,) = sarif_results(sarif(seen))
+    regions = [place["physicalLocation"]["region"] for place in result["locations"]]
     assert [region["startLine"] for region in regions] == [2, 3, 4]
-    assert "the motion implies 0.8" in one["message"]["text"]
-    (fix,) = one["fixes"]
-    assert applied(fix, TEXT) == TEXT.replace('m="0.9"', 'm="0.8"')
+    assert "the motion implies 0.8" in result["message"]["text"]
+    (fix,) = result["fixes"]
+    assert apply_fix(fix, TEXT) == TEXT.replace('m="0.9"', 'm="0.8"')
     (note,) = run_notes(seen)
     assert (note.file, note.line) == (Path("models/disc/mujoco.xml"), 2)
 
 
-def test_a_fix_of_a_file_that_has_changed_or_of_half_a_cause_is_none(file: Path) -> None:
+def test_changed_file_or_partly_fixable_cause_has_no_fix(file: Path) -> None:
     wrong = case(Outcome.DIFFERS, reason="x is off")
     other = TEXT.replace('"0.9"/>', '"0.7"/>')
     changed = results(wrong, models=(model(text=other, diagnosis=diagnosed(copies(file))),))
     axis = Cause(kind="axis", subject=("j",), nominal=0.0, estimate=1.0, standard_error=0.0)
     half = results(wrong, models=(model(text=TEXT, diagnosis=diagnosed(copies(file), axis)),))
     for seen in (changed, half):
-        (one,) = found(sarif(seen))
-        assert "fixes" not in one
-    assert len(one["locations"]) + len(one["relatedLocations"]) == 3
+        (result,) = sarif_results(sarif(seen))
+        assert "fixes" not in result
+    assert len(result["locations"]) + len(result["relatedLocations"]) == 3
 
 
-def test_every_finding_is_a_result_and_an_annotation_in_a_line_or_in_none(file: Path) -> None:
+def test_finding_is_a_result_and_an_annotation_with_or_without_line(file: Path) -> None:
     (where,) = places(file, "b@m")
     literal = finding(
         "b@m is 1.25 where m = 1.5", subject=("b@m",), location=where, expected=1.5, actual=1.25,
@@ -204,21 +209,21 @@ def test_every_finding_is_a_result_and_an_annotation_in_a_line_or_in_none(file: 
         model(engine="drake", audit=None, audit_failure="no memory is left"),
     )
     seen = results(case(), models=models)
-    first, second, failed = found(sarif(seen))
-    assert [one["ruleId"] for one in (first, second, failed)] == ["XC101", "XC121", "XC613"]
+    first, second, failed = sarif_results(sarif(seen))
+    assert [result["ruleId"] for result in (first, second, failed)] == ["XC101", "XC121", "XC613"]
     assert first["message"]["text"].endswith("b@m is 1.25 where m = 1.5; write 1.5")
     assert first["locations"][0]["physicalLocation"]["region"]["startLine"] == 3
-    assert applied(first["fixes"][0], TEXT) == TEXT.replace("1.25", "1.5")
-    for one in (second, failed):
-        (place,) = one["locations"]
+    assert apply_fix(first["fixes"][0], TEXT) == TEXT.replace("1.25", "1.5")
+    for result in (second, failed):
+        (place,) = result["locations"]
         uri = {"uri": "models/disc/mujoco.xml"}
-        assert place["physicalLocation"] == {"artifactLocation": uri}, "no line is made up"
+        assert place["physicalLocation"] == {"artifactLocation": uri}, "no line is invented"
     assert [note.line for note in run_notes(seen)] == [3, None, None]
 
 
-def test_a_file_that_is_refused_is_a_result_at_the_lines_that_are_known(file: Path) -> None:
+def test_rejected_file_is_a_result_with_its_lines(file: Path) -> None:
     lines = tuple(SourceLine(file=str(file), line=line) for line in (3, 4))
     refused = case(Outcome.FAILED, reason="no mass", locations=lines)
-    (one,) = found(sarif(results(refused)))
-    both = [*one["locations"], *one["relatedLocations"]]
+    (result,) = sarif_results(sarif(results(refused)))
+    both = [*result["locations"], *result["relatedLocations"]]
     assert [place["physicalLocation"]["region"]["startLine"] for place in both] == [3, 4]

@@ -42,7 +42,7 @@ def printed(rows: list[SweepRow], width: int) -> str:
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_cases_with_one_problem_are_one_entry_with_its_code_in_the_first_lines(width: int) -> None:
+def test_cases_with_the_same_problem_are_one_entry_with_its_code(width: int) -> None:
     text = printed([row(i, discrepancy=0.12 + i) for i in range(4)], width)
     code = case_code(Outcome.DIFFERS, "motion")
     head = "\n".join(text.splitlines()[:4])
@@ -54,7 +54,7 @@ def test_cases_with_one_problem_are_one_entry_with_its_code_in_the_first_lines(w
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_a_sweep_that_agrees_has_no_code_and_no_empty_column(width: int) -> None:
+def test_agreeing_sweep_has_no_code_and_no_empty_column(width: int) -> None:
     values: dict[str, Any] = {
         "outcome": Outcome.AGREES, "kind": "", "reason": "", "discrepancy": 1e-13, "digits": 12.0
     }  # fmt: skip

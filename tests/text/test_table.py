@@ -1,4 +1,4 @@
-"""What `crosscheck run` prints: the header, problems, notes, and the summary line."""
+"""Output of `crosscheck run`: the header, problems, notes, and the summary line."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ from physics_crosscheck.harness.results.status import duration, percent
 from tests.records.made import case, finding, full_run, model, results, stepping, verdict
 
 
-def printed(found: Results, **how: Any) -> str:
+def printed(run: Results, **how: Any) -> str:
     out = StringIO()
-    print_results(Console(file=out, width=160), found, **how)
+    print_results(Console(file=out, width=160), run, **how)
     return out.getvalue()
 
 
@@ -53,25 +53,25 @@ SMALL_BESIDE = verdict(
     largest_discrepancy=6e-12,
     largest_uncertainty=4e-11,
 )
-"""x has the largest share of its uncertainty; another component moves less, and is known worse."""
+"""x has the largest share of its uncertainty; another component has a larger uncertainty."""
 
 
-def test_digits_are_the_fewest_of_all_components_not_of_the_one_that_decides() -> None:
-    found = results(case(verdict=SMALL_BESIDE), case(scenario="driven"))
-    assert summary(found) == "Both cases agree to 10.3 digits (1.5 s)"
-    assert "mujoco  2 cases   10.3 digits" in printed(found)
+def test_digits_are_the_fewest_of_all_components() -> None:
+    run = results(case(verdict=SMALL_BESIDE), case(scenario="driven"))
+    assert summary(run) == "Both cases agree to 10.3 digits (1.5 s)"
+    assert "mujoco  2 cases   10.3 digits" in printed(run)
     worse = verdict(largest_discrepancy=7e-11, largest_uncertainty=4e-11)
     assert "to 10.1 digits" in summary(results(case(verdict=worse)))
 
 
-def test_the_summary_counts_outcomes_and_what_is_accepted() -> None:
-    found = results(
+def test_summary_counts_outcomes_and_accepted_cases() -> None:
+    run = results(
         case(),
         case(Outcome.DIFFERS, reason="off", accepted="a soft joint"),
         case(Outcome.FAILED, reason="died"),
         case(Outcome.ABSENT, reason="pymunk is not installed"),
     )
-    assert summary(found) == (
+    assert summary(run) == (
         "1 of 3 cases failed, 1 differs, 1 agrees to 11.3 digits, 1 skipped,"
         " 1 difference accepted (1.5 s)"
     )
@@ -79,14 +79,14 @@ def test_the_summary_counts_outcomes_and_what_is_accepted() -> None:
     assert summary(results(case())) == "1 case agrees to 11.3 digits (1.5 s)"
 
 
-def test_the_summary_names_faults_that_no_motion_shows() -> None:
-    found = results(case(), case(engine="pymunk"), models=(model(finding("mass is 9")),))
-    assert summary(found) == (
+def test_summary_names_faults_without_effect_on_motions() -> None:
+    run = results(case(), case(engine="pymunk"), models=(model(finding("mass is 9")),))
+    assert summary(run) == (
         "Both cases agree to 11.3 digits, the audit finds faults in 1 model file (1.5 s)"
     )
 
 
-def test_an_absent_engine_is_one_line_with_the_command_that_installs_it() -> None:
+def test_missing_engine_is_one_line_with_install_command() -> None:
     why = "pymunk is not installed; pip install 'physics-crosscheck[engines]'"
     absent = [case(Outcome.ABSENT, engine="pymunk", scenario=s, reason=why) for s in ("a", "b")]
     text = printed(results(*absent))
@@ -98,7 +98,7 @@ def test_an_absent_engine_is_one_line_with_the_command_that_installs_it() -> Non
     assert "crosscheck explain" not in text
 
 
-def test_nothing_that_a_record_has_is_markup_or_an_emoji() -> None:
+def test_record_text_is_not_parsed_as_markup_or_emoji() -> None:
     out = StringIO()
     with redirect_stdout(out):
         name = "arm:cat:[bold].urdf"
@@ -107,7 +107,7 @@ def test_nothing_that_a_record_has_is_markup_or_an_emoji() -> None:
     assert out.getvalue().count(name) == 2
 
 
-def test_problems_come_worst_first_with_what_was_printed() -> None:
+def test_problems_come_worst_first_with_engine_output() -> None:
     text = printed(
         results(
             case(Outcome.DIFFERS, reason="x is off"),
@@ -132,18 +132,18 @@ def test_problems_come_worst_first_with_what_was_printed() -> None:
     assert "rounded" not in text
 
 
-def test_where_no_cause_explains_it_the_audit_findings_take_its_place() -> None:
-    """A large fault in several literals: no one or two of them explain it, reading finds all."""
+def test_audit_findings_replace_a_missing_cause() -> None:
+    """List all wrong literals of the audit if at most two cannot explain a large fault."""
     best = Cause(kind="constant", subject=("m",), nominal=1.0, estimate=7.0, standard_error=2.0)
     explanation = Explanation(causes=(best,), remaining=0.67)
     diagnosis = Diagnosis(explanations=(explanation,))
     wrong = finding("mass is 9 where m = 0.9"), finding("rounded", severity="note")
     differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=1.0))
-    found = results(differs, models=(model(*wrong, diagnosis=diagnosis),))
-    text = printed(found)
+    run = results(differs, models=(model(*wrong, diagnosis=diagnosis),))
+    text = printed(run)
     assert text.count("mass is 9 where m = 0.9") == 1
     assert "closest" not in text
-    assert BEGIN_WITH_AUDIT in printed(found, details=True)
+    assert BEGIN_WITH_AUDIT in printed(run, details=True)
     bare = printed(results(differs, models=(model(diagnosis=diagnosis),)))
     assert "cause: none found; closest: m is 7 ± 2 in the model, but 1 in the equations" in bare
 
@@ -151,12 +151,12 @@ def test_where_no_cause_explains_it_the_audit_findings_take_its_place() -> None:
 def test_many_problems_and_changes_are_counted() -> None:
     id_ = CaseId(system="disc", model="m", scenario="s", engine="e")
     change = bare_diff(id_, Status.GONE, ("it is gone",))
-    many = tuple(replace(change, scenario=f"s{i}") for i in range(MAX_PROBLEMS + 1))
-    new = replace(change, status=Status.NEW)  # never accepted: no change
+    changed = tuple(replace(change, scenario=f"s{i}") for i in range(MAX_PROBLEMS + 1))
+    new = replace(change, status=Status.NEW)  # never accepted, so not a change
     text = printed(
         results(
             *(case(Outcome.DIFFERS, model=f"{i}.xml") for i in range(MAX_PROBLEMS + 2)),
-            baseline=BaselineChanges(name="reports/baseline", changes=(new, *many)),
+            baseline=BaselineChanges(name="reports/baseline", changes=(new, *changed)),
         )
     )
     assert "2 more problems: see the report" in text
@@ -167,7 +167,7 @@ def test_many_problems_and_changes_are_counted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("known", "line"),
+    ("finished", "line"),
     [
         (case(), "[1/2] ok         disc/mujoco.xml/free [mujoco]  11.3 digits"),
         (
@@ -177,24 +177,24 @@ def test_many_problems_and_changes_are_counted() -> None:
         (case(Outcome.FAILED), "[1/2] ERROR      disc/mujoco.xml/free [mujoco]"),
     ],
 )
-def test_a_log_has_a_line_for_each_case(known: Case, line: str) -> None:
-    assert case_line(1, 2, known) == line
+def test_log_has_a_line_for_each_case(finished: Case, line: str) -> None:
+    assert case_line(1, 2, finished) == line
 
 
 def test_single_steps_and_coverage_are_details() -> None:
     soft = stepping(Outcome.DIFFERS, besides="equalities")
-    found = results(
+    run = results(
         case(stepping=stepping(Outcome.AGREES, discrepancy=2e-14)),
         case(model="soft.xml", stepping=soft),
         case(Outcome.DIFFERS, model="wrong.xml", reason="off", stepping=soft),
         models=(model(coverage=Coverage(numbers=31, motion=23)),),
     )
-    text = printed(found, details=True)
+    text = printed(run, details=True)
     assert "single step of 1 case follows the engine's own rule to 2.0e-14" in text
     assert "single step of disc/soft.xml [mujoco] deviates from semi-implicit Euler" in text
     assert "single step of disc/wrong.xml" not in text, "its limit shows the same difference"
     assert "23 of 31 numbers tested (23 by motion)" in text
-    short = printed(found)
+    short = printed(run)
     assert "single step" not in short
     assert "23 of 31 numbers tested (74 %); --details lists the rest" in short
 
@@ -202,12 +202,12 @@ def test_single_steps_and_coverage_are_details() -> None:
 @pytest.mark.parametrize("width", [60, 80, 120])
 @pytest.mark.parametrize("details", [False, True])
 def test_no_line_is_longer_than_the_terminal(width: int, details: bool) -> None:
-    """Words that are longer than a line, as paths may be, stay whole."""
+    """Keep words whole that are longer than a line, such as paths."""
     wrong = case(Outcome.FAILED, reason="arm.urdf:12: " + "the joint has no axis and " * 9)
-    found = results(case(), wrong, models=(model(coverage=Coverage(numbers=31, motion=23)),))
+    run = results(case(), wrong, models=(model(coverage=Coverage(numbers=31, motion=23)),))
     out = StringIO()
     report = Path("a/rather/long/path/of/a/report/that/stays/whole/in/one/line/index.html")
-    print_results(Console(file=out, width=width), found, details=details, report=report)
+    print_results(Console(file=out, width=width), run, details=details, report=report)
     lines = out.getvalue().splitlines()
     assert lines[-1] == "Explain a code: crosscheck explain XC612"
     assert lines[-2] == f"Report: {report}" or width == 120
@@ -215,7 +215,7 @@ def test_no_line_is_longer_than_the_terminal(width: int, details: bool) -> None:
 
 
 @pytest.mark.parametrize("models", [1, 3, 27])
-def test_a_green_run_is_at_most_twelve_lines(models: int) -> None:
+def test_passing_run_has_at_most_twelve_lines(models: int) -> None:
     cases = [
         case(folder=f"models/{i % 6}", model=f"{i}.xml", scenario=s, engine=e)
         for i in range(models)
@@ -255,12 +255,12 @@ def test_no_percentage_is_divided() -> None:
 
 
 def test_colours_are_readable_on_light_and_dark_backgrounds() -> None:
-    """Yellow, cyan and white vanish on white; blue vanishes on black."""
+    """Avoid yellow, cyan and white (invisible on white) and blue (on black)."""
     readable = {"green", "red", "magenta", "bold", "dim", "reverse"}
     assert {word for style in STYLES.values() for word in style.split()} <= readable
 
 
-def test_the_deciding_checks_are_counted_with_their_largest_numbers() -> None:
+def test_deciding_checks_are_counted_with_largest_numbers() -> None:
     steps = verdict(decided_by="single steps", largest_discrepancy=2e-14, largest_uncertainty=3e-13)
     skipped = SkippedCheck(check="segments", reason="r")
     cases = [case(verdict=steps, skipped=(skipped,)), case(verdict=verdict())]
@@ -287,7 +287,7 @@ def test_whole_steps_without_a_verdict_take_one_line_without_details() -> None:
     assert [line.endswith(reason) for line in whole_step_lines(cases, details=True)] == [True, True]
 
 
-def test_the_event_that_is_most_off_is_named_and_short_ones_are_counted() -> None:
+def test_worst_event_is_named_and_short_events_are_counted() -> None:
     events = (
         EventTime(part="floor", change="impact", time=0.3, in_run=0.301),
         EventTime(part="stop", change="impact", time=0.7, in_run=0.696),

@@ -1,4 +1,4 @@
-"""What doesn't agree: told once, with its line, and what to do."""
+"""Problems in the output: reported once, with the line and the remedy."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ WRONG = Cause(
 )
 
 
-def diagnosis(cause: Cause = WRONG, *, explained: bool = True, left: float = 4e-12) -> Diagnosis:
-    found = Explanation(causes=(cause,), remaining=left)
-    return Diagnosis(explanations=(found,), explained=explained)
+def diagnosis(
+    cause: Cause = WRONG, *, explained: bool = True, remaining: float = 4e-12
+) -> Diagnosis:
+    explanation = Explanation(causes=(cause,), remaining=remaining)
+    return Diagnosis(explanations=(explanation,), explained=explained)
 
 
-def printed(found: Results, width: int = 80, *, details: bool = False) -> str:
+def printed(run: Results, width: int = 80, *, details: bool = False) -> str:
     out = StringIO()
-    print_results(Console(file=out, width=width), found, details=details)
+    print_results(Console(file=out, width=width), run, details=details)
     return out.getvalue()
 
 
@@ -57,13 +59,13 @@ def differing(*engines: str, scenarios: tuple[str, ...] = ("free", "driven")) ->
     )
 
 
-def test_a_model_that_differs_is_one_trouble_whatever_the_scenario_and_engine() -> None:
-    (found,) = collect_issues(differing("mujoco", "pybullet"))
-    assert found.worst.scenario == "driven"
-    assert len(found.others) == 3
+def test_differing_model_is_one_issue_for_all_scenarios_and_engines() -> None:
+    (issue,) = collect_issues(differing("mujoco", "pybullet"))
+    assert issue.worst.scenario == "driven"
+    assert len(issue.others) == 3
 
 
-def test_one_reason_in_many_cases_is_one_trouble_and_another_reason_another() -> None:
+def test_cases_with_the_same_reason_are_one_issue() -> None:
     same = [
         case(Outcome.FAILED, scenario=s, model=m, reason=f"bad at {i} s", kind="not finite")
         for i, (s, m) in enumerate((s, m) for s in ("free", "far") for m in ("a.xml", "b.xml"))
@@ -72,7 +74,7 @@ def test_one_reason_in_many_cases_is_one_trouble_and_another_reason_another() ->
     assert [len(one.others) for one in collect_issues([*same, other])] == [3, 0]
 
 
-def test_reasons_that_differ_in_the_digit_of_a_name_are_two_troubles() -> None:
+def test_reasons_with_different_names_are_two_issues() -> None:
     meshes = [
         case(Outcome.FAILED, model=f"arm{i}.urdf", reason=f"arm{i}.stl: no file") for i in (1, 2)
     ]
@@ -84,25 +86,25 @@ def test_reasons_that_differ_in_the_digit_of_a_name_are_two_troubles() -> None:
     assert len(collect_issues(coarse)) == 2
 
 
-def test_what_agrees_or_was_accepted_is_no_trouble() -> None:
+def test_agreeing_or_accepted_case_is_not_an_issue() -> None:
     assert collect_issues([case(), case(Outcome.DIFFERS, accepted="soft")]) == []
 
 
 def planted() -> Results:
-    """One wrong number in one file, seen in two scenarios and two engines."""
+    """Return results with one wrong number that two scenarios and two engines show."""
     wrong = finding(
         "body[rod]/inertial@mass is 3.3 where m = 3.6",
         location=SourceLine(file="mujoco.xml", line=21),
     )
     models: tuple[Model, ...] = tuple(
-        model(wrong, engine=engine, diagnosis=diagnosis(left=left))
-        for engine, left in (("mujoco", 4e-12), ("pybullet", 5e-12))
+        model(wrong, engine=engine, diagnosis=diagnosis(remaining=remaining))
+        for engine, remaining in (("mujoco", 4e-12), ("pybullet", 5e-12))
     )
     agreeing = [case(model=f"model_{i}.xml", scenario=s) for i in range(8) for s in ("a", "b")]
     return results(*differing("mujoco", "pybullet"), *agreeing, models=models)
 
 
-def test_a_cause_is_reported_once_for_all_engines_and_replaces_the_finding() -> None:
+def test_cause_is_reported_once_and_replaces_the_finding() -> None:
     text = printed(planted(), 120)
     assert text.count("the motion implies 3.6") == 1
     assert "FAIL  disc/mujoco.xml [mujoco, pybullet]" in text
@@ -114,7 +116,7 @@ def test_a_cause_is_reported_once_for_all_engines_and_replaces_the_finding() -> 
 
 
 @pytest.mark.parametrize("width", [60, 80, 120, 200])
-def test_the_first_lines_show_the_line_and_the_value(
+def test_first_lines_show_the_line_and_the_value(
     width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -129,22 +131,22 @@ def test_the_first_lines_show_the_line_and_the_value(
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_numbers_with_the_same_effect_are_named_unless_the_audit_decides(width: int) -> None:
+def test_numbers_with_the_same_effect_are_listed_unless_the_audit_decides(width: int) -> None:
     others = (
         CauseId(kind="literal", subject=("body[a]@mass",)),
         CauseId(kind="unbound literal", subject=("b@c",)),
         CauseId(kind="constant", subject=("m",)),
     )
     tied = Explanation(causes=(WRONG,), remaining=1e-12, tied_with=others)
-    alone = model(diagnosis=Diagnosis(explanations=(tied,), explained=True))
-    text = printed(results(*differing("mujoco"), models=(alone,)), width)
+    ambiguous = model(diagnosis=Diagnosis(explanations=(tied,), explained=True))
+    text = printed(results(*differing("mujoco"), models=(ambiguous,)), width)
     assert "or: body[a]@mass, b@c: the same effect on these motions" in " ".join(text.split())
     wrong = finding("mass is 3.3", location=SourceLine(file="mujoco.xml", line=21))
-    decided = model(wrong, diagnosis=alone.diagnosis)
+    decided = model(wrong, diagnosis=ambiguous.diagnosis)
     assert "or:" not in printed(results(*differing("mujoco"), models=(decided,)), width)
 
 
-def test_a_cause_of_one_engine_has_a_space_after_its_label() -> None:
+def test_cause_of_one_engine_has_a_space_after_its_label() -> None:
     models = tuple(
         model(engine=engine, diagnosis=diagnosis(replace(WRONG, subject=(name,))))
         for engine, name in (("mujoco", "a@mass"), ("pybullet", "b@mass"))
@@ -154,8 +156,8 @@ def test_a_cause_of_one_engine_has_a_space_after_its_label() -> None:
     assert "cause [pybullet]: XC201 b@mass is 3.3" in text
 
 
-def test_another_fault_beside_the_cause_is_reported_too() -> None:
-    """Poses move nothing, so that no motion explains them."""
+def test_fault_besides_the_cause_is_reported() -> None:
+    """Report poses too, which no motion can explain because they move nothing."""
     frame = finding("rod is 3 mm off", kind="pose", subject=("rod",))
     term = finding("inertia of x is 2, not 1", kind="inertia", subject=("x",))
     other = finding("height is 2 where h = 1", location=SourceLine(file="mujoco.xml", line=30))
@@ -168,20 +170,20 @@ def test_another_fault_beside_the_cause_is_reported_too() -> None:
     assert "rod is 3 mm off" in details
 
 
-def test_where_nothing_is_explained_no_change_is_proposed() -> None:
-    vague = model(diagnosis=diagnosis(explained=False, left=0.7))
+def test_unexplained_difference_has_no_fix() -> None:
+    vague = model(diagnosis=diagnosis(explained=False, remaining=0.7))
     assert "fix:" not in printed(results(*differing("mujoco"), models=(vague,)))
 
 
-def test_what_was_accepted_is_no_problem() -> None:
-    kept = case(Outcome.DIFFERS, accepted="soft")
+def test_accepted_case_is_not_a_problem() -> None:
+    accepted = case(Outcome.DIFFERS, accepted="soft")
     explained = model(diagnosis=diagnosis(), accepted="soft")
-    text = printed(results(kept, models=(explained,)))
+    text = printed(results(accepted, models=(explained,)))
     assert "cause" not in text
     assert "1 difference accepted" in text
 
 
-def test_findings_that_differ_in_numbers_alone_are_reported_once() -> None:
+def test_findings_that_differ_only_in_numbers_are_reported_once() -> None:
     alike = tuple(
         model(
             finding(f"A is {i}.5e-12 off", subject=("A",), expected=3.0, actual=3 + i * 1e-12),
@@ -194,7 +196,7 @@ def test_findings_that_differ_in_numbers_alone_are_reported_once() -> None:
     assert text.count("e-12 off") == 1
 
 
-def test_a_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
+def test_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
     cause = Cause(
         kind="dropped", subject=("moments of link[tool]/inertial/inertia",), nominal=0.0,
         estimate=0.0, standard_error=0.0, locations=(SourceLine(file="arm.urdf", line=22),),
@@ -203,11 +205,11 @@ def test_a_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
         "link 'tool' has inertia and no mass", kind="inertia", subject=("tool", "massless"),
         location=SourceLine(file="arm.urdf", line=18),
     )  # fmt: skip
-    alone: dict[str, Any] = {"folder": "arm.urdf", "model": "arm.urdf", "system": "arm"}
-    agreeing = case(engine="pybullet", full_run=None, **alone)
-    differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=2.1), **alone)
+    names: dict[str, Any] = {"folder": "arm.urdf", "model": "arm.urdf", "system": "arm"}
+    agreeing = case(engine="pybullet", full_run=None, **names)
+    differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=2.1), **names)
     models = tuple(
-        model(link, engine=engine, diagnosis=found, **alone)
+        model(link, engine=engine, diagnosis=found, **names)
         for engine, found in (("mujoco", diagnosis(cause)), ("pybullet", None))
     )
     assert printed(results(agreeing, differs, models=models)).splitlines()[:7] == [

@@ -1,4 +1,4 @@
-"""How an expression is written, as text and as LaTeX."""
+"""Typesetting of expressions as text and as LaTeX."""
 
 import pytest
 import sympy as sp
@@ -39,7 +39,9 @@ def test_derivatives_have_dots_and_greek_names_are_letters(drum: System) -> None
     assert text.math(first.a * first.v**2) == "x1''*x1'^2"
 
 
-def test_a_transfer_function_has_falling_powers_and_a_positive_highest_one(drum: System) -> None:
+def test_transfer_function_has_descending_powers_and_positive_lead(
+    drum: System,
+) -> None:
     latex, text = latex_of(drum), Text(drum.q, drum.v, drum.a)
     k, m = (next(c.symbol for c in drum.constants if c.name == name) for name in "km")
     assert latex.rational(-1 / (k - m * s**2), s) == r"\frac{1}{m \, s^{2} - k}"
@@ -48,23 +50,23 @@ def test_a_transfer_function_has_falling_powers_and_a_positive_highest_one(drum:
 
 
 @pytest.mark.parametrize("style", [Latex((), (), ()), Text((), (), ())])
-def test_nothing_below_a_quotient_leaves_what_is_above(style: Style) -> None:
+def test_denominator_of_one_is_omitted(style: Style) -> None:
     assert style.rational(sp.Integer(0), s) == "0"
     assert style.rational(s + 1, s) == "s + 1"
 
 
 @pytest.mark.parametrize("style", [Latex((), (), ()), Text((), (), ())])
-def test_a_coefficient_of_one_is_not_written_whatever_its_type(style: Style) -> None:
+def test_coefficient_of_one_is_omitted(style: Style) -> None:
     x = sp.Symbol("x")
     assert style.sum([(sp.Float(1.0), x), (sp.Float(0.0), x), (sp.Integer(-1), s)]) == "x - s"
     assert style.sum([(sp.Float(0.0), x)]) == "0"
 
 
-def test_a_sum_that_is_taken_away_keeps_its_brackets() -> None:
+def test_subtracted_sum_keeps_its_brackets() -> None:
     a, b = sp.symbols("a b")
-    terms = [(a, s), (-a - b, sp.Integer(1))]
-    assert Text((), (), ()).sum(terms) == "a*s - (a + b)"
-    assert Latex((), (), ()).sum(terms) == r"a \, s - \left(a + b\right)"
+    addends = [(a, s), (-a - b, sp.Integer(1))]
+    assert Text((), (), ()).sum(addends) == "a*s - (a + b)"
+    assert Latex((), (), ()).sum(addends) == r"a \, s - \left(a + b\right)"
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,7 @@ def test_a_sum_that_is_taken_away_keeps_its_brackets() -> None:
         ("a{b", r"\text{a\{b}"),
     ],
 )
-def test_a_name_is_a_letter_or_a_word_with_indices(name: str, latex: str) -> None:
+def test_name_is_a_letter_or_a_word_with_indices(name: str, latex: str) -> None:
     assert latex_name(name) == latex
 
 
@@ -95,7 +97,7 @@ def test_numbers_have_six_digits() -> None:
     assert Text((), (), ()).math(sp.Rational(2, 3) * x) == "2*x/3"
 
 
-def test_what_sympy_prints_gets_primes_and_carets() -> None:
+def test_sympy_output_gets_primes_and_carets() -> None:
     assert primed("x_ddot + theta_x_dot**2 - x_dot", ["x", "theta_x"]) == "x'' + theta_x'^2 - x'"
 
 
@@ -108,5 +110,5 @@ def test_what_sympy_prints_gets_primes_and_carets() -> None:
         ("d1/d2", "d_{1}/d_{2}"),
     ],
 )
-def test_an_equation_given_as_text_is_written_as_latex(text: str, latex: str) -> None:
+def test_equation_text_is_converted_to_latex(text: str, latex: str) -> None:
     assert Latex((), (), ()).equation(text) == latex

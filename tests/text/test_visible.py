@@ -1,4 +1,4 @@
-"""Names show as they are to be read: none writes to a terminal, a log of GitHub's or a summary."""
+"""Hostile names are escaped in terminals, logs of GitHub and summaries."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ from tests.records.made import case, finding, model, results
     ("\u202eevil", "\\u202eevil"),
     ("\udcff", "\\udcff"),
 ])  # fmt: skip
-def test_what_no_name_may_have_is_shown_as_an_escape(text: str, shown: str) -> None:
+def test_forbidden_characters_are_escaped(text: str, shown: str) -> None:
     assert visible(text) == shown
     assert (odd_name(text) is None) == (text == shown)
 
 
-def test_in_a_table_of_a_terminal_neither_markup_nor_escapes_count() -> None:
+def test_terminal_table_ignores_markup_and_escapes() -> None:
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=200, highlight=False)
     console.print(escape("[bold]a[/] \x1b]0;title\x07\x1b[2J [link=http://evil]b\nnext"))
@@ -65,11 +65,11 @@ def test_in_a_table_of_a_terminal_neither_markup_nor_escapes_count() -> None:
     ("a ##[group]b", "a ## [group]b"),
     ("CHANGED a::b", "CHANGED a::b"),
 ])  # fmt: skip
-def test_no_line_of_a_log_is_a_command_that_we_did_not_write(line: str, shown: str) -> None:
+def test_log_lines_are_not_commands(line: str, shown: str) -> None:
     assert plain_line(line) == shown
 
 
-def test_an_annotation_is_one_command_whatever_it_tells(tmp_path: Path) -> None:
+def test_annotation_is_one_command(tmp_path: Path) -> None:
     evil = "a\n::error file=x::y\r,title=b\x1b[31m%0A::warning::z"
     note = Annotation(level="error", file=tmp_path / "m.xml", line=1, title=evil, message=evil)
     command = note.command(tmp_path)
@@ -78,9 +78,9 @@ def test_an_annotation_is_one_command_whatever_it_tells(tmp_path: Path) -> None:
     assert command.startswith("::error file=m.xml,line=1,title=a%0A%3A%3Aerror file=x")
 
 
-def test_a_cell_of_a_summary_is_text(tmp_path: Path) -> None:
-    said = _cell("[click](http://evil) <b> a|b `c`\n\x1b[31m @you #12 *a* my_name _b_ &lt;")
-    assert said == (
+def test_cell_of_summary_is_plain_text(tmp_path: Path) -> None:
+    cell = _cell("[click](http://evil) <b> a|b `c`\n\x1b[31m @you #12 *a* my_name _b_ &lt;")
+    assert cell == (
         "&#91;click&#93;(http<!-- -->://evil) &#60;b&#62; a&#124;b &#96;c&#96; &#92;x1b&#91;31m"
         " @<!-- -->you &#35;<!-- -->12 &#42;a&#42; my_name &#95;b&#95; &amp;lt;"
     )
@@ -94,7 +94,7 @@ def test_a_cell_of_a_summary_is_text(tmp_path: Path) -> None:
     (["safe\r::error::a\n"], "safe\r| ::error::a\n"),
     (["why? ", "::no\n", "  ::error::a\n"], "why? ::no\n|   ::error::a\n"),
 ])  # fmt: skip
-def test_a_log_has_no_command_however_its_lines_are_written(parts: list[str], shown: str) -> None:
+def test_partial_log_writes_form_no_commands(parts: list[str], shown: str) -> None:
     inner = io.StringIO()
     log = LogStream(inner)
     for part in parts:
@@ -108,11 +108,11 @@ HOSTILE = (
     "::error file=x::pwned ##[error]a %0A [red]b[/red] <img src=x onerror=alert(1)> | `c`"
     " ![i](http://evil) *d* @you #12 {0} \x9b31m \u202e \"q\" 'r'"
 )
-"""A name that every format has something to escape in."""
+"""A name with characters that each format must escape."""
 
 
-def _of_hostile(folder: Path) -> Results:
-    """A case that differs, and a finding, in a robot, a file and a body of that name."""
+def _hostile_results(folder: Path) -> Results:
+    """Return a differing case and a finding with a hostile robot, file and body name."""
     file = folder / "a b#[%41].urdf"
     text = "<robot>\n<mass value='3.3'/></robot>"
     file.write_text(text)
@@ -125,11 +125,13 @@ def _of_hostile(folder: Path) -> Results:
         kind="literal", subject=(HOSTILE,), nominal=3.3, estimate=3.6, standard_error=1e-12,
         locations=(where,),
     )  # fmt: skip
-    found = Diagnosis(explained=True, explanations=(Explanation(causes=(cause,), remaining=0.0),))
+    diagnosis = Diagnosis(
+        explained=True, explanations=(Explanation(causes=(cause,), remaining=0.0),)
+    )
     names = {"system": HOSTILE, "model": file.name, "folder": str(folder)}
     differs = case(Outcome.DIFFERS, reason=f"{HOSTILE} is off", scenario=HOSTILE, **names)
     failed = case(Outcome.FAILED, reason=f"{HOSTILE}", engine="drake", **names)
-    model_ = model(wrong, text=text, diagnosis=found, **names)
+    model_ = model(wrong, text=text, diagnosis=diagnosis, **names)
     return results(differs, failed, models=(model_,))
 
 
@@ -142,10 +144,13 @@ def _terminal(seen: Results) -> str:
 
 
 def _pytest(seen: Results) -> str:
-    (one,) = seen.models
+    (checked_model,) = seen.models
     decision = Decision(TestStatus.FAIL, seen.cases[0].reason)
-    told = [failure_message(seen.cases[0], decision, one.diagnosis), failure_message(one, decision)]
-    return "\n".join(told)
+    messages = [
+        failure_message(seen.cases[0], decision, checked_model.diagnosis),
+        failure_message(checked_model, decision),
+    ]
+    return "\n".join(messages)
 
 
 def _commands(seen: Results) -> str:
@@ -153,12 +158,12 @@ def _commands(seen: Results) -> str:
 
 
 @pytest.mark.parametrize("form", [_terminal, _pytest, _commands])
-def test_a_hostile_name_is_no_command_and_writes_nothing_but_itself(
+def test_hostile_name_is_printed_without_commands_or_escapes(
     form: Callable[[Results], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
-    text = form(_of_hostile(tmp_path))
+    text = form(_hostile_results(tmp_path))
     assert "pwned" in text
     assert "##[" not in text
     assert not set(text) & {"\x9b", "\x1b", "\u202e", "\r"}
@@ -170,25 +175,25 @@ def test_a_hostile_name_is_no_command_and_writes_nothing_but_itself(
         assert "[red]b[/red]" in text
 
 
-def test_a_hostile_name_is_text_in_a_page_and_in_sarif(
+def test_hostile_name_is_text_in_report_and_sarif(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    seen = _of_hostile(tmp_path)
+    seen = _hostile_results(tmp_path)
     write_report(tmp_path / "index.html", seen)
     assert "<img src=x" not in (tmp_path / "index.html").read_text()
     log = harmless_json(sarif(seen))
     assert "##[" not in log
-    for one in json.loads(log)["runs"][0]["results"]:
-        text = one["message"]["text"]
+    for result in json.loads(log)["runs"][0]["results"]:
+        text = result["message"]["text"]
         assert "](" not in text
         assert "{{0}}" in text
         assert "\x9b" not in text
-        place = one["locations"][0]["physicalLocation"]["artifactLocation"]
+        place = result["locations"][0]["physicalLocation"]["artifactLocation"]
         assert place == {"uri": "a%20b%23%5B%2541%5D.urdf"}
 
 
-def test_a_run_on_github_prints_no_command_of_a_robots_name(
+def test_run_on_github_prints_no_command_from_robot_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -202,8 +207,8 @@ def test_a_run_on_github_prints_no_command_of_a_robots_name(
         + '<axis xyz="0 1 0"/></joint></robot>'
     )
     assert cli.main(["run", "r.urdf", "--engine", "mujoco", "--details"]) == 0
-    told = capsys.readouterr()
-    assert "::error::pwned" in told.out
-    for line in (told.out + told.err).splitlines():
+    output = capsys.readouterr()
+    assert "::error::pwned" in output.out
+    for line in (output.out + output.err).splitlines():
         assert not line.lstrip().startswith("::")
         assert "##[" not in line
