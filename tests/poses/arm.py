@@ -1,4 +1,4 @@
-"""An arm of two hinges with a tool, in equations, MJCF and URDF; and what poses say of it."""
+"""An arm of two hinges with a tool, in equations, MJCF and URDF, and checks of its poses."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ h = Constant("h", 0.5, "m", "height of the elbow", "chosen")
 l = Constant("l", 0.8, "m", "length of the arm", "chosen")  # noqa: E741  # the usual name
 J = Constant("J", 0.3, "kg*m^2", "inertia", "chosen")
 
-_POST = ground.hinge(a, about=(0, 0, 1)).at(0, 0, h)
-_ARM = _POST.hinge(b, about=(0, -1, 0))
+_COLUMN = ground.hinge(a, about=(0, 0, 1)).at(0, 0, h)
+_ARM = _COLUMN.hinge(b, about=(0, -1, 0))
 _TOOL = _ARM.at(0, 0, -l).turned((1, 0, 0), 0.3)
 
 ARM = System(
@@ -47,7 +47,7 @@ ARM = System(
     scenarios=(Scenario("free", "let go", q={a: 0, b: 0}, v={a: 0, b: 1}, inputs={}, duration=1),),
     published=(),
     frames=(
-        _POST.pose("post", "the post's upper end"),
+        _COLUMN.pose("post", "the post's upper end"),
         _ARM.pose("arm", "the arm, at the elbow"),
         _TOOL.pose("tool", "the tool"),
         Pose("tip", tuple(_TOOL.origin), "where the tool is"),
@@ -111,7 +111,7 @@ def poses(
     sidecar: str = FRAMES,
     system: System = ARM,
 ) -> PoseCheck:
-    """What is said of a model of the arm after (old, new) changes of its file or its sidecar."""
+    """Compare poses of the arm after (old, new) changes of its file or its sidecar."""
     texts = {file: text, f"{file}.toml": f'engines = ["{engine}"]\n{sidecar}'}
     for old, new in changes:
         (name,) = [name for name, one in texts.items() if old in one]
@@ -123,9 +123,9 @@ def poses(
     return check_poses(system, read, model, coordinates, reached)
 
 
-def message(found: PoseCheck) -> str:
-    """All that it finds, as one text."""
-    return "\n".join(one.message for one in found.findings)
+def message(check: PoseCheck) -> str:
+    """Return the messages of all findings as one text."""
+    return "\n".join(one.message for one in check.findings)
 
 
 def without_frames() -> System:

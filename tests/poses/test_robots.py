@@ -1,4 +1,4 @@
-"""A robot's bodies are where its file puts them, in every engine that tells where they are."""
+"""Poses of a robot's bodies match its file in every engine that returns poses."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def robot(name: str, floating: bool) -> PreparedTree:
     ("a1/a1.urdf", True, 22),
 ])  # fmt: skip
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet", "drake", "pinocchio", "dart"])
-def test_every_body_of_a_robot_is_where_the_file_puts_it(
+def test_body_poses_of_a_robot_match_its_file(
     name: str, floating: bool, bodies: int, engine: str
 ) -> None:
     """Panda has two links without mass on fixed joints, a1 a root that turns."""
@@ -68,7 +68,7 @@ def test_every_body_of_a_robot_is_where_the_file_puts_it(
 
 
 def shifted(link: str, by: Sequence[float], turn: float) -> object:
-    """MuJoCo's poses with one link moved, m, and turned about its z axis, rad."""
+    """Return MuJoCo's poses with one link moved, m, and turned about its z axis, rad."""
     right = MujocoModel.poses
     c, s = np.cos(turn), np.sin(turn)
 
@@ -83,18 +83,18 @@ def shifted(link: str, by: Sequence[float], turn: float) -> object:
     return poses
 
 
-@pytest.mark.parametrize(("by", "turn", "says"), [
+@pytest.mark.parametrize(("by", "turn", "expected"), [
     ((0.0, 1e-8, 0.0), 0.0, "off by up to 1e-08 m"),
     ((0.0, 0.0, 0.0), 1e-6, "off by up to 5.73e-05 degrees"),
 ])  # fmt: skip
-def test_a_massless_tool_that_is_elsewhere_differs_at_its_line(
+def test_misplaced_massless_tool_differs_at_its_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     by: tuple[float, float, float],
     turn: float,
-    says: str,
+    expected: str,
 ) -> None:
-    """No motion shows it: it carries no mass."""
+    """Catch a comparison that skips links without mass, which no motion shows."""
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     task = model_task(prepare_tree(file, states=8), "mujoco")
@@ -104,11 +104,11 @@ def test_a_massless_tool_that_is_elsewhere_differs_at_its_line(
     assert (case.outcome, case.kind, case.code) == (Outcome.DIFFERS, "pose", "XC304")
     assert case.poses is not None
     assert [one.name for one in case.poses.wrong] == ["tool"]
-    assert says in case.reason
+    assert expected in case.reason
     assert "all single steps agree" in case.reason
     (line,) = case.locations
     assert ARM.splitlines()[(line.line or 0) - 1].startswith('<link name="tool"')
-    assert difference(case) == f"tool {says}"
+    assert difference(case) == f"tool {expected}"
     assert not case.contradiction(1e-9)
 
 
@@ -126,7 +126,7 @@ system = MultibodySystem(
 """
 
 
-def test_a_tool_that_system_py_declares_elsewhere_differs_and_is_counted(tmp_path: Path) -> None:
+def test_misplaced_tool_of_system_py_differs_and_is_counted(tmp_path: Path) -> None:
     """Catch a folder of bodies whose poses no check compares with the engine."""
     (tmp_path / "system.py").write_text(BODIES)
     file, sidecar = tmp_path / "arm.urdf", tmp_path / "arm.urdf.toml"
@@ -145,7 +145,7 @@ def test_a_tool_that_system_py_declares_elsewhere_differs_and_is_counted(tmp_pat
     assert [place.line for place in case.locations] == [8]
 
 
-def test_a_difference_of_rounding_agrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounding_difference_agrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     monkeypatch.setattr(MujocoModel, "poses", shifted("link:tool", (0, 1e-11, 0), 1e-11))

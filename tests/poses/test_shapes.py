@@ -33,7 +33,7 @@ MJCF = f"""<mujoco><compiler angle="radian"/>
 
 
 def case_after(folder: Path, old: str, new: str) -> Case:
-    """The file in MuJoCo after an edit, against the equations of the original."""
+    """Compare the edited file in MuJoCo with the equations of the original."""
     path = folder / "arm.xml"
     path.write_text(MJCF)
     target = prepare_tree(path, states=4)
@@ -80,6 +80,6 @@ def test_numbers_of_shapes_count_as_tested_by_poses(tmp_path: Path) -> None:
     # A class's size 3, floor 6, frame 6, its geom 3, mesh 6, site 4, capsule 7; 4 of bodies'
     # positions; and 2 of axes, by their sign.
     assert coverage.frames == 41
-    # A mesh without inertia has other vertices, and nothing is elsewhere.
+    # Vertices of a mesh without inertia change, and no pose does.
     (shapes,) = (one for one in coverage.untested if one.reason.startswith("collision"))
     assert (shapes.count, shapes.examples) == (12, ("mesh@vertex",))
