@@ -54,46 +54,46 @@ def task(tmp_path: Path) -> SystemTask:
     return model_task(target, "mujoco", read_sidecar(tmp_path / "rod.xml.toml"))
 
 
-def test_numbers_are_counted_by_what_sees_them(task: SystemTask) -> None:
-    found = count_numbers(task)
-    assert found.numbers == len(literals(task.declared.model)) == 29
-    # Gravity along x and z, the axis across itself, the damper; centre, mass and moment about y.
-    assert (found.motion, found.audit) == (9, 1)
-    # The body's place, the site's, and which way the axis points, which no motion shows.
-    assert found.frames == 7
-    assert found.seen + sum(one.count for one in found.untested) == found.numbers
-    reasons = {one.reason: one.count for one in found.untested}
+def test_numbers_are_counted_by_check(task: SystemTask) -> None:
+    counts = count_numbers(task)
+    assert counts.numbers == len(literals(task.declared.model)) == 29
+    # Gravity along x and z, two entries of the axis, the damper; centre, mass and moment about y.
+    assert (counts.motion, counts.audit) == (9, 1)
+    # Positions of the body and the site, and the axis's sign, which no motion shows.
+    assert counts.frames == 7
+    assert counts.seen + sum(one.count for one in counts.untested) == counts.numbers
+    reasons = {one.reason: one.count for one in counts.untested}
     assert reasons["visual geometry"] == 4
     assert reasons["contact parameters"] == 2
     assert reasons["collision and visual shapes"] == 2
     assert reasons["time step"] == 1
 
 
-def test_no_number_of_a_whole_family_is_tried_alone(
+def test_numbers_of_a_family_are_tried_together(
     task: SystemTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[int] = []
     each = trials.Trials._tried
 
-    def noted(self: trials.Trials, words: dict[int, str]) -> trials.NumberEffect:
+    def record(self: trials.Trials, words: dict[int, str]) -> trials.NumberEffect:
         tried.append(len(words))
         return each(self, words)
 
-    monkeypatch.setattr(trials.Trials, "_tried", noted)
+    monkeypatch.setattr(trials.Trials, "_tried", record)
     count_numbers(task)
-    # Lights, sizes and the step at once, switches apart: nothing follows, and no more is asked.
+    # Lights, sizes and the step are tried together, switches separately.
     assert tried[0] == 6
 
 
-def test_what_time_does_not_allow_is_said_to_be_untried(
+def test_numbers_not_tried_in_time_are_reported(
     task: SystemTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trials, "PATIENCE", -1.0)
-    (one, *_) = count_numbers(task).untested
-    assert one.reason == "not counted: out of time"
+    (first, *_) = count_numbers(task).untested
+    assert first.reason == "not counted: out of time"
 
 
-def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: SystemTask) -> None:
+def test_model_settings_in_the_sidecar_are_counted(task: SystemTask) -> None:
     path = Path(f"{task.declared.model}.toml")
     path.write_text(SIDECAR.replace('"Euler"\n', '"Euler"\ngravity = [0, 0, 0]\nstep = 0.001\n'))
     more = count_numbers(task.with_sidecar(read_sidecar(path)))
@@ -101,10 +101,10 @@ def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: SystemTask)
     assert "time step" in {one.reason for one in more.untested}
 
 
-def test_files_that_a_model_includes_are_counted_with_it_and_left_as_they_are(
+def test_included_files_are_counted_and_not_changed(
     task: SystemTask,
 ) -> None:
-    """The same as where their numbers stand in the model's own file, and of that file alone."""
+    """Compare with counts of the same numbers in one file, and of a robot's file."""
     whole = count_numbers(task)
     path = task.declared.model
     outer, _, rest = MJCF.partition('<body name="rod"')
@@ -116,15 +116,15 @@ def test_files_that_a_model_includes_are_counted_with_it_and_left_as_they_are(
     path.write_text(f'{outer}<include file="parts/rod.xml"/>{end}')
     sidecar = Path(f"{path}.toml")
     sidecar.write_text(SIDECAR.replace('"body[rod]', "#"))
-    found = count_numbers(replace(task, sidecar=read_sidecar(sidecar)))
-    assert (found.numbers, found.motion) == (whole.numbers, whole.motion)
-    assert found.frames == whole.frames
+    split = count_numbers(replace(task, sidecar=read_sidecar(sidecar)))
+    assert (split.numbers, split.motion) == (whole.numbers, whole.motion)
+    assert split.frames == whole.frames
     assert part.read_text() == text
-    alone = count_robot(model_task(replace(prepare_tree(path), smooth=True), "mujoco"))
-    assert (alone.numbers, alone.motion) == (found.numbers, found.motion)
+    robot = count_robot(model_task(replace(prepare_tree(path), smooth=True), "mujoco"))
+    assert (robot.numbers, robot.motion) == (split.numbers, split.motion)
 
 
-def test_a_change_below_the_resolution_of_the_run_does_not_count(task: SystemTask) -> None:
+def test_change_below_the_resolution_does_not_count(task: SystemTask) -> None:
     assert count_numbers(replace(task, resolution=10.0)).motion == 0
 
 
@@ -134,11 +134,11 @@ def test_every_number_of_each_format_is_listed(tmp_path: Path) -> None:
         "a.py": "A = -1\n\ndef f():\n    return 2.5 * A, True, 'x3'\n",
         "a.toml": 'a = 1\nb = [2, 3.5, "4"]\n[c.d]\ne = { f = 6 }\n',
     }
-    found = {}
+    numbers = {}
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
-        found[name] = [(one.path, one.location.text) for one in literals(tmp_path / name)]
-    assert found == {
+        numbers[name] = [(one.path, one.location.text) for one in literals(tmp_path / name)]
+    assert numbers == {
         "a.xml": [("a@b", "1"), ("a@b", "2"), ("a/d", "4"), ("a/e@f", "1.5")],
         "a.py": [("A", "1"), ("", "2.5")],
         "a.toml": [("a", "1"), ("b[0]", "2"), ("b[1]", "3.5"), ("c.d.e.f", "6")],
@@ -146,11 +146,11 @@ def test_every_number_of_each_format_is_listed(tmp_path: Path) -> None:
 
 
 def model(**fields: object) -> Model:
-    known: dict[str, object] = {
+    defaults: dict[str, object] = {
         "system": "arm", "model": "a.xml", "engine": "known", "folder": "f", "text": "",
         "sidecar": "",
     }  # fmt: skip
-    return Model(**{**known, **fields})  # type: ignore[arg-type]  # of the tests' own making
+    return Model(**{**defaults, **fields})  # type: ignore[arg-type]  # fields of tests
 
 
 COVERAGE = Coverage(
@@ -162,7 +162,7 @@ COVERAGE = Coverage(
 )
 
 
-def test_the_line_says_what_had_a_say_and_what_had_not() -> None:
+def test_line_lists_tested_and_untested_numbers() -> None:
     poses = Poses(
         frames=(FramePose(name="rod", place="body:rod", position=0.0, rotation=0.0, agrees=True),),
         states=3,
@@ -172,18 +172,18 @@ def test_the_line_says_what_had_a_say_and_what_had_not() -> None:
         kind=BEYOND, subject=("a", "limits"), message="a is limited to [-3, 3]", location=None,
         expected=None, actual=None, severity="note",
     )  # fmt: skip
-    one = model(coverage=COVERAGE, poses=poses, audit=(stop,))
-    assert coverage_line(one) == (
+    record = model(coverage=COVERAGE, poses=poses, audit=(stop,))
+    assert coverage_line(record) == (
         "23 of 31 numbers tested (18 by motion, 4 by audit, 1 by frames); untested: 8 (visual"
         " geometry); 1 pose compared, not tip (not in the sidecar's [frames]); not reached: a"
         " is limited to [-3, 3]"
     )
     assert "untested: 8 (visual geometry: geom@rgba, site@size, ...)" in coverage_line(
-        one, examples=True
+        record, examples=True
     )
 
 
-def test_models_that_are_alike_share_a_line_and_unchecked_poses_are_said() -> None:
+def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:
     bare = Poses(note="the system declares no frames")
     models = [model(poses=bare), model(engine="other", poses=bare), model(engine="third")]
     assert coverage_lines(models) == [

@@ -1,4 +1,4 @@
-"""Numbers of a robot's file that its motions depend on, counted by the equations alone."""
+"""Numbers of a robot's file that its motions depend on, counted by the equations."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ TEXT = "\n".join(
 
 
 @pytest.mark.parametrize("engine", [one.name for one in engines_reading(".urdf")])
-def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
+def test_numbers_without_effect_are_listed_by_name(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)
-    found = count_robot(model_task(prepare_tree(file), engine))
-    assert found.numbers == 3 + 1 + 6 + 3 + 3 + 4 + 3 + 1 + 6
-    assert found.seen + sum(one.count for one in found.untested) == found.numbers
-    by_reason = {one.reason: one for one in found.untested}
+    counted = count_robot(model_task(prepare_tree(file), engine))
+    assert counted.numbers == 3 + 1 + 6 + 3 + 3 + 4 + 3 + 1 + 6
+    assert counted.seen + sum(one.count for one in counted.untested) == counted.numbers
+    by_reason = {one.reason: one for one in counted.untested}
     counts = {reason: one.count for reason, one in by_reason.items()}
     in_steps = engine == "pybullet"  # whose whole steps have a law for a URDF
     assert counts.get("joint limits", 0) == (0 if in_steps else 2)
     assert counts.get("actuator limits", 0) == (0 if in_steps else 1)
     assert counts["velocity limits"] == 1
-    # All ten numbers of what stands still, each by its name.
+    # All ten numbers of the fixed link, each by its name.
     still = by_reason[NumberEffect.FIXED.value].examples
     assert len(still) == counts[NumberEffect.FIXED.value] == 10
     assert "link[base]/inertial/mass@value" in still
-    idle = by_reason[NumberEffect.NONE.value].examples
-    assert len(idle) == counts[NumberEffect.NONE.value]
-    # Moments about other axes have no say; where the joint is, which way it is turned about its
-    # link, and the sign of its axis show in poses alone.
-    assert "link[one]/inertial/inertia@ixx" in idle
-    assert found.frames == 5
+    untested = by_reason[NumberEffect.NONE.value].examples
+    assert len(untested) == counts[NumberEffect.NONE.value]
+    # Moments about other axes have no effect; position, rotation and axis sign of the joint show
+    # only in poses.
+    assert "link[one]/inertial/inertia@ixx" in untested
+    assert counted.frames == 5
     assert not {"link[one]/inertial/mass@value", "joint[a]/origin@xyz[2]",
                 "link[one]/inertial/inertia@iyy", "link[one]/inertial/origin@xyz[2]",
-                "joint[a]/axis@xyz[2]"} & set(idle)  # fmt: skip
+                "joint[a]/axis@xyz[2]"} & set(untested)  # fmt: skip
 
 
 SDF = """<sdf version="1.9"><world name="w">{}</world></sdf>"""
@@ -75,8 +75,8 @@ MODEL = """<model name="{}">
 def test_fixed_links_are_those_of_the_chosen_model(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "r.sdf"
     file.write_text(SDF.format(MODEL.format("one") + MODEL.format("two")))
-    found = count_robot(model_task(prepare_tree(file, model="two"), engine))
-    counts = {one.reason: one.count for one in found.untested}
+    counted = count_robot(model_task(prepare_tree(file, model="two"), engine))
+    counts = {one.reason: one.count for one in counted.untested}
     assert counts[NumberEffect.FIXED.value] == 1
 
 
@@ -97,13 +97,13 @@ MJCF = """<mujoco><size memory="400M" nkey="1"/><option timestep="0.001"/>
 def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF)
-    found = count_robot(model_task(prepare_tree(file), "mujoco"))
-    counts = {one.reason: one.count for one in found.untested}
+    counted = count_robot(model_task(prepare_tree(file), "mujoco"))
+    counts = {one.reason: one.count for one in counted.untested}
     # Along the axis of the joint above: the site; signs of two axes.
-    assert found.frames == 3 + 2
+    assert counted.frames == 3 + 2
     # As compiled: two contact parameters and an anchor that act at no state, a body and two shapes
     # along the axis of their joint.
-    assert found.audit == 3 + 3
+    assert counted.audit == 3 + 3
     assert counts == {
         "visual geometry": 3 + 4,
         "joint limits": 2,
@@ -114,18 +114,18 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     }
 
 
-def test_a_shortage_of_memory_is_no_number_without_effect(tmp_path: Path) -> None:
+def test_memory_shortage_fails_the_count(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF)
     task = model_task(prepare_tree(file), "mujoco")
     limits = Limits(memory=0.2)
     with Workers(1, limits=limits) as workers:
-        found = workers.outcome(workers.submit(count_robot, task))
-    assert isinstance(found, Failure)
-    assert found.reason == limits.full
+        outcome = workers.outcome(workers.submit(count_robot, task))
+    assert isinstance(outcome, Failure)
+    assert outcome.reason == limits.full
 
 
-def test_a_number_that_cannot_be_moved_is_not_counted(
+def test_number_that_cannot_change_is_not_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "r.xml"
@@ -135,9 +135,9 @@ def test_a_number_that_cannot_be_moved_is_not_counted(
     monkeypatch.setattr(
         CompiledNumbers, "_compile", lambda self, values: None if values else compiled(self, {})
     )
-    found = count_robot(task)
-    assert found.motion == 0
-    reasons = {one.reason: one.count for one in found.untested}
+    counted = count_robot(task)
+    assert counted.motion == 0
+    reasons = {one.reason: one.count for one in counted.untested}
     assert set(reasons) == {NumberEffect.REFUSED.value, "memory sizes"}
 
 
