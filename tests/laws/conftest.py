@@ -1,4 +1,4 @@
-"""Few states of each scene, since here every one shows most of the scene's rows."""
+"""A fixture that draws few states, since each shows most of a scene's rows."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from physics_crosscheck.harness.checks import law_states
 from physics_crosscheck.harness.checks.law_comparison import LawComparison
 from physics_crosscheck.harness.checks.law_states import STATES, drawn_states
 
-FEW = 6
-"""States by convex laws: two of each kind that is drawn. Impulses show less in each."""
+FEW_STATES = 6
+"""States for convex laws, two of each kind; laws of impulses need more."""
 
 
 @pytest.fixture
 def few_states(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw few states of each scene."""
 
-    def few(comparison: Any) -> Iterator[Any]:
-        return drawn_states(comparison, FEW if type(comparison) is LawComparison else STATES)
+    def draw_few(comparison: Any) -> Iterator[Any]:
+        return drawn_states(comparison, FEW_STATES if type(comparison) is LawComparison else STATES)
 
-    monkeypatch.setattr(law_states, "drawn_states", few)
+    monkeypatch.setattr(law_states, "drawn_states", draw_few)

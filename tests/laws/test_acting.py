@@ -1,4 +1,4 @@
-"""Quantities that a file's numbers act as are those of the engine's own motion."""
+"""Physical quantities computed from a file's numbers match the engine's motion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SLIDE = """<mujoco><option {option} gravity="{x} 0 {z}" tolerance="0" iterations
 
 
 def loaded(folder: Path, text: str) -> tuple[LawModel, Any, Any]:
-    """The laws of a file, and the file in MuJoCo."""
+    """Return the laws of a file, and the file in MuJoCo."""
     path = folder / "r.xml"
     path.write_text(text)
     laws = law_model(engines()["mujoco"].compiled(path))
@@ -44,8 +44,8 @@ ELLIPTIC, PYRAMIDAL = 'cone="elliptic" impratio="10"', 'cone="pyramidal" imprati
 def test_the_depth_at_rest_and_the_creep_on_a_slope_are_those_of_the_engine(
     option: str, geom: str, tmp_path: Path
 ) -> None:
-    """Lost: a pyramid's edges that share the weight, an impedance that depends on the depth, the
-    direct format, the ratio of friction to normal forces.
+    """Catch the loss of a pyramid's edges that share the weight, an impedance that depends on the
+    depth, the direct format, or the ratio of friction to normal forces.
     """
     flat = SLIDE.format(option=option, geom=geom, x=0, z=-G)
     laws, model, data = loaded(tmp_path, flat)

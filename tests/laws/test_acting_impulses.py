@@ -1,4 +1,4 @@
-"""Quantities that a URDF's numbers act as in PyBullet are those of its own motion."""
+"""Physical quantities computed from a URDF's numbers match PyBullet's motion."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_a_limit_rebounds_at_most_by_its_share(tmp_path: Path) -> None:
     spec = spec_of(tmp_path, URDF_ARM)
     model, table = engines()["pybullet"].load_whole(spec), quantities(spec)
     assert model is not None
-    most = table["limits of shoulder", "rebound"]
+    bound = table["limits of shoulder", "rebound"]
     rebounds = []
     for phase in np.linspace(0.02, 0.98, 25):
         z = np.array([0.7 - 0.5 * phase * model.step, 0.0])
@@ -79,8 +79,8 @@ def test_a_limit_rebounds_at_most_by_its_share(tmp_path: Path) -> None:
         after = model.moved(state, 30)
         momentum = -after.m[0] / 0.5
         rebounds.append(momentum)
-    assert max(rebounds) < most
-    assert max(rebounds) > most / 2
+    assert max(rebounds) < bound
+    assert max(rebounds) > bound / 2
 
 
 def test_equal_rows_are_one_line(tmp_path: Path) -> None:

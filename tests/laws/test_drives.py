@@ -50,7 +50,7 @@ def driven(
     return drive(*cart(drives, x, v, **laws), accelerations, np.array([control]), states)
 
 
-def test_a_servo_is_limited_where_its_file_says() -> None:
+def test_servo_limits_follow_its_file() -> None:
     """Catch limits that are ignored, or applied in another order: control, force, joint."""
     servo = {"gains": (40.0,), "bias": "affine", "biases": (0.0, -40.0, -2.0)}
     free = 40 * (2.0 - 0.3) + 2.0 * 0.2

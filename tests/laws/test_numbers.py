@@ -45,7 +45,7 @@ def diagnosed(tmp_path: Path, text: str, loaded: str) -> Diagnosis:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_number_and_the_value_that_the_engine_acts_with_are_named(
+def test_wrong_number_and_its_value_are_named(
     tmp_path: Path, request: pytest.FixtureRequest, fault: str
 ) -> None:
     """Catch a cause without a line, another number, or another value."""
@@ -102,9 +102,7 @@ def test_a_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str
     ("text", "floating"),
     [(URDF_ARM, False), pytest.param(URDF_BOX, True, marks=pytest.mark.slow)],
 )
-def test_other_numbers_of_impulses_have_the_effect_of_a_new_solution(
-    tmp_path: Path, text: str, floating: bool
-) -> None:
+def test_cached_effect_equals_a_new_solution(tmp_path: Path, text: str, floating: bool) -> None:
     """Catch a known solution that is kept although a number changes it."""
     pytest.importorskip("pybullet")
     file = tmp_path / "robot.urdf"
@@ -118,7 +116,7 @@ def test_other_numbers_of_impulses_have_the_effect_of_a_new_solution(
         laws = problem.numbers.laws({i: (0.5, 1.01)[i % 2] * problem.numbers.numerals[i].value})
         assert laws is not None
         kept = problem.comparison.expected_by(laws, evaluated)
-        # On a tree of its own, everything is solved again.
+        # A new tree is solved from the start.
         solved = problem.comparison.expected_by(replace(laws, tree=replace(laws.tree)), evaluated)
         assert kept == pytest.approx(solved, rel=1e-11, abs=1e-11)
         acted += not np.allclose(kept, before, rtol=1e-9, atol=1e-9)

@@ -100,7 +100,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_changed_number_is_seen(
+def test_changed_number_is_detected(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, fault: str
 ) -> None:
     """Catch a number that no drawn state depends on."""
@@ -134,7 +134,7 @@ def test_a_space_of_smooth_joints_alone_is_not_compared(tmp_path: Path) -> None:
     assert checked(tmp_path, smooth) is None
 
 
-def test_what_has_no_law_is_named(tmp_path: Path) -> None:
+def test_parts_without_a_law_are_named(tmp_path: Path) -> None:
     """Catch a comparison that passes although a callback or a ratchet acts."""
     ratchet = BALL.replace(
         "space.add(floor", "space.add(pymunk.RatchetJoint(ball.body, ground, 0, 1), floor"
@@ -233,7 +233,7 @@ def moved(
 
 
 def test_contacts_act_as_stated(tmp_path: Path) -> None:
-    """Catch a friction or bounce that is no product, another depth, or another recovery."""
+    """Catch a friction or bounce that is not the product, another depth, or another recovery."""
     table, whole = acting(tmp_path, BOX)
     subject, h = "ground with box", whole.laws.step
     slid = moved(whole, (3, 0, 0), 50)[1]
@@ -242,20 +242,20 @@ def test_contacts_act_as_stated(tmp_path: Path) -> None:
     assert -after / before == pytest.approx(table[subject, "restitution"], rel=1e-3)
     depth, tau = table[subject, "rest depth"], table[subject, "time constant"]
     assert moved(whole, (0, 0, 0), 20, lift=-0.9 * depth)[0][1] == pytest.approx(0.12 - 0.9 * depth)
-    left = 0.12 - depth - moved(whole, (0, 0, 0), 21, lift=-3 * depth)[0][1]
-    assert left == pytest.approx(2 * depth * np.exp(-20 * h / tau), rel=1e-3)
+    penetration = 0.12 - depth - moved(whole, (0, 0, 0), 21, lift=-3 * depth)[0][1]
+    assert penetration == pytest.approx(2 * depth * np.exp(-20 * h / tau), rel=1e-3)
 
 
 def test_joints_and_damping_act_as_stated(tmp_path: Path) -> None:
     """Catch a rebound, frequency or damping by another mass, step or share."""
     table, whole = acting(tmp_path, SLIDE)
-    h, most = whole.laws.step, table["rotary limit of ground and a", "rebound"]
+    h, bound = whole.laws.step, table["rotary limit of ground and a", "rebound"]
     rebounds = []
     for phase in np.linspace(0.02, 0.98, 25):
         places, speeds = whole.home.copy(), np.zeros_like(whole.speeds)
         places[1, 2], speeds[1, 2] = 0.4 - phase * h, 1.0
         rebounds.append(-whole.moved(places, speeds, 30)[1][1, 2] / 0.6 ** (30 * h))
-    assert most / 2 < max(rebounds) <= most * 1.05
+    assert bound / 2 < max(rebounds) <= bound * 1.05
     spring, lost = "spring of ground and b", 1 / table["damping of all bodies", "time constant"]
     rate = 2 * np.pi * table[spring, "natural frequency"]
     decay = rate * table[spring, "damping ratio"] + lost / 2

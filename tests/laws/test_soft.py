@@ -77,9 +77,9 @@ def test_two_surfaces_mix_by_maximum_weight_and_priority() -> None:
     assert both.dimension == 6
     assert both.margin == pytest.approx(0.003)
     assert both.softness.reference == pytest.approx((0.75 * T + 0.25 * 0.01, 0.75 * Z + 0.375))
-    one = mix_surfaces(first, surface(1, other, friction=(0.4, 0.02, 0.0), priority=1))
-    assert one.friction == (0.4, 0.4, 0.02, 0.0, 0.0)
-    assert one.softness == other
+    mixed = mix_surfaces(first, surface(1, other, friction=(0.4, 0.02, 0.0), priority=1))
+    assert mixed.friction == (0.4, 0.4, 0.02, 0.0, 0.0)
+    assert mixed.softness == other
 
 
 def test_the_gradient_bounds_the_error_of_any_answer() -> None:

@@ -33,7 +33,7 @@ from tests.laws.scenes import (
 
 pytest.importorskip("mujoco")
 
-few = pytest.mark.usefixtures("few_states")
+use_few_states = pytest.mark.usefixtures("few_states")
 
 SCENES = {
     "drives": DRIVES, "limits": LIMITS, "connect": CONNECT, "weld": WELD, "pair": PAIR,
@@ -69,7 +69,7 @@ PAIRS = [
 ]  # fmt: skip
 
 
-@few
+@use_few_states
 @pytest.mark.parametrize(("scene", "options"), PAIRS)
 def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options: str) -> None:
     """Catch a row, a mixing rule, a cone or a drive that is stated wrong; and false alarms."""
@@ -81,7 +81,7 @@ def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options
     assert check.record.acted
 
 
-@few
+@use_few_states
 @pytest.mark.parametrize(
     ("text", "kinds"),
     [(URDF_ARM, {"limits", "motors", "motors at a limit"}), (URDF_BOX, {"contacts"})],
@@ -117,7 +117,7 @@ LONE = """<mujoco><compiler angle="radian"/>
 </body></worldbody></mujoco>"""
 
 
-def test_rounding_is_no_difference_where_nothing_accelerates(tmp_path: Path) -> None:
+def test_rounding_agrees_without_accelerations(tmp_path: Path) -> None:
     """Catch differences relative to accelerations that are rounding errors."""
     check = checked(tmp_path, LONE)
     assert check.judgement is not None
@@ -152,9 +152,9 @@ FAULTS = {
 }
 
 
-@few
+@use_few_states
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_millionth_of_each_number_is_seen(tmp_path: Path, fault: str) -> None:
+def test_relative_change_of_1e_6_is_detected(tmp_path: Path, fault: str) -> None:
     """Catch a number of the law that the comparison does not depend on."""
     scene, right, wrong = FAULTS[fault]
     scene = scene.replace("{}", OPTIONS[1])
@@ -168,7 +168,7 @@ ARM = """<mujoco><option timestep="0.002"/><worldbody>
 <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="1"/></body></worldbody></mujoco>"""
 
 
-@few
+@use_few_states
 @pytest.mark.parametrize(
     ("engine", "text", "right", "wrong"),
     [
@@ -177,7 +177,7 @@ ARM = """<mujoco><option timestep="0.002"/><worldbody>
     ],
     ids=["mujoco", "pybullet"],
 )
-def test_a_case_differs_where_only_its_limit_does(
+def test_case_with_a_wrong_limit_differs(
     tmp_path: Path, engine: str, text: str, right: str, wrong: str
 ) -> None:
     """Catch a case whose smooth motion agrees and that hides a limit that differs."""
@@ -193,7 +193,7 @@ def test_a_case_differs_where_only_its_limit_does(
     assert (smooth.outcome, smooth.whole_step) == (Outcome.AGREES, None)
 
 
-@few
+@use_few_states
 def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     """Catch a comparison that passes although something without a law acts."""
     text = ARM.replace(
@@ -255,8 +255,8 @@ GAP = """<mujoco><worldbody><geom type="plane" size="3 3 .1" margin=".001" gap="
 <body pos="0 0 .05"><freejoint/><geom type="box" size=".1 .07 .05"/></body></worldbody></mujoco>"""
 
 
-@few
-def test_a_wrong_gap_is_no_difference(tmp_path: Path) -> None:
+@use_few_states
+def test_wrong_gap_agrees(tmp_path: Path) -> None:
     """Catch a gap that shifts rows: MuJoCo 4 reports contacts within it, which exert no force."""
     file = tmp_path / "scene.xml"
     file.write_text(GAP)
@@ -269,7 +269,7 @@ MESHED = """<mujoco><asset><mesh file="absent.stl"/></asset><worldbody><body>
 <geom type="mesh" mesh="absent"/></body></worldbody></mujoco>"""
 
 
-def test_a_missing_shape_leaves_whole_steps_uncompared_and_the_motion_judged(
+def test_missing_shape_skips_whole_steps_only(
     tmp_path: Path,
 ) -> None:
     """Catch a case that fails since only contacts need a file."""
@@ -282,7 +282,7 @@ def test_a_missing_shape_leaves_whole_steps_uncompared_and_the_motion_judged(
     assert "absent.stl" in case.whole_step.uncovered[0]
 
 
-@few
+@use_few_states
 def test_full_runs_follow_whole_steps(tmp_path: Path) -> None:
     """Catch whole steps that unload the model before its full runs."""
     pytest.importorskip("pybullet")
@@ -303,8 +303,8 @@ STIFF = """<mujoco><option gravity="0 0 -3"/><worldbody><body pos="0 0 1">
 <position joint="b" kp="900" kv="9" ctrlrange="-1 .5" forcerange="-3 3"/></actuator></mujoco>"""
 
 
-@few
-def test_states_are_added_where_parts_of_the_laws_never_act(tmp_path: Path) -> None:
+@use_few_states
+def test_states_are_added_for_parts_that_never_act(tmp_path: Path) -> None:
     """Catch ends of ranges, and friction that holds, which no state shows."""
     file = tmp_path / "stiff.xml"
     file.write_text(STIFF)
