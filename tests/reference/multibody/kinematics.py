@@ -1,4 +1,4 @@
-"""Points and axes of trees by their poses alone, differentiated by CasADi: a witness of forces."""
+"""Forces of trees by virtual power, from their poses alone, differentiated by CasADi."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ casadi.GlobalOptions.setNumpyMode(1)  # arrays of symbols are NumPy's; else it w
 SYMBOLS = objects(casadi.sin, casadi.cos, casadi.SX)
 
 Poses = list[tuple[Any, Any]]
-"""Of each link: its axes in the world as columns, (3, 3), and its origin, (3,)."""
+"""Axes of each link in the world as columns, (3, 3), and its origin, (3,)."""
 
 
 class Rate(Protocol):
-    """Of any matrix of the positions: its rate under the true velocities, or virtual ones."""
+    """Rates of a matrix that depends on the positions, under true or virtual velocities."""
 
-    def __call__(self, what: Any, *, true: bool = True) -> Any:
-        """The matrix of the rates."""
+    def __call__(self, quantity: Any, *, true: bool = True) -> Any:
+        """Return the matrix of the rates."""
 
 
-def by_virtual_power(one: Tree, q: Array, v: Array, power: Callable[[Poses, Rate], Any]) -> Array:
-    """What forces do on a tree's velocities: the gradient of their power in these, (nv,).
+def by_virtual_power(robot: Tree, q: Array, v: Array, power: Callable[[Poses, Rate], Any]) -> Array:
+    """Return generalized forces: the gradient of their power in the virtual velocities, (nv,).
 
     Args:
-        one: the tree.
+        robot: the tree.
         q, v: its state.
-        power: of the links' poses, and of what tells the true rate and the virtual one of any
-            matrix of them; forces depend on true rates alone.
+        power: the power of the forces, from the links' poses and a function that returns true and
+            virtual rates of a matrix of these; forces depend on true rates only.
     """
-    at, rate = casadi.SX.sym("q", one.nq), casadi.SX.sym("v", one.nv)
-    virtual = casadi.SX.sym("w", one.nv)
-    columns = np.array([[at[i]] for i in range(one.nq)], dtype=object)
-    recursion = Recursion(one, SYMBOLS)
+    position, rate = casadi.SX.sym("q", robot.nq), casadi.SX.sym("v", robot.nv)
+    virtual = casadi.SX.sym("w", robot.nv)
+    columns = np.array([[position[i]] for i in range(robot.nq)], dtype=object)
+    recursion = Recursion(robot, SYMBOLS)
     poses: Poses = []
     for pose in recursion.poses(columns):
         turn = casadi.SX(3, 3)
@@ -49,21 +49,21 @@ def by_virtual_power(one: Tree, q: Array, v: Array, power: Callable[[Poses, Rate
             turn[i, j] = pose.rotation[i, j, 0]
         poses.append((turn, casadi.vertcat(*pose.origin[:, 0])))
 
-    def moved(what: Any, along: Any) -> Any:
-        given = np.array([[along[i]] for i in range(one.nv)], dtype=object)
+    def moved(quantity: Any, along: Any) -> Any:
+        given = np.array([[along[i]] for i in range(robot.nv)], dtype=object)
         slopes = casadi.vertcat(*recursion.rates(columns, given)[:, 0])
-        flat = casadi.reshape(what, what.numel(), 1)
-        return casadi.reshape(casadi.jtimes(flat, at, slopes), *what.shape)
+        flat = casadi.reshape(quantity, quantity.numel(), 1)
+        return casadi.reshape(casadi.jtimes(flat, position, slopes), *quantity.shape)
 
-    def of(what: Any, *, true: bool = True) -> Any:
-        return moved(what, rate if true else virtual)
+    def rate_of(quantity: Any, *, true: bool = True) -> Any:
+        return moved(quantity, rate if true else virtual)
 
-    whole = power(poses, of)
-    function = casadi.Function("forces", [at, rate], [casadi.gradient(whole, virtual)])
+    whole = power(poses, rate_of)
+    function = casadi.Function("forces", [position, rate], [casadi.gradient(whole, virtual)])
     return np.array(function(q, v))[:, 0]
 
 
 def spin(turn: Any, rate: Any) -> Any:
-    """Angular velocity in the turning frame, of its rotation and the rate of that."""
+    """Return the angular velocity in the turning frame, from its rotation and the rate of it."""
     skew = casadi.mtimes(turn.T, rate)
     return casadi.vertcat(skew[2, 1], skew[0, 2], skew[1, 0])

@@ -1,4 +1,4 @@
-"""Bodies as a file tells them are put together to a tree, or refused by name."""
+"""Bodies of a file are assembled to a tree, or rejected by name."""
 
 from __future__ import annotations
 
@@ -24,44 +24,44 @@ HINGE = Joint(name="a", kind="hinge", axis=(0, 2, 0))
 ROD = RigidBody(name="rod", parent=None, joints=(HINGE,), mass=2.0, inertia=(1, 2, 3, 0, 0, 0))
 
 
-def test_what_is_welded_is_one_body_and_several_joints_are_a_chain() -> None:
+def test_fixed_bodies_merge_and_several_joints_form_a_chain() -> None:
     tip = RigidBody(name="tip", parent="rod", position=(0, 0, -1), mass=2.0)
     base = RigidBody(name="base", parent=None, position=(1, 0, 0), mass=9.0)
     two = (Joint(name="b", kind="slide", zero=0.5), Joint(name="c", kind="hinge", at=(0, 0, 1)))
     last = RigidBody(name="last", parent="tip", joints=two, mass=1.0)
-    found = assembled([base, ROD, tip, last], DOWN)
-    links = {name: link for name, (link, _) in found.tree.frames.items()}
+    built = assembled([base, ROD, tip, last], DOWN)
+    links = {name: link for name, (link, _) in built.tree.frames.items()}
     assert links == {
         "base": WORLD,
         "rod": 0,
         "tip": 0,
         "last": 2,
     }
-    assert [link.mass for link in found.tree.links] == [4.0, 0.0, 1.0]
-    assert found.tree.links[0].center.tolist() == [0, 0, -0.5]
-    assert found.tree.links[0].inertia.tolist() == np.diag([2.0, 3.0, 3.0]).tolist()
-    assert found.tree.links[0].axis.tolist() == [0, 1, 0]
-    assert found.tree.links[1].position.tolist() == [-0.5, 0, -1]
-    assert found.tree.links[2].center.tolist() == [0, 0, -1]
-    assert found.cancelled == ()
+    assert [link.mass for link in built.tree.links] == [4.0, 0.0, 1.0]
+    assert built.tree.links[0].center.tolist() == [0, 0, -0.5]
+    assert built.tree.links[0].inertia.tolist() == np.diag([2.0, 3.0, 3.0]).tolist()
+    assert built.tree.links[0].axis.tolist() == [0, 1, 0]
+    assert built.tree.links[1].position.tolist() == [-0.5, 0, -1]
+    assert built.tree.links[2].center.tolist() == [0, 0, -1]
+    assert built.cancelled == ()
 
 
-def test_a_turn_is_told_in_either_way() -> None:
+def test_rpy_equals_quaternion() -> None:
     half = np.sqrt(0.5)
-    one = RigidBody(name="x", parent=None, rpy=(0, 0, np.pi / 2))
-    other = RigidBody(name="x", parent=None, quaternion=(half, 0, 0, half))
-    np.testing.assert_allclose(one.place.rotation, other.place.rotation, atol=1e-15)
+    by_angles = RigidBody(name="x", parent=None, rpy=(0, 0, np.pi / 2))
+    by_quaternion = RigidBody(name="x", parent=None, quaternion=(half, 0, 0, half))
+    np.testing.assert_allclose(by_angles.place.rotation, by_quaternion.place.rotation, atol=1e-15)
 
 
-def test_a_spring_that_is_no_straight_line_is_a_pull_and_a_control_is_put_in() -> None:
-    bent = Joint(name="a", kind="hinge", stiffness=(3.0, 2.0, 0.0), damping=0.5, rest=0.1)
+def test_nonlinear_spring_and_control_become_force_elements() -> None:
+    joint = Joint(name="a", kind="hinge", stiffness=(3.0, 2.0, 0.0), damping=0.5, rest=0.1)
     servo = ForceElement(
         name="p", joints=(("a", 2.0),), bias=(1, -5, -0.2), gain=(5, 0, 0), control=0.5
     )
-    rod = RigidBody(name="rod", parent=None, joints=(bent,), mass=1.0)
-    one, other = assembled([rod], DOWN, [servo]).tree.pulls
-    assert (one.stiffness, one.damping, one.rest) == ((3.0, 2.0), (0.5,), (0.1, 0.1))
-    assert (other.constant, other.stiffness, other.damping) == (3.5, (5.0,), (0.2,))
+    rod = RigidBody(name="rod", parent=None, joints=(joint,), mass=1.0)
+    spring, drive = assembled([rod], DOWN, [servo]).tree.pulls
+    assert (spring.stiffness, spring.damping, spring.rest) == ((3.0, 2.0), (0.5,), (0.1, 0.1))
+    assert (drive.constant, drive.stiffness, drive.damping) == (3.5, (5.0,), (0.2,))
     assert assembled([rod], DOWN).tree.links[0].damping == 0.0
     assert powers(0.0) == powers((0.0, 0.0)) == ()
 
@@ -82,9 +82,9 @@ WRONG: list[tuple[Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("make", "says"), WRONG, ids=[says for _, says in WRONG])
-def test_what_does_not_fit_is_named(make: Any, says: str) -> None:
-    with pytest.raises(TreeError, match=says):
+@pytest.mark.parametrize(("make", "message"), WRONG, ids=[message for _, message in WRONG])
+def test_invalid_body_is_rejected_by_name(make: Any, message: str) -> None:
+    with pytest.raises(TreeError, match=message):
         make()
 
 
@@ -92,7 +92,7 @@ def system(*bodies: RigidBody, **rest: Any) -> MultibodySystem:
     return MultibodySystem(name="s", title="s", source="s", gravity=DOWN, bodies=bodies, **rest)
 
 
-def test_a_system_has_the_coordinates_of_what_follows_nothing() -> None:
+def test_coupled_joints_have_no_coordinates() -> None:
     two = (Joint(name="b", kind="hinge"), Joint(name="c", kind="ball"))
     more = RigidBody(name="more", parent="rod", mass=1.0, joints=two)
     declared = system(ROD, more, couplings=(Coupling(follower="a", leader="b"),))
@@ -100,13 +100,13 @@ def test_a_system_has_the_coordinates_of_what_follows_nothing() -> None:
     assert names == ["b", "c:rx", "c:ry", "c:rz"]
 
 
-@pytest.mark.parametrize(("bodies", "rest", "says"), [
+@pytest.mark.parametrize(("bodies", "rest", "message"), [
     ((RigidBody(name="x", parent=None, mass=1.0),), {}, "has no joint"),
     ((ROD, RigidBody(name="x", parent="rod", mass=-2.0)), {}, "'x' and of the bodies fixed to it"),
     ((ROD,), {"couplings": (Coupling(follower="a", leader="a"),)}, "in a cycle"),
 ])  # fmt: skip
-def test_a_system_that_is_none_is_refused(
-    bodies: tuple[RigidBody, ...], rest: dict[str, Any], says: str
+def test_invalid_system_is_rejected(
+    bodies: tuple[RigidBody, ...], rest: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(DeclarationError, match=says):
+    with pytest.raises(DeclarationError, match=message):
         system(*bodies, **rest)

@@ -1,4 +1,4 @@
-"""Coordinates of which the velocities are the rates, against the tree's own numbers."""
+"""Coordinates whose rates are the velocities, compared with the tree's coordinates."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ H = 1e-6
 
 @pytest.fixture(scope="module")
 def state() -> tuple[Scalars, Scalars, Scalars]:
-    """Positions, rates and forces, a batch of five."""
+    """Draw positions, rates and forces, a batch of five."""
     y, rates, forces = np.random.default_rng(0).normal(size=(3, N, 5))
     return y, rates, forces
 
 
-def test_rates_are_those_of_the_frames(state: tuple[Scalars, Scalars, Scalars]) -> None:
-    """The tree's velocities turn and move its frames as the coordinates do."""
+def test_rates_match_the_motion_of_frames(state: tuple[Scalars, Scalars, Scalars]) -> None:
+    """Compare the motion of frames under the tree's velocities and under the coordinates."""
     y, rates, _ = state
     chart, recursion = MinimalCoordinates(TREE), Recursion(TREE)
     v, q = chart.velocities(y, rates), chart.positions(y)
@@ -49,31 +49,31 @@ def test_rates_are_those_of_the_frames(state: tuple[Scalars, Scalars, Scalars]) 
         recursion.placements(chart.positions(y - H * rates)),
         strict=True,
     )
-    for (one, before), (other, earlier) in zip(by_tree, by_chart, strict=True):
-        for a, b, c, d in zip(one, before, other, earlier, strict=True):
+    for (after, before), (later, earlier) in zip(by_tree, by_chart, strict=True):
+        for a, b, c, d in zip(after, before, later, earlier, strict=True):
             assert (a - b) / (2 * H) == pytest.approx((c - d) / (2 * H), abs=1e-8)
 
 
-def test_accelerations_are_the_derivatives_of_the_trees_velocities(
+def test_accelerations_are_derivatives_of_velocities(
     state: tuple[Scalars, Scalars, Scalars],
 ) -> None:
     y, rates, forces = state
-    chart, own = MinimalCoordinates(TREE), Charted(TREE)
-    second = own.acceleration(y, rates, forces)
+    chart, charted = MinimalCoordinates(TREE), Charted(TREE)
+    second = charted.acceleration(y, rates, forces)
     after, before = (
         chart.velocities(y + h * rates + h * h * second / 2, rates + h * second) for h in (H, -H)
     )
     q, v = chart.positions(y), chart.velocities(y, rates)
-    wanted = Dynamics(TREE).acceleration(q, v, chart.forces(y, forces))
-    assert (after - before) / (2 * H) == pytest.approx(wanted, abs=1e-7)
-    assert own.forces_for(y, rates, second) == pytest.approx(forces, abs=1e-11)
-    unpushed = own.acceleration(y, rates, 0 * forces)
-    assert own.effect(y, forces) == pytest.approx(second - unpushed, abs=1e-11)
+    expected = Dynamics(TREE).acceleration(q, v, chart.forces(y, forces))
+    assert (after - before) / (2 * H) == pytest.approx(expected, abs=1e-7)
+    assert charted.forces_for(y, rates, second) == pytest.approx(forces, abs=1e-11)
+    unpushed = charted.acceleration(y, rates, 0 * forces)
+    assert charted.effect(y, forces) == pytest.approx(second - unpushed, abs=1e-11)
     more = Charted(TREE, LONG_DOUBLES).acceleration(*map(LONG_DOUBLES.array, state))
     assert second == pytest.approx(more.astype(float), abs=1e-11)
 
 
-def test_the_energy_of_the_rates_is_that_of_the_bodies(
+def test_energy_of_the_rates_equals_energy_of_the_bodies(
     state: tuple[Scalars, Scalars, Scalars],
 ) -> None:
     y, rates, forces = state
@@ -84,11 +84,11 @@ def test_the_energy_of_the_rates_is_that_of_the_bodies(
     energy, supplied, _ = Charted(TREE).powers(y, rates, forces)
     potential = Dynamics(TREE).potential(chart.positions(y))
     assert energy == pytest.approx(kinetic + potential)
-    # A moment about the link's axes is no conjugate of the rates; a force is.
-    alone = np.zeros_like(forces)
-    alone[3:6] = forces[3:6]
-    supplied = Charted(TREE).powers(y, rates, alone)[1]
-    assert supplied == pytest.approx((alone * rates).sum(axis=0))
+    # A moment about the link's axes is not conjugate to the rates; a force is.
+    translational = np.zeros_like(forces)
+    translational[3:6] = forces[3:6]
+    supplied = Charted(TREE).powers(y, rates, translational)[1]
+    assert supplied == pytest.approx((translational * rates).sum(axis=0))
 
 
 def test_rotations_and_their_coordinates_are_inverse() -> None:
@@ -108,7 +108,7 @@ def test_rotations_and_their_coordinates_are_inverse() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_velocity_has_a_name_and_a_unit(kind: Kind) -> None:
-    one = tree((kind,), 0)
+    robot = tree((kind,), 0)
     names = coordinate_names(kind, "j")
-    assert len(set(names)) == one.nv
+    assert len(set(names)) == robot.nv
     assert {unit for _, unit in names} <= {"rad", "m"}

@@ -1,4 +1,4 @@
-"""Joints that follow others, against the whole tree with forces that hold them."""
+"""Coupled joints, compared with the whole tree under constraint forces."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tests.reference.multibody.trees import tree
 
 
 def gripper() -> Tree:
-    """A floating base; of its hinges and slides one follows one that follows, one stands still."""
-    one = tree(("free", "hinge", "slide", "hinge", "slide"), 5)
+    """Return a floating base with a chain of two coupled joints and a fixed joint."""
+    robot = tree(("free", "hinge", "slide", "hinge", "slide"), 5)
     return dataclasses.replace(
-        one,
+        robot,
         couplings=(
             TreeCoupling(follower=4, leader=3, multiplier=-0.7, offset=0.1),
             TreeCoupling(follower=3, leader=1, multiplier=2.0, offset=-0.3),
@@ -29,7 +29,7 @@ def gripper() -> Tree:
     )
 
 
-def test_what_follows_is_where_its_leader_says() -> None:
+def test_follower_positions_follow_the_leader() -> None:
     coupled = Coupled(gripper())
     assert coupled.kept == [0, 1, 2, 3, 4, 5, 6]
     x = np.arange(7.0)
@@ -40,8 +40,8 @@ def test_what_follows_is_where_its_leader_says() -> None:
     assert y[9] == pytest.approx(-0.7 * (2 * 6 - 0.3) + 0.1)
 
 
-def test_accelerations_are_those_of_the_whole_with_forces_that_hold_it() -> None:
-    """The equations with multipliers (KKT), solved as they stand."""
+def test_accelerations_match_the_constrained_tree() -> None:
+    """Solve the equations with multipliers (KKT) directly."""
     held = gripper()
     whole = dataclasses.replace(held, couplings=())
     coupled, chart, dynamics = Coupled(held), MinimalCoordinates(held), Dynamics(whole)
@@ -56,9 +56,9 @@ def test_accelerations_are_those_of_the_whole_with_forces_that_hold_it() -> None
     for k in range(4):
         whole_matrix = np.block([[mass[:, :, k], rows.T], [rows, np.zeros((3, 3))]])
         a = np.linalg.solve(whole_matrix, [*force[:, k], 0, 0, 0])[:10]
-        wanted = chart.second_derivatives(y[:, k : k + 1], v[:, k : k + 1], a[:, None])[:7, 0]
-        own = Charted(held).acceleration(x[:, k], rate[:, k], forces[:, k])
-        assert own == pytest.approx(wanted, rel=1e-10, abs=1e-10)
+        expected = chart.second_derivatives(y[:, k : k + 1], v[:, k : k + 1], a[:, None])[:7, 0]
+        actual = Charted(held).acceleration(x[:, k], rate[:, k], forces[:, k])
+        assert actual == pytest.approx(expected, rel=1e-10, abs=1e-10)
     batch = Charted(held).acceleration(x, rate, forces)
     assert Charted(held).forces_for(x, rate, batch) == pytest.approx(forces, abs=1e-10)
     long = Charted(held, LONG_DOUBLES).acceleration(*map(LONG_DOUBLES.array, (x, rate, forces)))
@@ -67,7 +67,7 @@ def test_accelerations_are_those_of_the_whole_with_forces_that_hold_it() -> None
     assert Charted(held).effect(x, forces) == pytest.approx(batch - unpushed, abs=1e-10)
 
 
-def test_its_energy_is_that_of_the_whole() -> None:
+def test_energy_matches_the_whole_tree() -> None:
     held = gripper()
     x, rate = np.random.default_rng(3).normal(size=(2, 7, 4))
     mass = Charted(held).mass(x)
@@ -78,26 +78,26 @@ def test_its_energy_is_that_of_the_whole() -> None:
     assert kinetic == pytest.approx(Dynamics(held).kinetic(chart.positions(y), v))
 
 
-def test_several_are_followed_at_once() -> None:
-    one = tree(("hinge", "slide", "hinge", "slide"), 5)
+def test_joint_with_several_leaders() -> None:
+    robot = tree(("hinge", "slide", "hinge", "slide"), 5)
     ends = (
         TreeCoupling(follower=1, leader=0, multiplier=2.0, others=((3, -0.5),), offset=0.1),
         TreeCoupling(follower=2, leader=1, multiplier=3.0, others=((0, 1.0),)),
     )
-    coupled = Coupled(dataclasses.replace(one, couplings=ends))
+    coupled = Coupled(dataclasses.replace(robot, couplings=ends))
     y = coupled.positions(np.array([0.7, -0.4]))
     followed = 2 * 0.7 + 0.5 * 0.4 + 0.1
     assert y == pytest.approx([0.7, followed, 3 * followed + 0.7, -0.4])
 
 
-def test_a_circle_is_refused_by_its_names() -> None:
-    one = tree(("hinge", "hinge"), 0)
+def test_cycle_of_couplings_is_rejected() -> None:
+    robot = tree(("hinge", "hinge"), 0)
     ends = (TreeCoupling(follower=0, leader=1), TreeCoupling(follower=1, leader=0))
     with pytest.raises(TreeError, match="j0, j1 follow each other in a cycle"):
-        Coupled(dataclasses.replace(one, couplings=ends))
+        Coupled(dataclasses.replace(robot, couplings=ends))
 
 
-def test_a_ball_follows_nothing() -> None:
-    one = tree(("ball", "hinge"), 0)
+def test_coupled_ball_joint_is_rejected() -> None:
+    robot = tree(("ball", "hinge"), 0)
     with pytest.raises(TreeError, match="j0 is coupled, but neither a hinge"):
-        dataclasses.replace(one, couplings=(TreeCoupling(follower=1, leader=0),))
+        dataclasses.replace(robot, couplings=(TreeCoupling(follower=1, leader=0),))

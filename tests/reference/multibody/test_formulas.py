@@ -1,4 +1,4 @@
-"""Equations of small trees as formulas are those that the recursion has in numbers."""
+"""Symbolic equations of small trees match the numbers of the recursion."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def chain(count: int, *kinds: str) -> Tree:
             name=f"j{i}", kind=kind, axis=(0, 1, 0), damping=0.1 + i, stiffness=2.0, rest=0.3,  # type: ignore[arg-type]
             armature=0.01,
         )  # fmt: skip
-        # A quarter turn with the digits of a file, so that its cosine is not quite nothing.
+        # A quarter turn with the digits of a file, so that its cosine is not exactly zero.
         rpy = (0.0, 1.57079632679, 0.0) if i == 1 else (0.0, 0.0, 0.0)
         parent = f"b{i - 1}" if i else None
         bodies.append(body(i, parent, joint, position=(0.0, 0.1, -0.2), rpy=rpy))
@@ -40,30 +40,30 @@ def chain(count: int, *kinds: str) -> Tree:
 
 
 @pytest.mark.parametrize("kinds", [("hinge",), ("slide", "hinge"), ("hinge", "hinge")])
-def test_they_are_what_the_recursion_has(kinds: tuple[str, ...]) -> None:
+def test_formulas_match_the_recursion(kinds: tuple[str, ...]) -> None:
     tree, n = chain(len(kinds), *kinds), len(kinds)
     q, v = (sp.symbols(f"{letter}:{n}", real=True) for letter in "qv")
-    found = formulas(tree, q, v)
-    assert isinstance(found, SymbolicEquations)
+    result = formulas(tree, q, v)
+    assert isinstance(result, SymbolicEquations)
     dynamics = Dynamics(tree)
-    for at in np.random.default_rng(3).uniform(-2, 2, (4, 2, n)):
-        values = dict(zip((*q, *v), at.ravel().tolist(), strict=True))
-        mass = [[float(x.subs(values)) for x in row] for row in found.mass]
-        force = [float(sum(x.subs(values) for x in row)) for row in found.force]
-        np.testing.assert_allclose(mass, dynamics.mass(at[0]), rtol=1e-9, atol=1e-9)
-        wanted = dynamics.force(at[0], at[1], np.zeros(n))
-        np.testing.assert_allclose(force, wanted, rtol=1e-8, atol=1e-8)
+    for point in np.random.default_rng(3).uniform(-2, 2, (4, 2, n)):
+        values = dict(zip((*q, *v), point.ravel().tolist(), strict=True))
+        mass = [[float(x.subs(values)) for x in row] for row in result.mass]
+        force = [float(sum(x.subs(values) for x in row)) for row in result.force]
+        np.testing.assert_allclose(mass, dynamics.mass(point[0]), rtol=1e-9, atol=1e-9)
+        expected = dynamics.force(point[0], point[1], np.zeros(n))
+        np.testing.assert_allclose(force, expected, rtol=1e-8, atol=1e-8)
 
 
-def test_what_angles_of_a_file_leave_of_zeros_is_left_out() -> None:
+def test_terms_from_rounded_angles_are_dropped() -> None:
     q, v = (sp.symbols(f"{letter}:2", real=True) for letter in "qv")
-    found = formulas(chain(2), q, v)
-    assert isinstance(found, SymbolicEquations)
-    numbers = [abs(float(x)) for row in found.force for term in row for x in term.atoms(sp.Float)]
+    result = formulas(chain(2), q, v)
+    assert isinstance(result, SymbolicEquations)
+    numbers = [abs(float(x)) for row in result.force for term in row for x in term.atoms(sp.Float)]
     assert min(numbers) > 1e-6
 
 
-@pytest.mark.parametrize(("tree", "says"), [
+@pytest.mark.parametrize(("tree", "message"), [
     (chain(4), "they are too long for 4 joints"),
     (chain(3), r"they have \d+ terms; more than 80 are too long"),
     (assembled(
@@ -74,8 +74,8 @@ def test_what_angles_of_a_file_leave_of_zeros_is_left_out() -> None:
                 body(1, "b0", Joint(name="b", kind="hinge"))], (0, 0, -9.81),
                couplings=[Coupling(follower="b", leader="a")]).tree, "joint couplings"),
 ])  # fmt: skip
-def test_why_there_are_none_is_said(tree: Tree, says: str) -> None:
+def test_missing_formulas_have_a_reason(tree: Tree, message: str) -> None:
     q, v = (sp.symbols(f"{letter}:{tree.nv}", real=True) for letter in "qv")
-    found = formulas(tree, q, v)
-    assert isinstance(found, str)
-    assert re.search(says, found)
+    result = formulas(tree, q, v)
+    assert isinstance(result, str)
+    assert re.search(message, result)

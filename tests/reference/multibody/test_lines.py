@@ -1,4 +1,4 @@
-"""Ways that forces act along, by the power of these alone; springs of balls by their energy."""
+"""Force paths compared with virtual power, and springs of ball joints with their energy."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ A, B, C, D = (mark(link) for link in (0, 2, WORLD, 3))
 GEAR = (0.3, -0.7, 0.5, 0.2, 0.9, -0.4)
 
 
-def placed(one: LinkFrame, poses: Poses) -> tuple[Any, Any]:
-    turn, origin = casadi.DM(one.rotation), casadi.DM(one.position)
-    if one.link == WORLD:
+def placed(frame: LinkFrame, poses: Poses) -> tuple[Any, Any]:
+    turn, origin = casadi.DM(frame.rotation), casadi.DM(frame.position)
+    if frame.link == WORLD:
         return casadi.SX(turn), casadi.SX(origin)
-    link, at = poses[one.link]
-    return casadi.mtimes(link, turn), at + casadi.mtimes(link, origin)
+    link, link_origin = poses[frame.link]
+    return casadi.mtimes(link, turn), link_origin + casadi.mtimes(link, origin)
 
 
 def above(link: int) -> set[int]:
@@ -61,7 +61,7 @@ def row_of(way: Way, q: Array) -> tuple[Array, Array]:
     return line
 
 
-def test_a_cord_is_as_long_as_its_lines_and_pulls_so() -> None:
+def test_length_and_force_of_a_cable() -> None:
     way = CablePath(branches=((1.5, (A, B, C)), (-0.4, (D, A))))
     q, v = state(TREE, seed=3)
 
@@ -69,8 +69,8 @@ def test_a_cord_is_as_long_as_its_lines_and_pulls_so() -> None:
         total: Any = 0
         for share, row in way.branches:
             points = [placed(one, poses)[1] for one in row]
-            for one, other in itertools.pairwise(points):
-                total += share * rate(casadi.norm_2(other - one), true=False)
+            for start, end in itertools.pairwise(points):
+                total += share * rate(casadi.norm_2(end - start), true=False)
         return total
 
     length, row = row_of(way, q)
@@ -82,17 +82,17 @@ def test_a_cord_is_as_long_as_its_lines_and_pulls_so() -> None:
         for one in (A, B, C, D)
     ]  # fmt: skip
     a, b, c, d = points
-    wanted = 1.5 * (np.linalg.norm(b - a) + np.linalg.norm(c - b)) - 0.4 * np.linalg.norm(a - d)
-    assert length == pytest.approx([wanted])
+    expected = 1.5 * (np.linalg.norm(b - a) + np.linalg.norm(c - b)) - 0.4 * np.linalg.norm(a - d)
+    assert length == pytest.approx([expected])
 
 
 @pytest.mark.parametrize("frame", [A, D])
-def test_a_force_on_a_frame_is_along_its_axes(frame: LinkFrame) -> None:
+def test_force_on_a_frame_acts_along_its_axes(frame: LinkFrame) -> None:
     q, v = state(TREE, seed=4)
 
     def power(poses: Poses, rate: Rate) -> Any:
-        turn, at = placed(frame, poses)
-        moved, spun = rate(at, true=False), spin(turn, rate(turn, true=False))
+        turn, position = placed(frame, poses)
+        moved, spun = rate(position, true=False), spin(turn, rate(turn, true=False))
         force, moment = casadi.DM(GEAR[:3]), casadi.DM(GEAR[3:])
         return casadi.dot(casadi.mtimes(turn, force), moved) + casadi.dot(moment, spun)
 
@@ -102,30 +102,30 @@ def test_a_force_on_a_frame_is_along_its_axes(frame: LinkFrame) -> None:
 
 
 @pytest.mark.parametrize(("frame", "against"), [(D, A), (B, D), (A, C), (C, B)])
-def test_between_frames_what_carries_both_feels_nothing(
+def test_force_between_frames_does_not_act_on_common_ancestors(
     frame: LinkFrame, against: LinkFrame
 ) -> None:
     q, v = state(TREE, seed=6)
 
     def power(poses: Poses, rate: Rate) -> Any:
-        (turn, at), (other, origin) = placed(frame, poses), placed(against, poses)
+        (turn, position), (other, origin) = placed(frame, poses), placed(against, poses)
         force, moment = (casadi.mtimes(other, casadi.DM(part)) for part in (GEAR[:3], GEAR[3:]))
         spun = [casadi.mtimes(x, spin(x, rate(x, true=False))) for x in (turn, other)]
-        return casadi.dot(force, rate(at - origin, true=False)) + casadi.dot(
+        return casadi.dot(force, rate(position - origin, true=False)) + casadi.dot(
             moment, spun[0] - spun[1]
         )
 
-    wanted = by_virtual_power(TREE, q, v, power)
+    expected = by_virtual_power(TREE, q, v, power)
     for link in above(frame.link) & above(against.link):
-        wanted[TREE.velocities[link]] = 0.0
+        expected[TREE.velocities[link]] = 0.0
     length, row = row_of(FrameForce(frame=frame, gear=GEAR, against=against), q)
-    assert row == pytest.approx(wanted, abs=1e-12)
+    assert row == pytest.approx(expected, abs=1e-12)
     poses = Recursion(TREE).poses(q)
     turns, points = [], []
-    for one in (frame, against):
-        turn = np.eye(3) if one.link == WORLD else poses[one.link].rotation
-        turns.append(turn @ one.rotation)
-        points.append(turn @ one.position + (0 if one.link == WORLD else poses[one.link].origin))
+    for end in (frame, against):
+        turn = np.eye(3) if end.link == WORLD else poses[end.link].rotation
+        turns.append(turn @ end.rotation)
+        points.append(turn @ end.position + (0 if end.link == WORLD else poses[end.link].origin))
     from scipy.spatial.transform import Rotation
 
     apart = turns[1].T @ (points[0] - points[1])
@@ -134,20 +134,20 @@ def test_between_frames_what_carries_both_feels_nothing(
 
 
 @pytest.mark.parametrize("inside", [False, True])
-def test_a_moment_on_a_ball_and_a_force_on_a_free_joint(inside: bool) -> None:
+def test_moment_on_a_ball_and_force_on_a_free_joint(inside: bool) -> None:
     q, v = state(TREE, seed=8)
     for link, gear in ((BALL, GEAR[:3]), (FREE, GEAR)):
 
         def power(poses: Poses, rate: Rate, link: int = link, gear: Any = gear) -> Any:
-            turn, at = poses[link]
+            turn, position = poses[link]
             above, origin = poses[TREE.links[link].parent] if TREE.links[link].parent >= 0 else (
                 casadi.SX.eye(3), casadi.SX.zeros(3))  # fmt: skip
             carrier = casadi.mtimes(above, casadi.DM(TREE.links[link].rotation))
-            own = casadi.mtimes(carrier.T, turn)
-            spun = spin(own, rate(own, true=False))
+            relative = casadi.mtimes(carrier.T, turn)
+            spun = spin(relative, rate(relative, true=False))
             moment: Any = casadi.DM(gear[-3:])
-            moment = casadi.mtimes(own.T, moment) if inside else moment
-            place = casadi.mtimes(above.T, at - origin)
+            moment = casadi.mtimes(relative.T, moment) if inside else moment
+            place = casadi.mtimes(above.T, position - origin)
             along = casadi.mtimes(casadi.DM(TREE.links[link].rotation).T, rate(place, true=False))
             force = casadi.dot(casadi.DM(gear[:3]), along) if len(gear) == 6 else 0
             return casadi.dot(moment, spun) + force
@@ -156,7 +156,7 @@ def test_a_moment_on_a_ball_and_a_force_on_a_free_joint(inside: bool) -> None:
         assert row == pytest.approx(by_virtual_power(TREE, q, v, power), abs=1e-12)
 
 
-def test_a_turn_and_its_rotation_vector() -> None:
+def test_quaternion_and_its_rotation_vector() -> None:
     axis = np.array([2.0, -1.0, 2.0]) / 3
     for angle in (0.0, 1e-9, 0.5, 3.0, 3.3, 6.0):
         turn = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
@@ -182,38 +182,37 @@ def sprung() -> Tree:
     return dataclasses.replace(TREE, bushings=bushes, pulls=pulls)
 
 
-def test_what_energies_lose_is_what_dampers_take() -> None:
-    """And what drives without an energy gives."""
-    one = sprung()
-    q, v = state(one, seed=9)
-    dynamics = Dynamics(one)
+def test_energy_loss_equals_dissipation() -> None:
+    robot = sprung()
+    q, v = state(robot, seed=9)
+    dynamics = Dynamics(robot)
     rates, a, h = dynamics.recursion.rates(q, v), dynamics.acceleration(q, v, 0 * v), 1e-6
     ends = [
         dynamics.kinetic(q + s * rates, v + s * a) + dynamics.potential(q + s * rates)
         for s in (h, -h)
     ]
     assert (ends[1] - ends[0]) / (2 * h) == pytest.approx(dynamics.dissipated(q, v), rel=1e-6)
-    long = Dynamics(one, LONG_DOUBLES).force(*map(LONG_DOUBLES.array, (q, v, 0 * v)))
+    long = Dynamics(robot, LONG_DOUBLES).force(*map(LONG_DOUBLES.array, (q, v, 0 * v)))
     assert dynamics.force(q, v, 0 * v) == pytest.approx(long.astype(float), rel=1e-11)
 
 
-def test_bends_are_told_wherever_forces_bend() -> None:
-    one = sprung()
-    q, v = state(one, seed=5, batch=(6,))
-    found = Dynamics(one).switching_functions(q, v)
+def test_switching_functions_of_nonsmooth_forces() -> None:
+    robot = sprung()
+    q, v = state(robot, seed=5, batch=(6,))
+    values = Dynamics(robot).switching_functions(q, v)
     # Both ends of play and a rate; the angles of two motors; two angles, and six rates of a damper.
-    assert found.shape == (3 + 2 + 2 + 6, 6)
-    assert Dynamics(one).nonsmooth
+    assert values.shape == (3 + 2 + 2 + 6, 6)
+    assert Dynamics(robot).nonsmooth
     assert not Dynamics(TREE).nonsmooth
 
 
-def test_ways_that_do_not_fit_are_refused_by_name() -> None:
-    for pull, says in (
+def test_invalid_force_path_is_rejected_by_name() -> None:
+    for element, message in (
         (
             TreeForce(name="p", along=JointForce(joint=BALL, gear=GEAR)),
             "p: j2 does not take",
         ),
         (TreeForce(name="p", along=CablePath(branches=()), armature=1.0), "p: its path"),
     ):
-        with pytest.raises(TreeError, match=says):
-            dataclasses.replace(TREE, pulls=(pull,))
+        with pytest.raises(TreeError, match=message):
+            dataclasses.replace(TREE, pulls=(element,))

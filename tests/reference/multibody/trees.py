@@ -14,11 +14,11 @@ KINDS: tuple[Kind, ...] = ("hinge", "slide", "ball", "free")
 
 
 def tree(kinds: Sequence[Kind], seed: int, *, chain: bool = False) -> Tree:
-    """A tree of so many links; of a chain each carries the next."""
+    """Draw a tree of links; in a chain, each carries the next."""
     rng = np.random.default_rng(seed)
     path, links = [WORLD], list[TreeLink]()
     for i, kind in enumerate(kinds):
-        # Branch after branch, each to its end: some libraries take links in no other order.
+        # Complete each branch before the next: some libraries accept links in no other order.
         path = path if chain else path[: int(rng.integers(len(path))) + 1]
         links.append(link(kind, f"j{i}", path[-1], rng))
         path = [*path, i]
@@ -26,7 +26,7 @@ def tree(kinds: Sequence[Kind], seed: int, *, chain: bool = False) -> Tree:
 
 
 def link(kind: Kind, name: str, parent: int, rng: np.random.Generator) -> TreeLink:
-    """A body of about a kilogram and a metre, with products of inertia."""
+    """Draw a body of about a kilogram and a metre, with products of inertia."""
     axis, points = rng.normal(size=3), rng.normal(size=(6, 3)) * 0.3
     turns = kind in ("hinge", "slide")
     return TreeLink(
@@ -46,11 +46,11 @@ def link(kind: Kind, name: str, parent: int, rng: np.random.Generator) -> TreeLi
     )
 
 
-def state(one: Tree, seed: int, batch: tuple[int, ...] = ()) -> tuple[Array, Array]:
-    """Positions (nq, ...), quaternions of length one among them, and velocities (nv, ...)."""
+def state(robot: Tree, seed: int, batch: tuple[int, ...] = ()) -> tuple[Array, Array]:
+    """Draw positions (nq, ...) with unit quaternions, and velocities (nv, ...)."""
     rng = np.random.default_rng(seed)
-    q, v = rng.normal(size=(one.nq, *batch)), rng.normal(size=(one.nv, *batch))
-    for body, here in zip(one.links, one.positions, strict=True):
+    q, v = rng.normal(size=(robot.nq, *batch)), rng.normal(size=(robot.nv, *batch))
+    for body, here in zip(robot.links, robot.positions, strict=True):
         if body.kind in ("ball", "free"):
             part = slice(here.stop - 4, here.stop)
             q[part] /= np.sqrt((q[part] ** 2).sum(axis=0))
