@@ -1,4 +1,4 @@
-"""Systems that the tests of the reference share: the six built in, and small ones made to order."""
+"""Systems that the tests of the reference share: the built-in ones, and small ones."""
 
 from functools import cache
 from pathlib import Path
@@ -24,7 +24,7 @@ from physics_crosscheck.reference.solving.solve import solve
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = sorted(path.parent.name for path in MODELS.glob("*/system.py"))
 LINEAR = {"anchored_pair", "free_pair", "mass_spring_damper", "torsional_disc"}
-"""Said, not derived, while tests are collected; tests/reference/test_integration.py holds it."""
+"""Listed, not derived, to keep collection fast; test_integration.py checks the list."""
 EPS = 2.0**-52
 
 
@@ -39,7 +39,7 @@ SCENARIOS = [(name, scenario.name) for name in NAMES for scenario in built_in(na
 
 @cache
 def equations_of(name: str) -> Equations:
-    """Return its equations, derived once; the cart with double pendulum is there as well."""
+    """Return a system's equations, derived once; the cart with double pendulum is included."""
     return derive(CART if name == CART.name else built_in(name))
 
 
@@ -51,7 +51,7 @@ def motion_of(name: str, scenario: str) -> Motion:
 
 
 def constant(name: str, value: float, unit: str) -> Constant:
-    """Declare a constant of a test, whose description and source say so."""
+    """Declare a constant with a description and a source."""
     return Constant(name, value, unit, f"{name} of a test", "chosen for the test")
 
 
@@ -63,7 +63,7 @@ F = Input("f", "N", "force", on={X: 1})
 
 
 def declared(**changed: Any) -> dict[str, Any]:
-    """Return the fields of a small, faultless system, with some of them replaced."""
+    """Return the fields of a small, valid system, with some of them replaced."""
     fields: dict[str, Any] = {
         "name": "oscillator",
         "title": "Mass, spring and damper",

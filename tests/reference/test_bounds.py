@@ -1,4 +1,4 @@
-"""The bounds that a motion states of itself, against solutions with 50 digits."""
+"""Error bounds of a motion, against solutions with 50 digits."""
 
 import dataclasses
 from functools import cache
@@ -27,39 +27,39 @@ from tests.reference.test_closed_form import FREQUENCY, textbook
 from tests.reference.test_pendulum import STARTS, G, L, flow, solved
 
 MOTIONS = [(name, scenario) for name, scenario in SCENARIOS if name in LINEAR]
-EVERY = 9  # segments, of which one is looked at
+EVERY = 9  # the ninth part of the segments is checked
 
 
-def off(equations: Equations, name: str, motion: Motion) -> Array:
-    """|end - exact| of some segments of a linear system, each from its start as the doubles say."""
+def segment_errors(equations: Equations, name: str, motion: Motion) -> Array:
+    """Return |end - exact| of some segments of a linear system, each from its start in doubles."""
     linear = linearize(equations, equations.system.equilibria[0])
     size = motion.start.shape[1]
-    found, first = [], 0
+    errors, first = [], 0
     with mp.workdps(50):
         signals = pieces(equations.system, equations.system.scenario(name))
-        for span, piece in zip(motion.spans, signals, strict=True):
-            assert piece.generators is not None
-            matrix = augmented(linear, piece.generators) * mp.mpf(span.length)
+        for span, signal in zip(motion.spans, signals, strict=True):
+            assert signal.generators is not None
+            matrix = augmented(linear, signal.generators) * mp.mpf(span.length)
             step = mp.expm(matrix, method="taylor")
             slopes = [
-                sp.diff(g.expression, t, i) for g in piece.generators for i in range(g.matrix.rows)
+                sp.diff(g.expression, t, i) for g in signal.generators for i in range(g.matrix.rows)
             ]
             inputs = sp.lambdify(t, slopes, "mpmath")
             for k in range(first, first + span.count, EVERY):
                 pushed = [mp.re(u) for u in inputs(mp.mpf(float(motion.t[k])))]
                 exact = step * mp.matrix([*map(mp.mpf, motion.start[k].tolist()), *pushed])
-                found.append([abs(float(motion.end[k, i] - exact[i])) for i in range(size)])
+                errors.append([abs(float(motion.end[k, i] - exact[i])) for i in range(size)])
             first += span.count
-    return np.array(found)
+    return np.array(errors)
 
 
 @pytest.mark.parametrize(("name", "scenario"), MOTIONS)
 def test_every_segment_of_a_linear_system_ends_within_its_bound(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     assert motion.method.startswith("matrix exponential")
-    error = off(equations_of(name), scenario, motion)
+    error = segment_errors(equations_of(name), scenario, motion)
     assert np.all(error <= motion.bound)
-    # Not by being wide: the worst segment comes near it.
+    # The bound is tight: the worst segment comes near it.
     assert np.max(error / motion.bound) > 0.1
 
 
@@ -74,7 +74,7 @@ def test_without_the_rounding_of_times_a_driven_motion_is_outside_its_bound(
     monkeypatch.setattr(physics_crosscheck.reference.solving.bounds, "running_error", none)
     equations = equations_of("free_pair")
     motion = solve(equations, equations.system.scenario("driven"))
-    assert np.max(off(equations, "driven", motion) / motion.bound) > 1.5
+    assert np.max(segment_errors(equations, "driven", motion) / motion.bound) > 1.5
 
 
 DRAWS = range(10)
@@ -97,14 +97,14 @@ def test_random_oscillators_stay_within_their_bounds(seed: int) -> None:
     worst = []
     with mp.workdps(50):
         for k in range(0, span.count, 23):
-            start, at = motion.start[k].tolist(), float(motion.t[k])
-            end = textbook(constants, "harmonic", start, at, span.length)
+            start, time = motion.start[k].tolist(), float(motion.t[k])
+            end = textbook(constants, "harmonic", start, time, span.length)
             error = [abs(float(a - b)) for a, b in zip(motion.end[k].tolist(), end, strict=True)]
             worst.append(np.max(error / motion.bound))
-            begun = textbook(constants, "harmonic", motion.start[0].tolist(), 0, at)
-            gone = [abs(float(a - b)) for a, b in zip(start, begun, strict=True)]
-            # The formulas themselves are good to 50 digits.
-            assert np.all(np.array(gone) <= motion.global_bound[k] + 1e-40)
+            exact = textbook(constants, "harmonic", motion.start[0].tolist(), 0, time)
+            drift = [abs(float(a - b)) for a, b in zip(start, exact, strict=True)]
+            # The formulas are accurate to 50 digits.
+            assert np.all(np.array(drift) <= motion.global_bound[k] + 1e-40)
     assert max(worst) <= 1
     assert max(worst) > 0.05
 
@@ -140,7 +140,7 @@ def test_a_pendulum_stays_within_its_global_bound(name: str) -> None:
             )
             ratios.append(np.max(error / motion.global_bound[k]))
     assert max(ratios) <= 1
-    # It is known with its sign, and not by the size of what may happen at worst.
+    # Errors add up with their signs, not as in the worst case.
     assert max(ratios) > 0.01
 
 
@@ -156,15 +156,15 @@ def test_between_the_nodes_a_motion_stays_within_its_global_bound() -> None:
     assert np.max(bound / motion.amplitude) < 1e-8
 
 
-def test_a_chain_that_is_off_is_told_with_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A start that is moved by 1e-9 of itself: each segment is right, and the whole is not."""
+def test_jump_between_segments_is_in_the_global_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Move a start by 1e-9 of itself: each segment is right, and the whole is not."""
     whole = solve_numerically
 
     def moved(equations: Equations, start: Array, *given: Any) -> Motion:
-        found = whole(equations, start, *given)
-        states = found.start.copy()
+        solution = whole(equations, start, *given)
+        states = solution.start.copy()
         states[100] *= 1 + 1e-9
-        return dataclasses.replace(found, start=states)
+        return dataclasses.replace(solution, start=states)
 
     monkeypatch.setattr(physics_crosscheck.reference.solving.solve, "solve_numerically", moved)
     motion = solved(1.1, 0.0, duration=5.0)
@@ -188,14 +188,14 @@ FORMULAS = (
 @pytest.mark.parametrize("formula", FORMULAS, ids=str)
 def test_doubles_evaluate_a_formula_within_its_running_error(formula: sp.Expr) -> None:
     times = np.random.default_rng(3).uniform(0.1, 12.5, 200)
-    # As the true time may be, where the double is off by half a unit.
-    late = EPS / 2 * times
-    (bound,) = running_error([formula], {t: (times, late)}).T
+    # The true time may differ from the double by half a unit.
+    rounding = EPS / 2 * times
+    (bound,) = running_error([formula], {t: (times, rounding)}).T
     values = compile_function([sp.N(formula, 17)], (t,))(times[:, None])[:, 0]
     with mp.workdps(40):
         exact = sp.lambdify(t, formula, "mpmath")
         true = [
-            exact(mp.mpf(float(a)) + mp.mpf(float(b))) for a, b in zip(times, late, strict=True)
+            exact(mp.mpf(float(a)) + mp.mpf(float(b))) for a, b in zip(times, rounding, strict=True)
         ]
         error = np.array(
             [abs(float(mp.mpf(float(a)) - b)) for a, b in zip(values, true, strict=True)]

@@ -103,31 +103,31 @@ def textbook(
 
 
 @cache
-def made(regime: str, force: str) -> tuple[Equations, Scenario]:
+def derived(regime: str, force: str) -> tuple[Equations, Scenario]:
     system = oscillator(*REGIMES[regime], FORCES[force], x=0.3, v=-0.25, duration=6.0)
     return derive(system), system.scenarios[0]
 
 
 @cache
 def solved(regime: str, force: str) -> Motion:
-    return solve(*made(regime, force))
+    return solve(*derived(regime, force))
 
 
 @pytest.mark.parametrize(("regime", "force"), EVERY)
-def test_the_closed_form_is_the_textbooks_to_30_digits(regime: str, force: str) -> None:
-    equations, scenario = made(regime, force)
+def test_closed_form_matches_the_textbook_to_30_digits(regime: str, force: str) -> None:
+    equations, scenario = derived(regime, force)
     linearization = linearize(equations, equations.system.equilibria[0])
-    (piece,) = pieces(equations.system, scenario)
+    (signal,) = pieces(equations.system, scenario)
     with mp.workdps(60):
-        ours = state_at(linearization, [0.3, -0.25], piece, 5.3)
+        ours = state_at(linearization, [0.3, -0.25], signal, 5.3)
         exact = textbook(REGIMES[regime], force, [0.3, -0.25], 0, 5.3)
         size = max(abs(y) for y in exact)
-        # 40 digits, less what the exponential of a matrix of norm |A| t = 430 loses.
+        # 40 digits, minus the loss in the exponential of a matrix of norm |A| t = 430.
         assert max(abs(a - b) for a, b in zip(ours, exact, strict=True)) < size * 1e-30
 
 
 @pytest.mark.parametrize(("regime", "force"), SOLVED)
-def test_every_segment_ends_where_the_textbook_says(regime: str, force: str) -> None:
+def test_segment_ends_match_the_textbook(regime: str, force: str) -> None:
     motion = solved(regime, force)
     assert motion.method.startswith("matrix exponential")
     (span,) = motion.spans
@@ -137,15 +137,12 @@ def test_every_segment_ends_where_the_textbook_says(regime: str, force: str) -> 
         for i in range(0, span.count, 13):
             exact = textbook(REGIMES[regime], force, motion.start[i], length * i, length)
             gap = [abs(mp.mpf(a) - b) for a, b in zip(motion.end[i], exact, strict=True)]
-            # An end is rounded once: half a unit in the last place, of what may be twice the size
-            # where the amplitude is a power of two; nothing else.
+            # An end is rounded once: half a unit in the last place, of up to twice the amplitude.
             assert all(g <= EPS * a for g, a in zip(gap, size, strict=True))
 
 
 @pytest.mark.parametrize(("regime", "force"), SOLVED)
-def test_the_chain_of_starts_is_the_textbooks_motion_from_time_zero(
-    regime: str, force: str
-) -> None:
+def test_segment_starts_match_the_textbook_from_time_zero(regime: str, force: str) -> None:
     motion = solved(regime, force)
     (span,) = motion.spans
     with mp.workdps(50):
@@ -155,7 +152,7 @@ def test_the_chain_of_starts_is_the_textbooks_motion_from_time_zero(
             assert all(g <= EPS * a for g, a in zip(gap, motion.amplitude, strict=True))
 
 
-def test_resonance_without_damping_grows_as_the_textbook_says() -> None:
+def test_undamped_resonance_matches_the_textbook() -> None:
     """m = 1, k = 4, driven at 2 1/s exactly: x = f/8 (sin 2t - 2t cos 2t), from rest."""
     system = oscillator(1.0, 0.0, 4.0, 3 * sin(2 * t), x=0.0, v=0.0, duration=40.0)
     motion = solve(derive(system), system.scenarios[0])
@@ -170,7 +167,7 @@ def test_resonance_without_damping_grows_as_the_textbook_says() -> None:
             assert abs(motion.start[i, 1] - speed) <= EPS * motion.amplitude[1]
 
 
-def test_a_step_amid_the_motion_starts_a_new_span_from_where_the_first_ended() -> None:
+def test_step_during_the_motion_starts_a_new_span() -> None:
     force = AMOUNT * sp.Heaviside(t - sp.Rational(7, 3))
     system = oscillator(*REGIMES["lightly damped"], force, x=0.3, v=-0.25)
     motion = solve(derive(system), system.scenarios[0])
@@ -186,8 +183,8 @@ def test_a_step_amid_the_motion_starts_a_new_span_from_where_the_first_ended() -
             assert np.all(np.abs(gap) <= EPS * motion.amplitude)
 
 
-def test_a_constant_one_epsilon_off_is_told() -> None:
-    """What the tests above would see: a stiffness wrong in its last bit, over the motion."""
+def test_error_of_one_epsilon_is_detected() -> None:
+    """Check that the tests above detect a stiffness that is wrong in its last bit."""
     off = oscillator(1.3, 0.0, np.nextafter(47.0, 48.0), 0, x=0.3, v=-0.25, duration=60.0)
     motion = solve(derive(off), off.scenarios[0])
     (span,) = motion.spans
@@ -198,10 +195,10 @@ def test_a_constant_one_epsilon_off_is_told() -> None:
         assert max(abs(a - b) / size for a, b, size in gaps) > 4 * EPS
 
 
-def test_fewer_digits_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With 15 digits instead of 40 the chain of starts must drift by more than is allowed above."""
+def test_fewer_digits_are_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check that 15 digits instead of 40 let the starts drift beyond the tolerance above."""
     monkeypatch.setattr(physics_crosscheck.reference.solving.closed_form, "DIGITS", 15)
-    equations, scenario = made("undamped", "harmonic")
+    equations, scenario = derived("undamped", "harmonic")
     motion = solve(equations, scenario)
     (span,) = motion.spans
     with mp.workdps(50):
@@ -215,29 +212,29 @@ def test_fewer_digits_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_input_without_a_generator_has_no_closed_form() -> None:
     equations = derive(oscillator(1.3, 0.9, 47.0, sin(t**2)))
     linearization = linearize(equations, equations.system.equilibria[0])
-    (piece,) = pieces(equations.system, equations.system.scenarios[0])
+    (signal,) = pieces(equations.system, equations.system.scenarios[0])
     with pytest.raises(ValueError, match="no linear equation generates"):
-        state_at(linearization, [0, 0], piece, 1.0)
+        state_at(linearization, [0, 0], signal, 1.0)
 
 
 @pytest.mark.parametrize(
     "force", [sin((4 + t / 3) * t), 3 * sin(t * (t + sp.pi)), sp.sqrt(2 + t), exp(-(t**2) / 3)]
 )
-def test_what_no_linear_equation_generates_is_integrated_on_a_linear_system(force: str) -> None:
+def test_input_without_a_generator_is_integrated_numerically(force: str) -> None:
     system = oscillator(1.3, 0.9, 47.0, force)
     motion = solve(derive(system), system.scenarios[0])
     assert motion.method.startswith("Gauss collocation")
     assert np.all(motion.bound <= 16 * EPS * motion.amplitude)
 
 
-def test_a_linear_system_is_told_from_a_nonlinear_and_from_a_displaced_one() -> None:
+def test_linear_systems_are_distinguished_from_others() -> None:
     base = oscillator(1.3, 0.9, 47.0)
     x = base.coordinates[0]
     assert derive(base).linear
     length = dataclasses.replace(base.constants[0], name="L", unit="m")
     constants = (*base.constants, length)
-    bent = dataclasses.replace(base, V=base.V * (1 + x.q**2 / length**2), constants=constants)
-    assert not derive(bent).linear
+    nonlinear = dataclasses.replace(base, V=base.V * (1 + x.q**2 / length**2), constants=constants)
+    assert not derive(nonlinear).linear
     displaced = dataclasses.replace(
         base,
         V=base.constants[2] * (x.q - length) ** 2 / 2,

@@ -1,4 +1,4 @@
-"""Whatever is missing, unknown, impossible or not differentiable is refused by a sentence."""
+"""Missing, unknown, impossible or not differentiable declarations are rejected."""
 
 import dataclasses
 import math
@@ -30,7 +30,7 @@ STRAY = sp.Symbol("stray", real=True)
 ZERO = constant("z", 0.0, "kg")
 NEGATIVE = constant("n", -1.3, "kg")
 SPEED = constant("w", 2.0, "m/s")
-NOTHING: Any = None  # what no type allows, and a person may write
+NOTHING: Any = None  # a value that types forbid and users may write
 WORD: Any = "47"
 SPATIAL: Any = (0, 0, 0)
 BARE = Quantity("p", M * X.v, "kg*m/s", "momentum")
@@ -49,7 +49,7 @@ def scenario(**changed: Any) -> Scenario:
 
 
 def two(**changed: Any) -> dict[str, Any]:
-    """Two coordinates, x and y."""
+    """Return the fields of a system with two coordinates, x and y."""
     return (
         declared(
             coordinates=(X, Y),
@@ -292,7 +292,7 @@ FAULTS = {
         declared(sketch=(Link("rope", (0, 0), (X.q, 0)),)),
         "shape 1 of the sketch: unknown kind 'rope'; expected one of ['spring',",
     ),
-    "a sketch of what is no shape": (
+"a sketch of a tuple": (
         declared(sketch=((0, 0),)),
         "shape 1 of the sketch: (0, 0) is not a Link, Body or Angle",
     ),
@@ -325,7 +325,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("fields", "sentence"), FAULTS.values(), ids=FAULTS.keys())
-def test_a_fault_is_refused_by_a_sentence_that_names_it(
+def test_invalid_declaration_is_rejected_with_a_reason(
     fields: dict[str, Any], sentence: str
 ) -> None:
     with pytest.raises(DeclarationError) as caught:
@@ -335,7 +335,7 @@ def test_a_fault_is_refused_by_a_sentence_that_names_it(
     assert "\n" not in str(caught.value)
 
 
-def test_the_faultless_system_passes() -> None:
+def test_valid_system_passes() -> None:
     assert System(**declared()).values == {
         M.symbol: sp.Rational(1.3),
         C.symbol: sp.Rational(0.9),
@@ -344,8 +344,7 @@ def test_the_faultless_system_passes() -> None:
     assert System(**two()).q == (X.q, Y.q)
 
 
-# No motion is computed from a sketch, from a quantity of published equations, or from a frame (the
-# report states that none is declared): a system may do without. Smooth ones have no interactions.
+# Sketches, quantities, frames and interactions are optional.
 @pytest.mark.parametrize(
     "field",
     [
@@ -371,7 +370,7 @@ def test_no_field_of_a_declared_item_has_a_default(kind: type) -> None:
         assert field.default_factory is dataclasses.MISSING
 
 
-def test_a_stated_equilibrium_that_is_none_is_refused_naming_the_force() -> None:
+def test_wrong_equilibrium_is_rejected_with_its_force() -> None:
     system = System(**declared(equilibria=(Equilibrium("off", {X: 0.01}, False, ""),)))
     with pytest.raises(
         DeclarationError, match=r"'off': is not an equilibrium: the force on x there is -.*k"
@@ -379,7 +378,7 @@ def test_a_stated_equilibrium_that_is_none_is_refused_naming_the_force() -> None
         linearize(derive(system), system.equilibria[0])
 
 
-def test_a_search_that_finds_no_equilibrium_is_refused() -> None:
+def test_search_without_equilibrium_is_rejected() -> None:
     slope = constant("a", 3.0, "N")
     system = System(
         **declared(
@@ -392,11 +391,11 @@ def test_a_search_that_finds_no_equilibrium_is_refused() -> None:
         linearize(derive(system), system.equilibria[0])
 
 
-def test_an_unknown_scenario_is_refused_naming_the_known() -> None:
+def test_unknown_scenario_is_rejected_with_the_known_ones() -> None:
     with pytest.raises(KeyError, match="no scenario 'frei'; it has free"):
         System(**declared()).scenario("frei")
 
 
-def test_constants_are_the_doubles_that_they_are() -> None:
+def test_constants_are_exact_doubles() -> None:
     assert built_in("mass_spring_damper").values[M.symbol] == sp.Rational(1.3)
     assert sp.Rational(1.3) != sp.Rational(13, 10)

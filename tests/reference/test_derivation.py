@@ -1,4 +1,4 @@
-"""The derivation against three that share nothing with it: Newton, Kane and heyoka."""
+"""The derivation against three independent ones: Newton, Kane and heyoka."""
 
 import dataclasses
 from collections.abc import Callable
@@ -19,10 +19,12 @@ EVERY = [*NAMES, CART.name]
 
 def symbols(system: System) -> dict[str, sp.Symbol]:
     """Return the symbols of a system by name: constants, inputs, q, v, a."""
-    found = {c.name: c.symbol for c in system.constants} | {i.name: i.symbol for i in system.inputs}
+    result = {c.name: c.symbol for c in system.constants} | {
+        i.name: i.symbol for i in system.inputs
+    }
     for c in system.coordinates:
-        found |= {c.name: c.q, f"{c.name}'": c.v, f"{c.name}''": c.a}
-    return found
+        result |= {c.name: c.q, f"{c.name}'": c.v, f"{c.name}''": c.a}
+    return result
 
 
 # Newton's second law, where the source gives it (Eq. 2.4, 2.7, 3.5): m a = sum of the forces.
@@ -45,13 +47,13 @@ def test_newtons_second_law_gives_the_same_equation(name: str) -> None:
     assert sp.simplify(equations_of(name).residual[0] - NEWTON[name](symbols(system))) == 0
 
 
-def test_newtons_second_law_with_the_damper_the_wrong_way_round_does_not() -> None:
+def test_newtons_second_law_with_a_reversed_damper_differs() -> None:
     names = symbols(built_in("mass_spring_damper"))
     wrong = NEWTON["mass_spring_damper"](names | {"c": -names["c"]})
     assert sp.simplify(equations_of("mass_spring_damper").residual[0] - wrong) != 0
 
 
-# Kane's method, from bodies, points and forces: no energy is written down.
+# Kane's method, from bodies, points and forces, without energies.
 
 
 class Mechanism:
@@ -193,7 +195,7 @@ KANE = {
 
 
 def kane_matches(name: str, assemble: Callable[[Mechanism], None]) -> bool:
-    """Whether M and f of Kane's equations are the derived ones, symbolically."""
+    """Return whether M and f of Kane's equations equal the derived ones symbolically."""
     derived = equations_of(name)
     mechanism = Mechanism(derived.system)
     assemble(mechanism)
@@ -206,11 +208,11 @@ def kane_matches(name: str, assemble: Callable[[Mechanism], None]) -> bool:
     "name",
     [pytest.param(n, marks=pytest.mark.slow) if n == CART.name else n for n in KANE],
 )
-def test_kanes_method_gives_the_same_equations_of(name: str) -> None:
+def test_kanes_method_gives_the_same_equations(name: str) -> None:
     assert kane_matches(name, KANE[name])
 
 
-def test_kanes_method_tells_a_drum_with_the_inertia_of_a_hoop() -> None:
+def test_kanes_method_detects_a_wrong_inertia() -> None:
     def hoop(p: Mechanism) -> None:
         kane_drum_pendulum(p)
         drum = p.bodies[0]
@@ -226,7 +228,7 @@ def test_kanes_method_tells_a_drum_with_the_inertia_of_a_hoop() -> None:
 def heyoka_accelerations(
     system: System, states: Array | list[list[float]], forces: Array | list[list[float]]
 ) -> Array:
-    """Accelerations by `heyoka.lagrangian`; the inputs enter as constant forces, L + Q q."""
+    """Compute accelerations by `heyoka.lagrangian`; inputs are constant forces, L + Q q."""
     hy = pytest.importorskip("heyoka")
     names = [str(x) for x in (*system.q, *system.v)]
     variables = hy.make_vars(*names)
@@ -237,16 +239,16 @@ def heyoka_accelerations(
         number = sp.sympify(expression).xreplace(system.values).evalf(17)
         return hy.from_sympy(number) if number.free_symbols else hy.expression(float(number))
 
-    found = []
+    accelerations = []
     for state, force in zip(states, forces, strict=True):
         given = dict(zip(system.u, map(sp.Float, force), strict=True))
-        work = sum(q * f.xreplace(given) for q, f in zip(system.q, system.forces(), strict=True))
+        power = sum(q * f.xreplace(given) for q, f in zip(system.q, system.forces(), strict=True))
         equations = hy.lagrangian(
-            convert(system.T - system.V + work), variables[:n], variables[n:], convert(system.D)
+            convert(system.T - system.V + power), variables[:n], variables[n:], convert(system.D)
         )
         right = hy.cfunc([rhs for _, rhs in equations[n:]], vars=variables)
-        found.append(right(state))
-    return np.array(found)
+        accelerations.append(right(state))
+    return np.array(accelerations)
 
 
 def random_states(system: System, count: int = 5) -> tuple[Array, Array]:
@@ -264,20 +266,20 @@ def test_heyokas_lagrangian_gives_the_same_accelerations(name: str) -> None:
     ours = derived.numeric_acceleration(
         states[:, :n], states[:, n:], forces, np.zeros((len(states), 1))
     )
-    # Both round some ten terms of either sign: 1.5 eps apart as measured, 32 at the very most.
+    # Both round about ten terms of either sign: they differ by 1.5 eps as measured, at most 32.
     assert np.max(np.abs(ours - theirs)) <= 32 * EPS * np.max(np.abs(theirs))
 
 
-def test_heyokas_dissipation_function_takes_energy_as_ours_does() -> None:
+def test_heyokas_dissipation_function_has_our_sign() -> None:
     system = oscillator(2.0, 3.0, 5.0)
-    found = heyoka_accelerations(system, [[0.0, 1.0]], [[0.0]])
-    assert found[0, 0] == -1.5  # -c v / m
+    accelerations = heyoka_accelerations(system, [[0.0, 1.0]], [[0.0]])
+    assert accelerations[0, 0] == -1.5  # -c v / m
     assert derive(system).acceleration.subs(system.values).subs(
         {system.q[0]: 0, system.v[0]: 1, system.u[0]: 0}
     )[0] == sp.Rational(-3, 2)
 
 
-def test_heyokas_lagrangian_tells_a_changed_damping() -> None:
+def test_heyokas_lagrangian_detects_a_changed_damping() -> None:
     system = oscillator(2.0, 3.0, 5.0)
     changed = dataclasses.replace(system, D=system.D * sp.Rational(1000001, 1000000))
     states, forces = random_states(system)
@@ -288,23 +290,23 @@ def test_heyokas_lagrangian_tells_a_changed_damping() -> None:
     assert np.max(np.abs(ours - theirs)) > 1e6 * EPS * np.max(np.abs(theirs))
 
 
-# What must hold of every derived equation.
+# Properties of every derived equation.
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_energy_changes_by_what_is_supplied_less_what_is_dissipated(name: str) -> None:
+def test_energy_balance_is_zero(name: str) -> None:
     assert equations_of(name).energy_balance == 0
 
 
 @pytest.mark.parametrize("name", [*(n for n in NAMES if built_in(n).D != 0), CART.name])
-def test_the_energy_balance_tells_a_dissipation_changed_after_the_derivation(name: str) -> None:
+def test_energy_balance_detects_a_changed_dissipation(name: str) -> None:
     derived = equations_of(name)
     factor = 1 + sp.Rational(1, 10**6)
     assert dataclasses.replace(derived, dissipated=factor * derived.dissipated).energy_balance != 0
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_energy_balance_tells_a_force_left_out(name: str) -> None:
+def test_energy_balance_detects_a_missing_force(name: str) -> None:
     derived = equations_of(name)
     still = dict.fromkeys(derived.system.u, 0)
     silent = dataclasses.replace(derived, force=derived.force.xreplace(still))
@@ -323,14 +325,14 @@ def test_the_mass_matrix_is_symmetric_and_positive(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_numeric_accelerations_are_the_symbolic_ones(name: str) -> None:
+def test_numeric_accelerations_match_the_symbolic_ones(name: str) -> None:
     derived = equations_of(name)
     system, n = derived.system, len(derived.system.q)
     states, forces = random_states(system)
     numbers = derived.numeric_acceleration(
         states[:, :n], states[:, n:], forces, np.zeros((len(states), 1))
     )
-    for state, force, found in zip(states, forces, numbers, strict=True):
+    for state, force, actual in zip(states, forces, numbers, strict=True):
         given = [map(sp.Rational, state), map(sp.Rational, force)]
         place = dict(zip((*system.q, *system.v, *system.u), (*given[0], *given[1]), strict=True))
         exact = (
@@ -341,11 +343,11 @@ def test_the_numeric_accelerations_are_the_symbolic_ones(name: str) -> None:
         )
         # As for heyoka: ten terms of either sign, each rounded.
         largest = float(max(abs(e) for e in exact))
-        assert np.max(np.abs(found - np.array(exact, dtype=float).ravel())) <= 32 * EPS * largest
+        assert np.max(np.abs(actual - np.array(exact, dtype=float).ravel())) <= 32 * EPS * largest
 
 
 def test_a_moving_constraint_enters_the_equations() -> None:
-    """A bead on a straight wire turning at w: m r'' = m w^2 r, by hand (Goldstein, section 1.6)."""
+    """Compare with a bead on a straight wire turning at w: m r'' = m w^2 r (Goldstein, 1.6)."""
     base = oscillator(1.5, 0.0, 2.0)
     x, m = base.coordinates[0], base.constants[0]
     w = dataclasses.replace(base.constants[2], name="w", unit="1/s")

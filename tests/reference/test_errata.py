@@ -22,11 +22,10 @@ from physics_crosscheck.reference.dynamics.simplify import simplify_bounded
 from tests.reference.mechanisms import NAMES, built_in, equations_of, pendulum
 
 NUMBERS = {*(f"2.{i}" for i in range(1, 49)), *(f"3.{i}" for i in range(1, 15))}
-"""Of every equation that the source numbers."""
+"""Numbers of all numbered equations of the source."""
 
 LEFT_OUT = {
-    "3.1": "a series without end, of any function: nothing finite can be held against it, and its"
-    " first order is 3.2",
+    "3.1": "an infinite series of any function; its first order is 3.2",
 }
 
 PUBLISHED = [(name, i) for name in NAMES for i in range(len(built_in(name).published))]
@@ -34,8 +33,8 @@ KINDS = {(name, built_in(name).published[i].states): (name, i) for name, i in PU
 """One equation of each kind in each system."""
 
 
-def row(text: str, states: str, of: str = "", driven: bool = False) -> PublishedEquation:
-    return PublishedEquation("0.0", text, states, of=of, driven=driven, note="")
+def row(text: str, states: str, subject: str = "", driven: bool = False) -> PublishedEquation:
+    return PublishedEquation("0.0", text, states, of=subject, driven=driven, note="")
 
 
 @cache
@@ -48,10 +47,10 @@ def judge(name: str, *published: PublishedEquation, **changed: object) -> tuple[
     return errata(dataclasses.replace(equations_of(name), system=system), rests_of(name))
 
 
-def verdict(name: str, text: str, states: str, of: str = "", driven: bool = True) -> str:
-    (found,) = judge(name, row(text, states, of, driven))
-    assert (found.difference == "") == (found.verdict != DIFFERS)
-    return found.verdict
+def verdict(name: str, text: str, states: str, subject: str = "", driven: bool = True) -> str:
+    (check,) = judge(name, row(text, states, subject, driven))
+    assert (check.difference == "") == (check.verdict != DIFFERS)
+    return check.verdict
 
 
 def test_every_numbered_equation_of_the_source_has_a_row_or_a_reason() -> None:
@@ -65,37 +64,37 @@ def test_every_numbered_equation_of_the_source_has_a_row_or_a_reason() -> None:
 def test_every_published_equation_agrees_but_2_25(name: str) -> None:
     table = errata(equations_of(name), rests_of(name))
     assert len(table) == len(built_in(name).published) > 0
-    for found in table:
+    for check in table:
         expected = (
             DIFFERS
-            if found.published.number == "2.25"
-            else (UP_TO_SIGNS if "±" in found.published.text else AGREES)
+            if check.published.number == "2.25"
+            else (UP_TO_SIGNS if "±" in check.published.text else AGREES)
         )
-        assert found.verdict == expected
-    assert [found.published.number for found in table if found.verdict == DIFFERS] == (
+        assert check.verdict == expected
+    assert [check.published.number for check in table if check.verdict == DIFFERS] == (
         ["2.25"] if name == "free_pair" else []
     )
 
 
-def test_what_is_wrong_in_2_25_is_its_second_k_x2() -> None:
+def test_error_in_2_25_is_its_second_k_x2() -> None:
     published = built_in("free_pair").published
-    table = {found.published.number: found for found in judge("free_pair", *published)}
+    table = {check.published.number: check for check in judge("free_pair", *published)}
     names = {c.name: c.symbol for c in built_in("free_pair").constants}
-    left = sp.sympify(table["2.25"].difference)
+    difference = sp.sympify(table["2.25"].difference)
     k, x1, x2 = sp.symbols("k x1 x2")
-    # Published minus derived: k x2 where k x1 belongs, in one of the two signs.
-    assert sp.expand(left - k * (x1 - x2)) == 0 or sp.expand(left - k * (x1 + x2)) == 0
+    # Published minus derived: k x2 instead of k x1, with either sign.
+    assert sp.expand(difference - k * (x1 - x2)) == 0 or sp.expand(difference - k * (x1 + x2)) == 0
     assert "m2*x2_ddot" in table["2.25"].derived
     assert set(names) == {"m1", "m2", "c", "k"}
 
 
-def test_2_25_as_it_should_be_agrees_up_to_signs() -> None:
+def test_corrected_2_25_agrees_up_to_signs() -> None:
     text = "m2*x2'' ± c*x1' + c*x2' ± k*x1 ± k*x2 = 0"
     assert verdict("free_pair", text, "motion", "x2", False) == UP_TO_SIGNS
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "states", "of", "expected"),
+    ("name", "text", "states", "subject", "expected"),
     [
         # a motion
         ("mass_spring_damper", "m*x'' + c*x' + k*x = f", "motion", "x", AGREES),
@@ -107,13 +106,13 @@ def test_2_25_as_it_should_be_agrees_up_to_signs() -> None:
         ("mass_spring_damper", "m*x'' + c*x' + 1.000001*k*x = f", "motion", "x", DIFFERS),
         ("mass_spring_damper", "m*x'' + k*x = f", "motion", "x", DIFFERS),
         ("mass_spring_damper", "m*x'' + c*x + k*x' = f", "motion", "x", DIFFERS),
-        # a factor of constants is no matter, for a motion
+        # a constant factor does not change a motion
         ("mass_spring_damper", "x'' + c*x'/m + k*x/m = f/m", "motion", "x", AGREES),
         ("mass_spring_damper", "-3*m*x'' - 3*c*x' - 3*k*x = -3*f", "motion", "x", AGREES),
         ("mass_spring_damper", "x'' + c*x'/m + k*x/m = f", "motion", "x", DIFFERS),
         ("mass_spring_damper", "x*m*x'' + x*c*x' + k*x^2 = x*f", "motion", "x", DIFFERS),
         ("mass_spring_damper", "0*x'' = 0", "motion", "x", DIFFERS),
-        # an energy is compared as it stands
+        # an energy is compared without factors
         ("mass_spring_damper", "T = m*x'^2/2", "value", "", AGREES),
         ("mass_spring_damper", "T = m*x'^2", "value", "", DIFFERS),
         ("mass_spring_damper", "T = -m*x'^2/2", "value", "", DIFFERS),
@@ -132,7 +131,7 @@ def test_2_25_as_it_should_be_agrees_up_to_signs() -> None:
         ("simple_pendulum", "m*l^2*theta'' + m*g*l*theta = tau", "linear", "hanging", AGREES),
         ("simple_pendulum", "m*l^2*theta'' - m*g*l*theta = tau", "linear", "hanging", DIFFERS),
         ("simple_pendulum", "l*theta'' - g*(theta - pi) = tau/(m*l)", "linear", "upright", AGREES),
-        # linear is linear; a statement about every coordinate holds of each
+        # a linear equation has no powers; a general equation holds for each coordinate
         ("simple_pendulum", "m*l^2*theta'' + m*g*l*theta^2 = tau", "linear", "hanging", DIFFERS),
         ("free_pair", "d/dt(dL/dq') - dL/dq + dD/dq' = Q", "motion", "", AGREES),
         ("free_pair", "d/dt(dL/dq') + dL/dq + dD/dq' = Q", "motion", "", DIFFERS),
@@ -144,7 +143,7 @@ def test_2_25_as_it_should_be_agrees_up_to_signs() -> None:
         ("mass_spring_damper", "dD/dx' = c*x' = 2*c*x'/2", "value", "", AGREES),
         ("mass_spring_damper", "dD/dx' = c*x' = 2*c*x'", "value", "", DIFFERS),
         ("mass_spring_damper", "dD/dx' = 2*c*x' = c*x'", "value", "", DIFFERS),
-        # what stands for what
+        # substitutions
         ("mass_spring_damper", "T = p^2/(2*m), p = m*x'", "value", "", AGREES),
         ("mass_spring_damper", "T = p^2/(2*m), p = c*x'", "value", "", DIFFERS),
         ("mass_spring_damper", "T = m*v_x^2/2, v_x^2 = x'^2", "value", "", AGREES),
@@ -160,10 +159,10 @@ def test_2_25_as_it_should_be_agrees_up_to_signs() -> None:
         ("simple_pendulum", "f''(theta) = -sin(theta)", "value", "", AGREES),
     ],
 )  # fmt: skip
-def test_a_published_equation_is_classed(
-    name: str, text: str, states: str, of: str, expected: str
+def test_published_equation_gets_its_verdict(
+    name: str, text: str, states: str, subject: str, expected: str
 ) -> None:
-    assert verdict(name, text, states, of) == expected
+    assert verdict(name, text, states, subject) == expected
 
 
 def test_an_equation_without_inputs_is_compared_without_them() -> None:
@@ -176,38 +175,36 @@ def test_a_system_without_inputs_has_its_linear_equations_compared() -> None:
     system = pendulum(0.1, 0.0, 1.0)
     published = row("theta'' + (g/l)*theta = 0", "linear", "hanging")
     equations = derive(dataclasses.replace(system, published=(published,)))
-    (found,) = errata(equations, (linearize(equations, system.equilibria[0]),))
-    assert found.verdict == AGREES
+    (check,) = errata(equations, (linearize(equations, system.equilibria[0]),))
+    assert check.verdict == AGREES
 
 
-def faults(published: PublishedEquation) -> list[str]:
-    """The text with one and a half times one thing, for each that no side before names.
+def altered_texts(published: PublishedEquation) -> list[str]:
+    """Return the text with 1.5 times one term or factor, for each of them.
 
-    What a value's left side names is no coefficient; nor is the name that a setting explains.
+    Names on a value's left side and names that a substitution defines are not changed.
     """
-    settled = published.text.index("=") if published.states == "value" else 0
+    start = published.text.index("=") if published.states == "value" else 0
     zeros = re.findall(r", (\w+) = 0", published.text)
     altered = []
     pattern = r"d/dt\([^()]*\)|d\w+/d\w+'*|[A-Za-z_]\w*'*(?![\w'(])"
-    for found in re.finditer(pattern, published.text):
-        explained = re.match(r"(\^2)? = ", published.text[found.end() :])
-        setting = "," in published.text[: found.start()]
-        if found.start() < settled or found[0] in zeros or (setting and explained):
+    for match in re.finditer(pattern, published.text):
+        explained = re.match(r"(\^2)? = ", published.text[match.end() :])
+        setting = "," in published.text[: match.start()]
+        if match.start() < start or match[0] in zeros or (setting and explained):
             continue
-        head, tail = published.text[: found.start()], published.text[found.end() :]
-        altered.append(f"{head}(1.5*{found[0]}){tail}")
+        head, tail = published.text[: match.start()], published.text[match.end() :]
+        altered.append(f"{head}(1.5*{match[0]}){tail}")
     return altered
 
 
 @pytest.mark.parametrize(("name", "index"), KINDS.values())
-def test_a_wrong_coefficient_anywhere_in_any_published_equation_is_told(
-    name: str, index: int
-) -> None:
-    """One and a half times a term or a factor: no sign can repair it."""
+def test_wrong_coefficient_is_detected(name: str, index: int) -> None:
+    """Multiply each term and factor by 1.5, which no sign can compensate."""
     published = built_in(name).published[index]
-    altered = [dataclasses.replace(published, text=text) for text in faults(published)]
+    altered = [dataclasses.replace(published, text=text) for text in altered_texts(published)]
     assert altered
-    for wrong in altered:  # without the words of a record, which take most of the time
+    for wrong in altered:  # without the text of a record, which takes most of the time
         best = best_reading(wrong, equations_of(name), rests_of(name))
         assert any(difference != 0 for _, difference in best), wrong.text
 
@@ -220,7 +217,7 @@ def test_a_wrong_coefficient_anywhere_in_any_published_equation_is_told(
         ("simple_pendulum", "a_t", ["3.3", "3.5"]),
     ],
 )
-def test_a_wrong_quantity_is_told_where_the_source_names_it(
+def test_wrong_quantity_is_detected_in_its_equations(
     name: str, quantity: str, numbers: list[str]
 ) -> None:
     system = built_in(name)
@@ -229,7 +226,7 @@ def test_a_wrong_quantity_is_told_where_the_source_names_it(
         for q in system.quantities
     )
     table = judge(name, *system.published, quantities=wrong)
-    assert [found.published.number for found in table if found.verdict == DIFFERS] == numbers
+    assert [check.published.number for check in table if check.verdict == DIFFERS] == numbers
 
 
 def test_the_drum_and_the_rod_together_have_the_kinetic_energy() -> None:
@@ -239,7 +236,7 @@ def test_the_drum_and_the_rod_together_have_the_kinetic_energy() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_published_changes_nothing_that_is_derived(name: str) -> None:
+def test_published_equations_do_not_change_derived_ones(name: str) -> None:
     bare = dataclasses.replace(built_in(name), published=(), quantities=(), sketch=())
     ours, theirs = equations_of(name), derive(bare)
     for attribute in ("mass", "force", "energy", "dissipated", "supplied"):
@@ -247,7 +244,7 @@ def test_what_is_published_changes_nothing_that_is_derived(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "states", "of", "sentence"),
+    ("text", "states", "subject", "sentence"),
     [
         ("m*x'' + = f", "motion", "x", "can't read"),
         ("m*x'' + q*x = f", "motion", "x", "q is not declared"),
@@ -260,18 +257,18 @@ def test_what_is_published_changes_nothing_that_is_derived(name: str) -> None:
         ("m*x'' = w, 2*w = f", "motion", "x", "'2*w' is not a name"),
         ("m*x'' = f, m = 2", "motion", "x", "m is declared already"),
         ("F(x) = f", "value", "", "is not a function of one coordinate"),
-        # nothing is compared with a copy of itself
+        # an equation is not compared with itself
         ("T = T", "value", "", "must name"),
         ("m*x' = m*x'", "value", "", "must name"),
         ("x = x", "value", "", "must name"),
         ("dL/dx' = m*x' + dL/dx' - m*x'", "value", "", "must name"),
     ],
 )
-def test_an_equation_that_cannot_be_read_is_refused_by_a_sentence(
-    text: str, states: str, of: str, sentence: str
+def test_invalid_equation_is_rejected_with_a_reason(
+    text: str, states: str, subject: str, sentence: str
 ) -> None:
     still: tuple[Quantity, ...] = (Quantity("F", sp.Integer(0), "N", "nothing"),)
     with pytest.raises(DeclarationError) as caught:
-        judge("mass_spring_damper", row(text, states, of, True), quantities=still)
+        judge("mass_spring_damper", row(text, states, subject, True), quantities=still)
     assert sentence in str(caught.value)
     assert "Eq. 0.0" in str(caught.value)

@@ -78,8 +78,8 @@ def test_a_pendulum_reaches_its_limit_at_the_time_of_the_elliptic_integral() -> 
     turned = mp.acos(mp.cos(c["limit"]) - (c["e"] * fast) ** 2 / (2 * w**2))
     k = mp.sin(turned / 2)
     there = mp.ellipk(k**2)
-    side = mp.ellipf(mp.asin(mp.sin(mp.mpf(c["limit"]) / 2) / k), k**2)
-    assert_close(swing.events[1] - swing.events[0], float(2 * (there + side) / w))
+    returning = mp.ellipf(mp.asin(mp.sin(mp.mpf(c["limit"]) / 2) / k), k**2)
+    assert_close(swing.events[1] - swing.events[0], float(2 * (there + returning) / w))
 
 
 def test_dry_friction_shortens_each_half_cycle_by_two_deadbands() -> None:
@@ -160,9 +160,9 @@ def test_a_belt_drags_until_the_spring_exceeds_the_friction() -> None:
     drag = motion("belt_oscillator", "drag")
     w, shift = np.sqrt(c["k"] / c["m"]), c["mu"] * c["m"] * c["g"] / c["k"]
     # Slipping backward, friction drags forward: a cosine about its force over k.
-    reach = -shift
-    first = np.arcsin(c["V_belt"] / (-reach * w)) / w
-    place = shift + reach * np.cos(w * first)
+    amplitude = -shift
+    first = np.arcsin(c["V_belt"] / (-amplitude * w)) / w
+    place = shift + amplitude * np.cos(w * first)
     lets_go = first + (shift - place) / c["V_belt"]
     assert_close(drag.events[:2], [first, lets_go])
 
@@ -214,17 +214,17 @@ def test_a_motor_follows_its_filter_to_its_limit(scenario: str, first: float, sp
 
     def held(force: float, v: float, time: float) -> tuple[float, float]:
         """Return distance and velocity under a constant force."""
-        end, left = force / c["c"], np.exp(-time / slow)
-        return end * time + (v - end) * slow * (1 - left), end + (v - end) * left
+        end, decay = force / c["c"], np.exp(-time / slow)
+        return end * time + (v - end) * slow * (1 - decay), end + (v - end) * decay
 
     def lagging(start: float, v: float, time: float) -> tuple[float, float]:
         """Return the same under the force of the filter, by partial fractions."""
         steady, fade = held(c["k"] * last, v, time), c["k"] * (start - last) / c["m"]
         share = fade / (1 / slow - 1 / lag)  # of e^(-t/lag) - e^(-t/slow) in the velocity
-        quick, left = np.exp(-time / lag), np.exp(-time / slow)
+        quick, decay = np.exp(-time / lag), np.exp(-time / slow)
         return (
-            steady[0] + share * (lag * (1 - quick) - slow * (1 - left)),
-            steady[1] + share * (quick - left),
+            steady[0] + share * (lag * (1 - quick) - slow * (1 - decay)),
+            steady[1] + share * (quick - decay),
         )
 
     x, v, now, start, events = 0.0, speed, 0.0, first, []
@@ -243,7 +243,7 @@ def test_a_motor_follows_its_filter_to_its_limit(scenario: str, first: float, sp
     assert_close(pushed.end[-1], [x + far + more, turned, v, rate])
 
 
-def tipping_speed(c: dict[str, float], side: int, start: Any, stop: Any, speed: Any = 0) -> Any:
+def tipping_speed(c: dict[str, float], edge: int, start: Any, stop: Any, speed: Any = 0) -> Any:
     """Return the angular velocity of a box at a second angle about an edge: 1 downhill, -1 uphill.
 
     Its moment of inertia about the edge is 4/3 m r^2.
@@ -251,19 +251,19 @@ def tipping_speed(c: dict[str, float], side: int, start: Any, stop: Any, speed: 
     b, h, slope = (mp.mpf(c[name]) for name in ("b", "h", "slope"))
 
     def potential(a: Any) -> Any:
-        below = side * b * mp.sin(a) + h * mp.cos(a)
-        beyond = side * b * mp.cos(a) - h * mp.sin(a)
+        below = edge * b * mp.sin(a) + h * mp.cos(a)
+        beyond = edge * b * mp.cos(a) - h * mp.sin(a)
         return below * mp.cos(slope) + beyond * mp.sin(slope)
 
     fall = potential(start) - potential(stop)
     return mp.sqrt(speed**2 + 2 * mp.mpf(c["g"]) * fall / (mp.mpf(4) / 3 * (b**2 + h**2)))
 
 
-def tipping_time(c: dict[str, float], side: int, start: Any, stop: Any, speed: Any = 0) -> float:
+def tipping_time(c: dict[str, float], edge: int, start: Any, stop: Any, speed: Any = 0) -> float:
     """Return the time in which a box turns about an edge, by its energy."""
     with mp.workdps(30):
         between = [mp.mpf(start), mp.mpf(stop)]
-        return float(mp.quad(lambda a: 1 / tipping_speed(c, side, between[0], a, speed), between))
+        return float(mp.quad(lambda a: 1 / tipping_speed(c, edge, between[0], a, speed), between))
 
 
 @pytest.mark.slow
@@ -359,10 +359,8 @@ def test_a_rod_that_jams_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("mu", "spin"), [(0.1, 0.0), (0.4, 0.0), (0.4, -9.0), (0.0, 3.0)])
-def test_friction_at_an_impact_is_that_of_compression_and_restitution(
-    mu: float, spin: float
-) -> None:
-    """Catch friction of the compression alone, and a slip that goes on beyond sticking."""
+def test_impact_friction_includes_compression_and_restitution(mu: float, spin: float) -> None:
+    """Catch friction of the compression alone, and slip that continues beyond sticking."""
     e, fall = 0.5, np.sqrt(2 * 9.81 * 0.1)
     # A disc: impulses act on the normal direction by 1, and on the slip by 1 + 1 / J.
     slip, normal, across = 1.0 - spin, 0.0, 0.0
@@ -411,7 +409,7 @@ def test_an_interaction_with_an_unknown_symbol_is_refused() -> None:
         planar((DryFriction("friction", slip=x.v, force=stray),), start)
 
 
-def test_impacts_that_accumulate_are_refused_with_the_time_until_which_to_compare() -> None:
+def test_accumulating_impacts_are_rejected_with_a_valid_duration() -> None:
     system, c = built_in("bouncing_ball")
     rest = np.sqrt(1 / c["g"]) * (1 + c["e"]) / (1 - c["e"])
     long = replace(system.scenario("drop"), duration=1.1 * rest)
@@ -420,7 +418,7 @@ def test_impacts_that_accumulate_are_refused_with_the_time_until_which_to_compar
 
 
 def test_a_linear_soft_contact_follows_its_closed_form() -> None:
-    """With one impedance d, z'' = -(1 - d) g - 2/T z' - z/(T Z)^2 while pressed."""
+    """Compare with z'' = -(1 - d) g - 2/T z' - z/(T Z)^2 while pressed, with one impedance d."""
     d, constant, ratio, g, height = 0.9, 0.02, 0.5, 9.81, 0.5
     system = load_system(EVENTS / "bouncing_ball")
     law = SoftLaw(softness=Softness(reference=(constant, ratio), impedance=(d, d, 0.001, 0.5, 2.0)))

@@ -1,4 +1,4 @@
-"""Equations with their constants as arguments, against those that are derived with them put in."""
+"""Equations with constants as arguments, against equations with constants inserted."""
 
 from __future__ import annotations
 
@@ -23,45 +23,45 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "scenario", "constants"), CASES)
-def test_a_drawn_motion_is_that_of_the_equations_derived_there(
+def test_motion_matches_equations_derived_at_the_constants(
     name: str, scenario: str, constants: Mapping[str, float]
 ) -> None:
     system = load_system(builtin() / name)
     family = Family.compile(derive(system))
-    found = solve(family.with_constants(constants), system.scenario(scenario))
+    actual = solve(family.with_constants(constants), system.scenario(scenario))
     there = at_constants(system, constants)
-    wanted = solve(derive(there), there.scenario(scenario))
-    assert found.t.shape == wanted.t.shape
-    size = np.max(np.abs(wanted.end), axis=0)
-    assert np.max(np.abs(found.start - wanted.start) / size) < 1e-9
-    # Each segment from its own start: they are that of the equations to the bounds of both.
+    expected = solve(derive(there), there.scenario(scenario))
+    assert actual.t.shape == expected.t.shape
+    size = np.max(np.abs(expected.end), axis=0)
+    assert np.max(np.abs(actual.start - expected.start) / size) < 1e-9
+    # Segments depend on the constants.
     moved = solve(family.with_constants({}), system.scenario(scenario))
-    assert np.max(np.abs(moved.end[: len(found.end)] - found.end[: len(moved.end)])) > 1e-3
-    assert np.all(found.bound < 1e-13 * np.maximum(size, 1.0))
-    times = np.linspace(0.0, wanted.duration, 77)
-    assert np.max(np.abs(found.states_at(times) - wanted.states_at(times)) / size) < 1e-9
+    assert np.max(np.abs(moved.end[: len(actual.end)] - actual.end[: len(moved.end)])) > 1e-3
+    assert np.all(actual.bound < 1e-13 * np.maximum(size, 1.0))
+    times = np.linspace(0.0, expected.duration, 77)
+    assert np.max(np.abs(actual.states_at(times) - expected.states_at(times)) / size) < 1e-9
 
 
 @pytest.mark.slow
-def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
-    # Newton's method begins too far from it: its segments are started as those of a run are.
+def test_chaotic_motion_has_a_reference() -> None:
+    # Newton's method starts too far away, so segments start from a full run.
     system = load_system(builtin() / "drum_pendulum")
     constants = {
         "M": 2.777978231871478, "m": 0.5031382674606564, "l": 0.42104926367495704,
         "k": 78.7854114449368, "g": 9.764055777893367,
     }  # fmt: skip
-    found = solve(
+    actual = solve(
         Family.compile(derive(system)).with_constants(constants), system.scenario("driven")
     )
     there = at_constants(system, constants)
-    wanted = solve(derive(there), there.scenario("driven"))
-    assert found.t.shape == wanted.t.shape
-    assert np.all(np.abs(found.start - wanted.start) <= wanted.global_bound[:-1] + 1e-12)
-    assert np.max(wanted.global_bound) > 1e-4
-    assert np.all(found.bound < 1e-12)
+    expected = solve(derive(there), there.scenario("driven"))
+    assert actual.t.shape == expected.t.shape
+    assert np.all(np.abs(actual.start - expected.start) <= expected.global_bound[:-1] + 1e-12)
+    assert np.max(expected.global_bound) > 1e-4
+    assert np.all(actual.bound < 1e-12)
 
 
-def test_a_second_draw_derives_and_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_second_draw_does_not_derive_or_compile(monkeypatch: pytest.MonkeyPatch) -> None:
     system = load_system(builtin() / "simple_pendulum")
     family = Family.compile(derive(system))
     solve(family.with_constants({}), system.scenario("free"))
@@ -74,7 +74,7 @@ def test_a_second_draw_derives_and_compiles_nothing(monkeypatch: pytest.MonkeyPa
     solve(family.with_constants({"l": 0.6}), system.scenario("free"))
 
 
-def test_inputs_that_hold_a_varied_constant_follow_it() -> None:
+def test_inputs_use_the_varied_constant() -> None:
     from dataclasses import replace
 
     system = load_system(builtin() / "mass_spring_damper")
@@ -84,7 +84,7 @@ def test_inputs_that_hold_a_varied_constant_follow_it() -> None:
     system = replace(system, scenarios=(pushed,))
     family = Family.compile(derive(system))
     there = at_constants(system, {"k": 80.0})
-    wanted = solve(derive(there), there.scenario("step"))
+    expected = solve(derive(there), there.scenario("step"))
     solve(family.with_constants({}), pushed)
-    found = solve(family.with_constants({"k": 80.0}), pushed)
-    assert np.max(np.abs(found.end - wanted.end)) < 1e-12
+    actual = solve(family.with_constants({"k": 80.0}), pushed)
+    assert np.max(np.abs(actual.end - expected.end)) < 1e-12

@@ -1,4 +1,4 @@
-"""Frames and points are declared whole, in metres, right-handed; a wrong one is told in words."""
+"""Frames and points are complete, in metres and right-handed; invalid ones are rejected."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def frames(*declared: Any) -> System:
     return replace(SWING, frames=declared)
 
 
-def test_a_frame_of_the_kinematics_is_a_pose_and_both_are_functions_of_q() -> None:
+def test_frames_and_poses_are_functions_of_q() -> None:
     turned = ground.at(0, 0, 1).hinge(a, about=(0, -1, 0)).at(0, 0, -l)
     system = frames(turned.pose("end", "the end"), Pose("tip", tuple(turned.origin), "the same"))
-    found = frame_function(system)(np.array([[0.3]])).reshape(2, 12)
+    values = frame_function(system)(np.array([[0.3]])).reshape(2, 12)
     place = [0.8 * np.sin(0.3), 0, 1 - 0.8 * np.cos(0.3)]
-    np.testing.assert_allclose(found[:, :3], [place, place], atol=1e-16)
+    np.testing.assert_allclose(values[:, :3], [place, place], atol=1e-16)
     c, s = np.cos(0.3), np.sin(0.3)
-    np.testing.assert_allclose(found[0, 3:], [c, 0, -s, 0, 1, 0, s, 0, c], atol=1e-16)
-    np.testing.assert_array_equal(found[1, 3:], np.eye(3).ravel())
+    np.testing.assert_allclose(values[0, 3:], [c, 0, -s, 0, 1, 0, s, 0, c], atol=1e-16)
+    np.testing.assert_array_equal(values[1, 3:], np.eye(3).ravel())
 
 
-def test_a_unit_quaternion_is_the_rotation_that_it_stands_for() -> None:
+def test_quaternion_equals_its_rotation() -> None:
     half = a.q / 2
     turn = Pose("rod", (0, 0, 0), "rod", (sp.cos(half), 0, -sp.sin(half), 0)).rotation
     assert sp.simplify(turn - rotation((0, -1, 0), a.q)) == sp.zeros(3, 3)

@@ -1,4 +1,4 @@
-"""Nonlinear motions are integrated twice, by methods that share nothing, and refused if apart."""
+"""Nonlinear motions are integrated by two independent methods, which must agree."""
 
 import dataclasses
 
@@ -60,7 +60,7 @@ def test_some_systems_are_nonlinear() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_system_is_linear_or_not_as_these_tests_have_it(name: str) -> None:
+def test_list_of_linear_systems_is_correct(name: str) -> None:
     assert equations_of(name).linear == (name in LINEAR)
 
 
@@ -79,31 +79,31 @@ def test_two_integrations_agree_to_1e_12_of_the_motion(
         monkeypatch.setattr(integrate, "heyoka_installed", lambda: heyoka)
         motion = solve(*scenario_of(name, scenario))
     assert AGREEMENT == 1e-12
-    # What is asked is 1e-12; what is found is a hundredth of it, and may not become worse unseen.
+    # The requirement is 1e-12; a hundredth of it is reached, and must not get worse.
     assert np.all(motion.bound <= 1e-14 * sizes(motion))
     checked_by = "heyoka's Taylor series" if heyoka else "DOP853"
     assert motion.method == f"Gauss collocation of order 16, checked by {checked_by}"
 
 
 @pytest.mark.parametrize(("name", "scenario"), NONLINEAR[::2])
-def test_heyoka_and_dop853_end_the_segments_alike(name: str, scenario: str) -> None:
+def test_heyoka_and_dop853_agree_at_segment_ends(name: str, scenario: str) -> None:
     pytest.importorskip("heyoka")
     equations, declared = scenario_of(name, scenario)
     motion = motion_of(name, scenario)
     first = 0
-    for span, piece in zip(motion.spans, pieces(equations.system, declared), strict=True):
+    for span, signal in zip(motion.spans, pieces(equations.system, declared), strict=True):
         chosen = slice(first, first + span.count)
         first += span.count
         given = motion.t[chosen], motion.start[chosen], span.length
-        series = integrate._taylor_series(equations, piece, *given)
-        apart = series - by_runge_kutta(field_of(equations, piece), *given)
+        series = integrate._taylor_series(equations, signal, *given)
+        apart = series - by_runge_kutta(field_of(equations, signal), *given)
         assert np.all(np.max(np.abs(apart), axis=0) <= 1e-14 * sizes(motion))
 
 
 @pytest.mark.parametrize(
     ("off", "heyoka"), [(1e-11, True), (1e-11, False), (np.nan, False), (np.inf, False)]
 )
-def test_a_check_that_ends_elsewhere_is_an_error(
+def test_disagreeing_integrations_are_an_error(
     off: float, heyoka: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     equations, scenario = scenario_of("simple_pendulum", "free")
@@ -136,14 +136,14 @@ def falling_apart() -> System:
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
 @pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 @pytest.mark.filterwarnings("ignore:divide by zero encountered:RuntimeWarning")
-def test_a_motion_that_runs_to_infinity_is_an_error_that_tells_when() -> None:
+def test_motion_to_infinity_is_an_error_with_its_time() -> None:
     system = falling_apart()
     with pytest.raises(ReferenceError, match=r"the equations cannot be integrated past 0\.\d+ s"):
         solve(derive(system), system.scenarios[0])
 
 
-def test_the_numeric_way_solves_a_linear_system_as_the_closed_form_does() -> None:
-    """The only test in which the two ways meet: a harmonic force after a step, with damping."""
+def test_numeric_solution_matches_the_closed_form() -> None:
+    """Compare both solutions for a harmonic force after a step, with damping."""
     force = 2 * sp.Heaviside(t - 1) + sin(3 * t)
     system = oscillator(1.3, 0.9, 47.0, force, duration=4.0)
     equations = derive(system)
@@ -157,17 +157,17 @@ def test_the_numeric_way_solves_a_linear_system_as_the_closed_form_does() -> Non
     np.testing.assert_array_less(np.max(np.abs(numeric.start - closed.start), axis=0), 1e-11 * size)
     # The segments, from the closed form's own starts, to a few eps.
     first = spans[0].count
-    for span, piece, chosen in zip(
+    for span, signal, chosen in zip(
         spans, signals, (slice(0, first), slice(first, None)), strict=True
     ):
         ends, _ = collocate(
-            field_of(equations, piece), closed.t[chosen], closed.start[chosen], span.length
+            field_of(equations, signal), closed.t[chosen], closed.start[chosen], span.length
         )
         assert np.all(np.max(np.abs(ends - closed.end[chosen]), axis=0) <= 8 * EPS * size)
 
 
 def test_the_collocation_has_order_16() -> None:
-    """One coarse segment of y'' = -y from (0, 1), in units of its length: error ~ length^17."""
+    """Integrate y'' = -y from (0, 1) in one coarse segment: error ~ length^17."""
 
     def field(times: Array, states: Array) -> Array:
         return np.stack([states[..., 1], -states[..., 0]], axis=-1)
@@ -181,8 +181,8 @@ def test_the_collocation_has_order_16() -> None:
     assert abs(observed - 17) < 0.5
 
 
-def test_rates_that_rounding_moves_to_and_fro_are_as_good_as_they_get() -> None:
-    """A light part of a heavy body: what its forces cancel moves its rate by 1e-12 of itself."""
+def test_rates_with_rounding_noise_converge() -> None:
+    """Catch a solver that iterates on noise of 1e-12, as of a light part of a heavy body."""
     calls = 0
 
     def field(times: Array, states: Array) -> Array:
@@ -200,7 +200,7 @@ def test_rates_that_rounding_moves_to_and_fro_are_as_good_as_they_get() -> None:
     assert calls < 120
 
 
-def test_a_segment_too_long_for_its_stages_names_what_does_not_settle() -> None:
+def test_too_long_segment_names_the_diverging_rate() -> None:
     def field(times: Array, states: Array) -> Array:
         return np.stack([states[..., 1], -900 * states[..., 0]], axis=-1)
 
@@ -208,8 +208,8 @@ def test_a_segment_too_long_for_its_stages_names_what_does_not_settle() -> None:
         collocate(field, np.zeros(1), np.array([[1.0, 0.0]]), 1.0, ["elbow", "elbow_dot"])
 
 
-def test_what_rounding_hides_is_refused_with_a_remedy() -> None:
-    """As of 120 hinges in a row, of whose accelerations doubles keep nine digits."""
+def test_large_rounding_is_rejected_with_a_remedy() -> None:
+    """Simulate a chain of 120 hinges, whose accelerations have nine correct digits."""
     rng = np.random.default_rng(0)
 
     def field(times: Array, states: Array) -> Array:
@@ -220,8 +220,8 @@ def test_what_rounding_hides_is_refused_with_a_remedy() -> None:
 
 
 @pytest.mark.parametrize("name", ["drum_pendulum", "mass_spring_damper", "torsional_disc"])
-def test_a_trajectory_hits_the_breaks_of_its_input(name: str) -> None:
-    """A whole run in pieces ends where the segments' chain says, whatever the requested times."""
+def test_trajectory_stops_at_breaks_of_its_input(name: str) -> None:
+    """Compare a full run in pieces with the segments, for any requested times."""
     system, equations = built_in(name), equations_of(name)
     scenario = next(
         (s for s in system.scenarios if len(pieces(system, s)) > 1), system.scenarios[0]

@@ -1,4 +1,4 @@
-"""How far the linear equations hold, against elliptic functions and the law of the square."""
+"""The range of the linear equations, against elliptic functions and the square law."""
 
 import dataclasses
 
@@ -17,11 +17,11 @@ def errors_of(name: str) -> tuple[LinearityError, ...]:
     return linearity(equations, linearize(equations, equations.system.equilibria[0]))
 
 
-def test_the_error_of_the_linear_pendulum_is_what_the_elliptic_functions_say() -> None:
-    (found,) = errors_of("simple_pendulum")
+def test_error_of_the_linear_pendulum_matches_elliptic_functions() -> None:
+    (table,) = errors_of("simple_pendulum")
     w = mp.sqrt(mp.mpf(9.81) / mp.mpf(0.75))
-    assert found.period == pytest.approx(float(2 * mp.pi / w), rel=1e-15)
-    for amplitude, error in zip(found.amplitudes, found.errors, strict=True):
+    assert table.period == pytest.approx(float(2 * mp.pi / w), rel=1e-15)
+    for amplitude, error in zip(table.amplitudes, table.errors, strict=True):
         k = mp.sin(mp.mpf(amplitude) / 2)
         quarter = mp.ellipk(k**2)
         exact = max(
@@ -37,21 +37,21 @@ def test_the_error_of_the_linear_pendulum_is_what_the_elliptic_functions_say() -
 
 @pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
 def test_the_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
-    for found in errors_of(name):
-        small = [(a, e) for a, e in zip(found.amplitudes, found.errors, strict=True) if a <= 0.05]
+    for table in errors_of(name):
+        small = [(a, e) for a, e in zip(table.amplitudes, table.errors, strict=True) if a <= 0.05]
         slope = np.diff(np.log([e for _, e in small])) / np.diff(np.log([a for a, _ in small]))
-        # What the next order adds: some a^2, 0.0025 at most, of the error.
+        # The next order adds about a^2 of the error, at most 0.0025.
         assert np.all(np.abs(slope - 2) < 0.01)
 
 
-def test_a_wrong_linearization_does_not_fall(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stiffness a thousandth off leaves an error that no small amplitude takes away."""
+def test_error_of_a_wrong_linearization_does_not_fall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check that a stiffness error of 0.1 % remains at small amplitudes."""
     equations = equations_of("simple_pendulum")
     right = linearize(equations, equations.system.equilibria[0])
     stiffer = {**right.exact, "A": right.exact["A"] * mp.mpf("1.001")}
     wrong = dataclasses.replace(right, exact=stiffer)
-    (found,) = linearity(equations, wrong)
-    assert found.errors[0] > 1e-3
+    (table,) = linearity(equations, wrong)
+    assert table.errors[0] > 1e-3
 
 
 @pytest.mark.parametrize("name", sorted(LINEAR))
@@ -66,7 +66,7 @@ def test_an_unstable_equilibrium_has_no_such_table(name: str) -> None:
     assert linearity(equations, linearize(equations, upright)) == ()
 
 
-def test_each_mode_of_the_drum_has_its_own() -> None:
+def test_each_mode_of_the_drum_has_a_table() -> None:
     first, second = errors_of("drum_pendulum")
     assert (first.mode, second.mode) == (0, 1)
     assert first.amplitudes == AMPLITUDES == linearities.AMPLITUDES

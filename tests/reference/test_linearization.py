@@ -56,7 +56,7 @@ def linear(system: System) -> TaylorLinearization:
 
 
 def derivatives(name: str, linearization: TaylorLinearization) -> mp.matrix:
-    """A and B as derivatives of the first-order field, by mpmath with 40 digits."""
+    """Compute A and B as derivatives of the first-order field, by mpmath with 40 digits."""
     equations = equations_of(name)
     system = equations.system
     variables = (*system.q, *system.v, *system.u)
@@ -83,13 +83,13 @@ def test_the_linearization_is_the_derivative_of_the_first_order_field(name: str,
     linearization = linearized(name, rest)
     n = len(linearization.symbolic_position)
     with mp.workdps(40):
-        found = derivatives(name, linearization)
+        matrices = derivatives(name, linearization)
         for row in range(2 * n):
-            for column in range(found.cols):
+            for column in range(matrices.cols):
                 exact = linearization.exact["A" if column < 2 * n else "B"]
                 ours = exact[row, column if column < 2 * n else column - 2 * n]
                 # mpmath's step is near the square root of 10^-40: its error near 10^-19.
-                assert abs(found[row, column] - ours) <= mp.mpf(10) ** -18 * (1 + abs(ours))
+                assert abs(matrices[row, column] - ours) <= mp.mpf(10) ** -18 * (1 + abs(ours))
 
 
 def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness() -> None:
@@ -107,8 +107,8 @@ def test_a_searched_equilibrium_is_recognized() -> None:
     np.testing.assert_array_equal(linearization.position, [0.0, np.pi])
 
 
-def test_a_searched_equilibrium_that_is_no_multiple_of_pi_has_40_digits() -> None:
-    """A mass on a spring that hangs: k x = m g, written down by hand."""
+def test_searched_equilibrium_has_40_digits() -> None:
+    """Compare with k x = m g of a mass that hangs on a spring."""
     weight = constant("w", 3.7, "N")
     base = oscillator(1.3, 0.9, 47.0)
     system = dataclasses.replace(
@@ -117,8 +117,8 @@ def test_a_searched_equilibrium_that_is_no_multiple_of_pi_has_40_digits() -> Non
         constants=(*base.constants, weight),
         equilibria=(Equilibrium("hanging", {X: 0.1}, True, "the spring stretched"),),
     )
-    (found,) = linear(system).symbolic_position
-    assert abs(found - sp.Rational(3.7) / 47) < sp.Float(10, 40) ** -40
+    (position,) = linear(system).symbolic_position
+    assert abs(position - sp.Rational(3.7) / 47) < sp.Float(10, 40) ** -40
 
 
 def test_the_linearization_of_a_linear_system_is_the_system() -> None:
@@ -215,8 +215,8 @@ def test_critical_damping_has_a_double_pole() -> None:
 
 
 def test_damping_a_little_off_critical_has_none() -> None:
-    found = poles(linear(oscillator(1.0, 4.0 * (1 + 4 * EPS), 4.0)))
-    assert [p.multiplicity for p in found] == [1, 1]
+    values = poles(linear(oscillator(1.0, 4.0 * (1 + 4 * EPS), 4.0)))
+    assert [p.multiplicity for p in values] == [1, 1]
 
 
 def test_an_overdamped_oscillator_has_two_real_poles() -> None:
@@ -255,9 +255,9 @@ def test_the_modes_satisfy_their_equation(name: str, rest: str) -> None:
     mass, stiffness = linearization.arrays["M"], linearization.arrays["K"]
     for mode in modes(linearization):
         squared = mode.frequency**2 - mode.growth**2
-        left = stiffness @ mode.shape - squared * (mass @ mode.shape)
+        residual = stiffness @ mode.shape - squared * (mass @ mode.shape)
         # Backward error of dsygvd: some eps of the largest entry, the pencil's condition above 1.
-        assert np.max(np.abs(left)) <= 100 * EPS * max(np.max(np.abs(stiffness)), 1e-300)
+        assert np.max(np.abs(residual)) <= 100 * EPS * max(np.max(np.abs(stiffness)), 1e-300)
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
@@ -269,8 +269,8 @@ def test_the_complex_shapes_are_eigenvectors(name: str, rest: str) -> None:
     assert len(shapes) == len(values)
     for value, shape in shapes:
         assert min(abs(value - other) for other in values) <= 100 * EPS * abs(value)
-        left = (m * value**2 + c * value + k) @ shape
-        assert np.max(np.abs(left)) <= 200 * EPS * np.max(np.abs(k))
+        residual = (m * value**2 + c * value + k) @ shape
+        assert np.max(np.abs(residual)) <= 200 * EPS * np.max(np.abs(k))
         assert np.max(np.abs(shape)) == pytest.approx(1, abs=2 * EPS)
 
 
@@ -291,10 +291,10 @@ def textbook(name: str) -> dict[str, list[list[sp.Expr]]]:
     if name == "torsional_disc":
         return {"rest": [[1 / (v["J"] * s**2 + v["k_theta"])]]}
     if name == "simple_pendulum":
-        inertia, pull = v["m"] * v["l"] ** 2, v["m"] * v["g"] * v["l"]
+        inertia, stiffness = v["m"] * v["l"] ** 2, v["m"] * v["g"] * v["l"]
         return {
-            "hanging": [[1 / (inertia * s**2 + pull)]],
-            "upright": [[1 / (inertia * s**2 - pull)]],
+            "hanging": [[1 / (inertia * s**2 + stiffness)]],
+            "upright": [[1 / (inertia * s**2 - stiffness)]],
         }
     if name == "free_pair":
         m1, m2, link = v["m1"], v["m2"], v["c"] * s + v["k"]
@@ -307,18 +307,18 @@ def textbook(name: str) -> dict[str, list[list[sp.Expr]]]:
         return {"rest": [[v["c"] * s / below], [first / below]]}
     a = (3 * v["M"] / 2 + v["m"]) * s**2 + v["k"]
     b = v["m"] * v["l"] * s**2 / 2
-    found = {}
+    functions = {}
     for rest, sign in (("hanging", 1), ("upright", -1)):
         d = v["m"] * v["l"] ** 2 * s**2 / 3 + sign * v["m"] * v["g"] * v["l"] / 2
         below = a * d - b**2
-        found[rest] = [[d / below, -sign * b / below], [-sign * b / below, a / below]]
-    return found
+        functions[rest] = [[d / below, -sign * b / below], [-sign * b / below, a / below]]
+    return functions
 
 
 @pytest.mark.parametrize(("name", "rest"), [one for one in RESTS if one[0] in BY_HAND])
-def test_the_transfer_functions_are_the_textbooks(name: str, rest: str) -> None:
-    found = transfer_functions(linearized(name, rest))
-    gap = found - sp.Matrix(textbook(name)[rest])
+def test_transfer_functions_match_the_textbook(name: str, rest: str) -> None:
+    actual = transfer_functions(linearized(name, rest))
+    gap = actual - sp.Matrix(textbook(name)[rest])
     assert all(sp.cancel(entry) == 0 for entry in gap)
 
 
@@ -326,14 +326,14 @@ def test_the_transfer_functions_are_the_textbooks(name: str, rest: str) -> None:
     ("name", "rest"),
     [one if one[0] in BY_HAND else pytest.param(*one, marks=pytest.mark.slow) for one in RESTS],
 )
-def test_the_transfer_functions_are_the_state_spaces(name: str, rest: str) -> None:
+def test_transfer_functions_match_the_state_space(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     a, b, cy, d = (linearization.exact[x] for x in ("A", "B", "Cy", "D"))
     frequencies = np.array([0.3, 2.1, 4.4, 17.0])
     functions = transfer_functions(linearization)
-    found = evaluate_transfer(equations_of(name).system, functions, frequencies)
-    assert found.shape == (4, cy.rows, b.cols)
-    for w, numbers in zip(frequencies, found, strict=True):
+    values = evaluate_transfer(equations_of(name).system, functions, frequencies)
+    assert values.shape == (4, cy.rows, b.cols)
+    for w, numbers in zip(frequencies, values, strict=True):
         exact = cy * mp.inverse(mp.mpc(0, w) * mp.eye(a.rows) - a) * b + d
         theirs = np.array(exact.tolist(), dtype=complex)
         # Two polynomials of degree 2 n at most, each a few eps; they cancel near a resonance, to
@@ -371,7 +371,7 @@ def test_a_system_is_classed_by_its_inputs_and_outputs(name: str, kind: str) -> 
     assert classify(len(system.inputs), len(system.outputs)) == kind
 
 
-def test_what_has_many_inputs_and_one_output_or_no_input_is_classed_too() -> None:
+def test_systems_with_many_inputs_or_none_are_classed() -> None:
     assert classify(3, 1) == "MISO"
     assert classify(0, 2) == "autonomous"
 
@@ -388,7 +388,7 @@ x, y = sp.symbols("x y", real=True)
 
 
 @pytest.mark.parametrize("order", [1, 3, 5, 7])
-def test_the_taylor_series_of_the_sine_is_the_textbooks(order: int) -> None:
+def test_taylor_series_of_the_sine_matches_the_textbook(order: int) -> None:
     expected = sum(
         (-1) ** i * x ** (2 * i + 1) / sp.factorial(2 * i + 1) for i in range((order + 1) // 2)
     )
@@ -396,19 +396,19 @@ def test_the_taylor_series_of_the_sine_is_the_textbooks(order: int) -> None:
 
 
 def test_the_taylor_series_about_another_point_is_in_powers_of_the_distance() -> None:
-    found = taylor(sp.cos(x), {x: sp.pi / 2}, 3)
+    series = taylor(sp.cos(x), {x: sp.pi / 2}, 3)
     distance = x - sp.pi / 2
-    assert sp.expand(found - (-distance + distance**3 / 6)) == 0
+    assert sp.expand(series - (-distance + distance**3 / 6)) == 0
 
 
 def test_the_taylor_series_in_two_variables_has_the_mixed_terms() -> None:
-    found = taylor(sp.exp(x) * sp.sin(y), {x: sp.Integer(0), y: sp.Integer(0)}, 3)
-    assert sp.expand(found - (y + x * y + x**2 * y / 2 - y**3 / 6)) == 0
+    series = taylor(sp.exp(x) * sp.sin(y), {x: sp.Integer(0), y: sp.Integer(0)}, 3)
+    assert sp.expand(series - (y + x * y + x**2 * y / 2 - y**3 / 6)) == 0
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
 def test_the_error_of_a_taylor_series_falls_with_the_next_power(order: int) -> None:
-    """The step halved: the error falls by 2^(order + 1), to what the next term leaves."""
+    """Check that half the step divides the error by 2^(order + 1), up to the next term."""
     function = sp.exp(x) * sp.cos(y + x) + x * y**2
     point = {x: sp.Rational(1, 3), y: sp.Rational(-1, 5)}
     polynomial = taylor(function, point, order)

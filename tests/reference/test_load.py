@@ -1,4 +1,4 @@
-"""A `system.py` is loaded, and what is wrong with it is told with its line."""
+"""A `system.py` is loaded, and its errors are reported with their lines."""
 
 import shutil
 import sys
@@ -57,11 +57,11 @@ def test_a_wrong_name_is_refused_with_file_and_line(folder: Path) -> None:
         load_system(folder)
 
 
-def test_an_error_that_cannot_be_told_is_refused_with_file_and_line(folder: Path) -> None:
+def test_error_without_a_message_is_reported_with_file_and_line(folder: Path) -> None:
     mute = "type('Mute', (ValueError,), {'__str__': lambda self: 1 / 0})"
     line = spoil(folder, "V=k * x.q**2 / 2", f"V=(_ for _ in ()).throw({mute}())")
-    told = rf"system\.py:{line}: Mute: its message can't be shown \(ZeroDivisionError\)"
-    with pytest.raises(DeclarationError, match=told):
+    message = rf"system\.py:{line}: Mute: its message can't be shown \(ZeroDivisionError\)"
+    with pytest.raises(DeclarationError, match=message):
         load_system(folder)
 
 

@@ -1,4 +1,4 @@
-"""The motion as a value: its segments, its interpolation, and its trip to another process."""
+"""The motion as a value: its segments, its interpolation, and its serialization."""
 
 import dataclasses
 import pickle
@@ -32,7 +32,7 @@ def test_the_segments_tile_the_duration_in_prime_numbers(name: str, scenario: st
         np.diff(motion.t), motion.lengths[:-1], rtol=0, atol=4 * EPS * motion.duration
     )
     assert np.all(motion.lengths * motion.fastest <= 2 * np.pi / SEGMENTS_A_PERIOD * (1 + EPS))
-    cuts = [piece.start for piece in pieces(built_in(name), declared)]
+    cuts = [signal.start for signal in pieces(built_in(name), declared)]
     assert [span.start for span in motion.spans] == cuts
 
 
@@ -58,21 +58,19 @@ def test_the_nodes_begin_at_the_start_and_stop_at_the_end(name: str, scenario: s
 
 
 @every
-def test_a_motion_between_its_nodes_is_what_direct_integration_gives(
-    name: str, scenario: str
-) -> None:
+def test_interpolated_motion_matches_direct_integration(name: str, scenario: str) -> None:
     motion, equations = motion_of(name, scenario), equations_of(name)
     first = 0
     signals = pieces(equations.system, equations.system.scenario(scenario))
-    for span, piece in zip(motion.spans, signals, strict=True):
+    for span, signal in zip(motion.spans, signals, strict=True):
         chosen = slice(first, first + span.count)
         first += span.count
         for part in (0.03, 0.5, 0.97):
             times, starts = motion.t[chosen], motion.start[chosen]
-            direct, _ = collocate(field_of(equations, piece), times, starts, part * span.length)
+            direct, _ = collocate(field_of(equations, signal), times, starts, part * span.length)
             gap = np.max(np.abs(motion.states_at(times + part * span.length) - direct), axis=0)
-            # Degree 10 over a twentieth of the fastest period: see `NODES`. And the times, late in
-            # a motion, are rounded: eps of 18 s at 10 rad/s is 4e-14.
+            # Degree 10 over a twentieth of the fastest period: see `NODES`. Late times are rounded:
+            # eps of 18 s at 10 rad/s is 4e-14.
             assert np.all(gap <= 1e-13 * np.maximum(motion.amplitude, 1e-2))
 
 
@@ -81,15 +79,15 @@ def test_two_nodes_fewer_do_not_interpolate_as_well(monkeypatch: pytest.MonkeyPa
     equations = equations_of("drum_pendulum")
     scenario = equations.system.scenario("free")
     motion = solve(equations, scenario)
-    ((span,), (piece,)) = motion.spans, pieces(equations.system, scenario)
+    ((span,), (signal,)) = motion.spans, pieces(equations.system, scenario)
     elapsed = 0.97 * span.length
-    direct, _ = collocate(field_of(equations, piece), motion.t, motion.start, elapsed)
+    direct, _ = collocate(field_of(equations, signal), motion.t, motion.start, elapsed)
     gap = np.max(np.abs(motion.states_at(motion.t + elapsed) - direct), axis=0)
     assert np.any(gap > 1e-13 * motion.amplitude)
 
 
 @every
-def test_the_motion_at_its_nodes_is_its_nodes(name: str, scenario: str) -> None:
+def test_motion_at_its_nodes_equals_the_nodes(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     np.testing.assert_array_equal(motion.states_at(motion.t), motion.nodes[:, 0])
     inner = motion.t[3] + motion.lengths[3] * chebyshev_nodes()[1:-1]
@@ -98,7 +96,7 @@ def test_the_motion_at_its_nodes_is_its_nodes(name: str, scenario: str) -> None:
     assert np.all(gap <= 8 * EPS * motion.amplitude * max(1, motion.fastest))
 
 
-def test_a_node_a_billionth_off_is_told() -> None:
+def test_relative_node_error_of_1e_9_is_detected() -> None:
     motion = motion_of("simple_pendulum", "free")
     nodes = motion.nodes.copy()
     nodes[:, 4] *= 1 + 1e-9
@@ -108,7 +106,7 @@ def test_a_node_a_billionth_off_is_told() -> None:
 
 
 @every
-def test_a_motion_travels_without_sympy(name: str, scenario: str) -> None:
+def test_pickled_motion_does_not_need_sympy(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     payload = pickle.dumps(motion)
     assert b"sympy" not in payload
@@ -119,7 +117,7 @@ def test_a_motion_travels_without_sympy(name: str, scenario: str) -> None:
     np.testing.assert_array_equal(back.states_at(times), motion.states_at(times))
 
 
-# The built-in scenarios are not timid.
+# The built-in scenarios have long and large motions.
 
 
 @every
@@ -134,7 +132,7 @@ def test_a_scenario_lasts_ten_slow_periods_or_five_decay_times(name: str, scenar
 
 
 @pytest.mark.parametrize("name", sorted({name for name, _ in SCENARIOS}))
-def test_a_system_has_three_scenarios_of_which_one_is_forced(name: str) -> None:
+def test_system_has_three_scenarios_and_a_forced_one(name: str) -> None:
     motions = [motion_of(n, s) for n, s in SCENARIOS if n == name]
     assert len(motions) >= 3
     grid = np.linspace(0, motions[0].duration, 301)

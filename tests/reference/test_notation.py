@@ -1,4 +1,4 @@
-"""What a published equation may hold: arithmetic of names, no program and no endless work."""
+"""Published equations contain arithmetic of names, no programs and no endless work."""
 
 from time import process_time
 
@@ -31,15 +31,15 @@ def test_powers_that_keep_a_worker_busy_are_refused(text: str) -> None:
     "theta'' = (lambda: 0)()", "theta'' = theta.__class__", "theta'' = [theta][0]",
     "theta'' = f'{theta}'", "theta'' = (theta if g else 0)", "theta'' = sin(*[theta])",
 ])  # fmt: skip
-def test_what_is_a_program_is_refused(text: str) -> None:
+def test_program_is_rejected(text: str) -> None:
     assert "is not a number, a name or arithmetic" in refused(text)
 
 
-def test_signs_are_tried_in_so_many_combinations_at_most() -> None:
+def test_number_of_ambiguous_signs_is_limited() -> None:
     assert f"at most {MAX_SIGNS} are allowed" in refused(f"theta'' = {'± g ' * (MAX_SIGNS + 1)}")
 
 
 def test_a_root_is_an_exponent() -> None:
     published = PublishedEquation("1", "g = (g^2)^(1/2)", "value", of="", driven=False, note="")
-    (one,) = readings(published, built_in("simple_pendulum"))
-    assert one.sides[0] == one.sides[1]
+    (reading,) = readings(published, built_in("simple_pendulum"))
+    assert reading.sides[0] == reading.sides[1]

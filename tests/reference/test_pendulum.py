@@ -55,7 +55,7 @@ def flow(state: Sequence[float], time: mp.mpf, w: mp.mpf) -> list[mp.mpf]:
 
 @pytest.mark.parametrize("name", STARTS)
 def test_the_exact_flow_satisfies_the_equation(name: str) -> None:
-    """The test's own formula, tested: its second derivative, its start, its composition."""
+    """Check the formula of this test: its second derivative, its start, its composition."""
     with mp.workdps(30):
         w = mp.sqrt(mp.mpf(G) / L)
         for time in (mp.mpf("0.3"), mp.mpf("1.9")):
@@ -70,7 +70,7 @@ def test_the_exact_flow_satisfies_the_equation(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_every_segment_ends_where_the_elliptic_functions_say(name: str) -> None:
+def test_segment_ends_match_elliptic_functions(name: str) -> None:
     motion = solved(*STARTS[name], duration=5.0)
     (span,) = motion.spans
     with mp.workdps(25):
@@ -85,7 +85,7 @@ def test_every_segment_ends_where_the_elliptic_functions_say(name: str) -> None:
             for i in range(0, span.count, 5)
         ]
     worst = np.max(np.abs(gaps), axis=0)
-    # The bound that the motion states itself, in which the two integrations' distance is measured.
+    # The motion's bound, which includes the difference of the two integrations.
     assert np.all(worst <= motion.bound)
     assert np.all(motion.bound <= 1e-13)
 
@@ -103,7 +103,7 @@ def test_the_chain_of_starts_stays_on_the_exact_motion(name: str) -> None:
     assert np.max(gap) <= {"large": 1e-10, "almost upright": 1e-8}.get(name, 1e-11)
 
 
-def test_a_gravity_off_by_some_eps_is_told() -> None:
+def test_error_of_gravity_of_some_eps_is_detected() -> None:
     motion = solved(*STARTS["moderate"], duration=5.0)
     (span,) = motion.spans
     with mp.workdps(25):
@@ -130,12 +130,12 @@ def test_the_period_is_four_quarter_periods(amplitude: float) -> None:
         )
         for cycle in (0, 5)
     ]
-    # What the chain of starts errs by (above), at a speed of the amplitude times some w.
+    # The error of the starts (above), at a speed of the amplitude times some w.
     allowed = 1e-11 if amplitude == 2.9 else 1e-12
     assert (crossing[1] - crossing[0]) / 5 == pytest.approx(exact, rel=allowed)
 
 
-def test_the_period_of_the_linear_pendulum_is_told_from_it() -> None:
+def test_period_differs_from_the_linear_pendulum() -> None:
     linear = 2 * np.pi / np.sqrt(G / L)
     exact = 4 * mp.ellipk(mp.sin(mp.mpf("0.025")) ** 2) / mp.sqrt(mp.mpf(G) / L)
     assert abs(linear / exact - 1) > 1e-4

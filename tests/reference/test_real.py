@@ -1,4 +1,4 @@
-"""Whatever is complex, infinite or no number is refused by a sentence, wherever it turns up."""
+"""Values that are complex, infinite or not numbers are rejected everywhere."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ def forced(force: Any) -> dict[str, Any]:
     return declared(scenarios=(scenario(force),))
 
 
-def at(place: Any, search: bool = False) -> dict[str, Any]:
+def with_rest(place: Any, search: bool = False) -> dict[str, Any]:
     return declared(equilibria=(Equilibrium("rest", {X: place}, search, "a rest"),))
 
 
@@ -78,13 +78,13 @@ COMPLEX = {
         declared(constants=ALL, outputs=(Output("x", L * sqrt(x / L - 1), "m", "d"),)),
         "a slope there that is not a finite real number",
     ),
-    "an equilibrium": (at(I), "equilibrium 'rest': the value of x is complex"),
-    "where an equilibrium is searched": (at(I, search=True), "the value of x is complex"),
+    "an equilibrium": (with_rest(I), "equilibrium 'rest': the value of x is complex"),
+    "where an equilibrium is searched": (with_rest(I, search=True), "the value of x is complex"),
     "a constant": (declared(constants=(M, C, constant("k", 1j, "N/m"))), "no numeric value"),  # type: ignore[arg-type]
 }
 INFINITE = {
     "a force": (forced(sp.oo), "not a finite number"),
-    "a force that is no number": (forced(float("nan")), "not a finite number"),
+    "a force that is not a number": (forced(float("nan")), "not a finite number"),
     "a pole at a time that is looked at": (forced(1 / (t - 1)), "not a finite number at t = 1 s"),
     "a pole between": (
         forced((t - Rational(1, 3)) ** -2),
@@ -104,8 +104,8 @@ INFINITE = {
         declared(constants=(M, C, constant("k", 10**400, "N/m"))),
         "the constant k is too large for a double",
     ),
-    "an equilibrium": (at(float("nan")), "the value of x is nan"),
-    "where one is searched": (at(float("nan"), search=True), "the value of x is nan"),
+    "an equilibrium": (with_rest(float("nan")), "the value of x is nan"),
+    "where one is searched": (with_rest(float("nan"), search=True), "the value of x is nan"),
     "V": (declared(V=sp.nan), "V is nan"),
     "a mass that is all but nothing": (
         declared(constants=(constant("m", 1e-320, "kg"), C, K)),
@@ -171,14 +171,14 @@ def prepared(fields: dict[str, Any]) -> list[Motion]:
 
 
 @pytest.mark.parametrize(("fields", "sentence"), EVERY.values(), ids=EVERY.keys())
-def test_it_is_refused_by_a_sentence(fields: dict[str, Any], sentence: str) -> None:
+def test_invalid_value_is_rejected_with_a_reason(fields: dict[str, Any], sentence: str) -> None:
     with pytest.raises((DeclarationError, ReferenceError)) as caught:
         prepared(fields)
-    told = str(caught.value)
-    assert sentence in told
-    assert told.startswith("system 'oscillator'")
-    assert "\n" not in told
-    assert len(told) < 400
+    message = str(caught.value)
+    assert sentence in message
+    assert message.startswith("system 'oscillator'")
+    assert "\n" not in message
+    assert len(message) < 400
 
 
 @pytest.mark.parametrize(
@@ -194,12 +194,12 @@ def test_it_is_refused_by_a_sentence(fields: dict[str, Any], sentence: str) -> N
     ],
     ids=str,
 )
-def test_what_is_real_throughout_is_taken(force: sp.Expr) -> None:
+def test_real_forces_are_accepted(force: sp.Expr) -> None:
     system = System(**forced(force))
     assert solve(derive(system), system.scenarios[0]).bound.max() < 1e-13
 
 
-def test_a_light_part_beside_a_heavy_one_is_no_singular_mass() -> None:
+def test_mass_matrix_of_a_light_and_a_heavy_part_is_regular() -> None:
     heavy = constant("m", 1e9, "kg")
     light = constant("n", 1e-9, "kg")
     y = type(X)("y", "m", "of a speck")
@@ -219,7 +219,7 @@ def test_a_light_part_beside_a_heavy_one_is_no_singular_mass() -> None:
     assert solve(derive(system), system.scenarios[0]).duration == pytest.approx(50)
 
 
-def test_a_pendulum_of_two_thousand_seconds_is_not_too_long() -> None:
+def test_long_motion_is_accepted() -> None:
     system = pendulum(0.05, 0.0, duration=100.0)
     assert len(solve(derive(system), system.scenarios[0]).t) > 900
 
@@ -266,7 +266,7 @@ system = System(
         ({"force": "1 / 0"}, 23, "ZeroDivisionError: division by zero"),
     ],
 )
-def test_the_file_and_the_line_of_what_is_wrong_are_told(
+def test_errors_are_reported_with_file_and_line(
     changed: dict[str, str], line: int, sentence: str, tmp_path: Path
 ) -> None:
     given = {"mass": "1.3", "rest": "0", "start": "0.1", "force": "0"} | changed

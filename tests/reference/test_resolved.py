@@ -1,4 +1,4 @@
-"""Segments of trees with other numbers, found from those that are known."""
+"""Segments of trees with other numbers, computed from solved segments."""
 
 from __future__ import annotations
 
@@ -20,60 +20,68 @@ from tests.reference.multibody.trees import tree
 
 
 @cache
-def known() -> tuple[TreeSystem, Segments]:
+def solved_samples() -> tuple[TreeSystem, Segments]:
     system = tree_system(name="arm", title="", source="", tree=tree(("hinge", "slide", "hinge"), 5))
     limits = np.array([[-1.0, 1.0]] * 3)
     return system, samples(TreeEquations(system), limits, np.zeros(3), 6, 1)
 
 
-def heavier(one: Tree, factor: float) -> Tree:
-    last = one.links[-1]
-    return replace(one, links=(*one.links[:-1], replace(last, mass=last.mass * factor)))
+def heavier(segments: Tree, factor: float) -> Tree:
+    last = segments.links[-1]
+    return replace(segments, links=(*segments.links[:-1], replace(last, mass=last.mass * factor)))
 
 
-def damped(one: Tree, damping: float) -> Tree:
-    return replace(one, links=(*one.links[:-1], replace(one.links[-1], damping=damping)))
+def damped(segments: Tree, damping: float) -> Tree:
+    return replace(
+        segments, links=(*segments.links[:-1], replace(segments.links[-1], damping=damping))
+    )
 
 
-def by_two_methods(system: TreeSystem, one: Segments) -> Segments:
-    return solved(TreeEquations(system), one.start, one.start_inputs, one.length, one.fastest)
+def by_two_methods(system: TreeSystem, segments: Segments) -> Segments:
+    return solved(
+        TreeEquations(system),
+        segments.start,
+        segments.start_inputs,
+        segments.length,
+        segments.fastest,
+    )
 
 
 @pytest.mark.parametrize("factor", [0.4, 1.001])
-def test_a_draw_ends_where_two_methods_from_scratch_end(factor: float) -> None:
-    system, one = known()
+def test_changed_tree_matches_new_solutions(factor: float) -> None:
+    system, segments = solved_samples()
     drawn = replace(system, tree=heavier(system.tree, factor))
-    found = ReusedSegments(system, one).for_tree(drawn.tree)
-    expected = by_two_methods(drawn, one)
-    assert np.all(np.abs(found.end - expected.end) <= found.bound + expected.bound)
-    # A thousandth of the mass is seen: no bound covers what a draw does.
-    assert np.max(np.abs(found.end - one.end) / found.bound) > 1e4
-    assert np.all(found.bound < 1e-10 * np.max(np.abs(one.end - one.start), axis=0))
+    actual = ReusedSegments(system, segments).for_tree(drawn.tree)
+    expected = by_two_methods(drawn, segments)
+    assert np.all(np.abs(actual.end - expected.end) <= actual.bound + expected.bound)
+    # A mass change of 0.1 % exceeds every bound.
+    assert np.max(np.abs(actual.end - segments.end) / actual.bound) > 1e4
+    assert np.all(actual.bound < 1e-10 * np.max(np.abs(segments.end - segments.start), axis=0))
 
 
-def test_no_change_ends_where_the_known_ones_end() -> None:
-    system, one = known()
-    found = ReusedSegments(system, one).for_tree(system.tree)
-    assert np.all(np.abs(found.end - one.end) <= one.bound)
+def test_unchanged_tree_matches_the_solved_segments() -> None:
+    system, segments = solved_samples()
+    actual = ReusedSegments(system, segments).for_tree(system.tree)
+    assert np.all(np.abs(actual.end - segments.end) <= segments.bound)
 
 
 def test_a_quicker_tree_has_shorter_segments() -> None:
-    system, one = known()
+    system, segments = solved_samples()
     quick = replace(system, tree=damped(system.tree, 400.0))
-    found = ReusedSegments(system, one).for_tree(quick.tree)
-    assert found.length < one.length / 2
-    assert found.fastest > 2 * one.fastest
-    expected = by_two_methods(quick, found)
-    assert np.array_equal(found.end, expected.end)
+    actual = ReusedSegments(system, segments).for_tree(quick.tree)
+    assert actual.length < segments.length / 2
+    assert actual.fastest > 2 * segments.fastest
+    expected = by_two_methods(quick, actual)
+    assert np.array_equal(actual.end, expected.end)
 
 
-def test_what_is_not_near_is_solved_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, one = known()
-    near = ReusedSegments(system, one)
+def test_distant_tree_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, segments = solved_samples()
+    near = ReusedSegments(system, segments)
 
     def refused(*_: object) -> Segments:
         raise ReferenceError("it does not converge")
 
     monkeypatch.setattr(resolved.ReusedSegments, "_near", refused)
     drawn = replace(system, tree=heavier(system.tree, 2.0))
-    assert np.array_equal(near.for_tree(drawn.tree).end, by_two_methods(drawn, one).end)
+    assert np.array_equal(near.for_tree(drawn.tree).end, by_two_methods(drawn, segments).end)

@@ -1,4 +1,4 @@
-"""Segments from chosen states: within the limits, and ending where more digits say."""
+"""Segments from selected states: within limits, and accurate compared with more digits."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ KINDS: tuple[Kind, ...] = ("hinge", "slide", "hinge", "hinge")
 OPEN = np.array([-np.inf, np.inf])
 
 
-def equations(one: Tree) -> TreeEquations:
+def equations(robot: Tree) -> TreeEquations:
     units = {"hinge": "rad", "slide": "m"}
     return TreeEquations(
         TreeSystem(
             name="t", title="t", source="a test", constants=(), inputs=(), outputs=(),
-            T=0, V=0, D=0, equilibria=(), scenarios=(), published=(), tree=one,
-            coordinates=tuple(Coordinate(k.name, units[k.kind], "-") for k in one.links),
+            T=0, V=0, D=0, equilibria=(), scenarios=(), published=(), tree=robot,
+            coordinates=tuple(Coordinate(k.name, units[k.kind], "-") for k in robot.links),
         )
     )  # fmt: skip
 
 
-def in_long_doubles(one: Tree, found: Segments) -> Array:
-    """Ends by the classical Runge-Kutta method in so many steps, extrapolated, (K, 2n)."""
-    dynamics, n = Dynamics(one, LONG_DOUBLES), one.nv
-    forces = LONG_DOUBLES.array(found.start_inputs.T)
+def in_long_doubles(robot: Tree, segments: Segments) -> Array:
+    """Compute ends by the classical Runge-Kutta method, extrapolated, (K, 2n)."""
+    dynamics, n = Dynamics(robot, LONG_DOUBLES), robot.nv
+    forces = LONG_DOUBLES.array(segments.start_inputs.T)
 
     def rate(state: Scalars) -> Scalars:
         a = dynamics.acceleration(state[:n], state[n:], forces)
         return np.concatenate([state[n:], a])
 
     def ends(steps: int) -> Scalars:
-        h, y = np.longdouble(found.length) / steps, LONG_DOUBLES.array(found.start.T)
+        h, y = np.longdouble(segments.length) / steps, LONG_DOUBLES.array(segments.start.T)
         for _ in range(steps):
             k1 = rate(y)
             k2 = rate(y + h / 2 * k1)
@@ -66,51 +66,53 @@ def in_long_doubles(one: Tree, found: Segments) -> Array:
 
 
 @pytest.mark.slow
-def test_ends_are_those_of_more_digits_within_their_bound() -> None:
-    one = tree(KINDS, 0)
-    found = samples(equations(one), np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
-    error = np.max(np.abs(found.end - in_long_doubles(one, found)), axis=0)
-    movement = np.max(np.abs(found.end - found.start), axis=0)
-    assert np.all(error <= found.bound)
-    assert np.all(found.bound < 1e-12 * movement)
-    # And it is no bound that anything would be within.
-    assert np.max(error / found.bound) > 1e-3
+def test_ends_match_more_digits_within_their_bound() -> None:
+    robot = tree(KINDS, 0)
+    segments = samples(equations(robot), np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
+    error = np.max(np.abs(segments.end - in_long_doubles(robot, segments)), axis=0)
+    movement = np.max(np.abs(segments.end - segments.start), axis=0)
+    assert np.all(error <= segments.bound)
+    assert np.all(segments.bound < 1e-12 * movement)
+    # The bound is tight.
+    assert np.max(error / segments.bound) > 1e-3
 
 
 @pytest.mark.parametrize("apart", [1e-11, 1e-6])
-def test_what_two_solutions_are_apart_is_in_the_bound_or_refuses_them(
+def test_difference_of_two_solutions_widens_the_bound_or_fails(
     monkeypatch: pytest.MonkeyPatch, apart: float
 ) -> None:
-    one = equations(tree(KINDS, 0))
+    system = equations(tree(KINDS, 0))
 
-    def beside(*given: Any, **options: Any) -> Array:
+    def perturbed(*given: Any, **options: Any) -> Array:
         return by_runge_kutta(*given, **options) * (1 + apart)
 
-    monkeypatch.setattr("physics_crosscheck.reference.solving.samples.by_runge_kutta", beside)
+    monkeypatch.setattr("physics_crosscheck.reference.solving.samples.by_runge_kutta", perturbed)
     if apart > MAX_DIFFERENCE:
         with pytest.raises(ReferenceError, match=r"two solutions of \S+ are \S+e-0[567] apart"):
-            samples(one, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
+            samples(system, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
         return
-    found = samples(one, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
-    assert np.all(found.bound >= 0.9 * apart * np.max(np.abs(found.end), axis=0))
+    segments = samples(system, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
+    assert np.all(segments.bound >= 0.9 * apart * np.max(np.abs(segments.end), axis=0))
 
 
-def test_every_joint_moves_and_is_pushed_as_much_as_it_is_moved() -> None:
-    found = samples(equations(tree(KINDS, 1)), np.tile(OPEN, (4, 1)), np.zeros(4), 40, 1)
-    n = found.start_inputs.shape[1]
-    turned = np.max(np.abs(found.end - found.start), axis=0)
+def test_every_joint_moves_and_has_forces() -> None:
+    segments = samples(equations(tree(KINDS, 1)), np.tile(OPEN, (4, 1)), np.zeros(4), 40, 1)
+    n = segments.start_inputs.shape[1]
+    turned = np.max(np.abs(segments.end - segments.start), axis=0)
     assert np.all(turned[:n] > 1e-3)
     assert np.all(turned[n:] > 1e-2)
-    assert np.all(np.std(found.start_inputs, axis=0) > 0)
+    assert np.all(np.std(segments.start_inputs, axis=0) > 0)
 
 
 def test_states_are_within_limits_and_the_same_for_one_seed() -> None:
     limits = np.array([[-0.5, 0.2], [0.1, 0.4], OPEN, [-np.inf, -3.0]])
-    one, other = (samples(equations(tree(KINDS, 1)), limits, np.zeros(4), 60, 5) for _ in range(2))
-    q = one.start[:, :4]
+    first, second = (
+        samples(equations(tree(KINDS, 1)), limits, np.zeros(4), 60, 5) for _ in range(2)
+    )
+    q = first.start[:, :4]
     assert np.all((q >= limits[:, 0]) & (q <= limits[:, 1]))
-    assert np.array_equal(one.start, other.start)
-    assert np.array_equal(one.end, other.end)
+    assert np.array_equal(first.start, second.start)
+    assert np.array_equal(first.end, second.end)
 
 
 @pytest.mark.parametrize(("limits", "home", "expected"), [
@@ -128,29 +130,29 @@ def test_positions_are_drawn_near_home(
 
 
 def test_slopes_under_forces_are_differences_of_accelerations() -> None:
-    own = equations(tree(KINDS, 1))
+    system = equations(tree(KINDS, 1))
     rng = np.random.default_rng(3)
     states, forces = rng.normal(size=(5, 8)), rng.normal(size=(5, 4))
-    found = own.pushed_slopes(states, forces)
-    plain = slopes_of(lambda q, v: own.pushed_acceleration(q, v, forces), states)
-    assert found.shape == (5, 4, 8)
-    assert found == pytest.approx(plain, abs=1e-7 * np.max(np.abs(plain)))
+    slopes = system.pushed_slopes(states, forces)
+    plain = slopes_of(lambda q, v: system.pushed_acceleration(q, v, forces), states)
+    assert slopes.shape == (5, 4, 8)
+    assert slopes == pytest.approx(plain, abs=1e-7 * np.max(np.abs(plain)))
 
 
-def test_a_joint_that_settles_faster_than_it_can_be_seen_is_refused_by_its_name() -> None:
-    one = tree(("hinge", "hinge"), 1, chain=True)
+def test_too_fast_joint_is_rejected_by_name() -> None:
+    robot = tree(("hinge", "hinge"), 1, chain=True)
     light = dataclasses.replace(
-        one.links[1], mass=1e-14, inertia=1e-14 * np.eye(3), armature=0.0, damping=1.0
+        robot.links[1], mass=1e-14, inertia=1e-14 * np.eye(3), armature=0.0, damping=1.0
     )
-    bad = dataclasses.replace(one, links=(one.links[0], light))
+    bad = dataclasses.replace(robot, links=(robot.links[0], light))
     with pytest.raises(ReferenceError, match="joint 'j1' is the fastest"):
         samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)
 
 
-def test_limits_that_leave_no_room_are_none() -> None:
+def test_empty_limits_are_ignored() -> None:
     limits = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.5]])
-    found = within(limits, np.array([0.0, 0.5, 0.1]))
-    assert found.tolist() == [
+    ranges = within(limits, np.array([0.0, 0.5, 0.1]))
+    assert ranges.tolist() == [
         [-SAMPLING_RANGE, SAMPLING_RANGE],
         [0.5 - SAMPLING_RANGE, 0.5 + SAMPLING_RANGE],
         [0, 0.5],
@@ -158,8 +160,8 @@ def test_limits_that_leave_no_room_are_none() -> None:
 
 
 def test_a_joint_without_any_inertia_is_refused() -> None:
-    one = tree(("hinge", "hinge"), 1, chain=True)
-    light = dataclasses.replace(one.links[1], mass=0.0, inertia=np.zeros((3, 3)), armature=0.0)
-    bad = dataclasses.replace(one, links=(one.links[0], light))
+    robot = tree(("hinge", "hinge"), 1, chain=True)
+    light = dataclasses.replace(robot.links[1], mass=0.0, inertia=np.zeros((3, 3)), armature=0.0)
+    bad = dataclasses.replace(robot, links=(robot.links[0], light))
     with pytest.raises(ReferenceError, match="joint 'j1' moves no mass"):
         samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)

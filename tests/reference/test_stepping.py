@@ -1,4 +1,4 @@
-"""Steps by rules on the equations, against motions and rules that are known otherwise."""
+"""Steps of integration schemes, against exact motions and formulas."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RNG = np.random.default_rng(4)
 
 
 def free_body(*, damping: float = 0.0) -> Tree:
-    """One body, free to move, none of whose numbers is plain."""
+    """Return one free body with general numbers."""
     link = TreeLink(
         name="body", parent=WORLD, kind="free", mass=1.7, damping=damping,
         position=np.array([0.1, 0.2, 0.3]), rotation=np.eye(3), axis=np.array([1.0, 0, 0]),
@@ -26,7 +26,7 @@ def free_body(*, damping: float = 0.0) -> Tree:
 
 
 def exactly(tree: Tree, states: Array, h: float) -> Array:
-    """By the tree's own coordinates, whose rates are velocities, and another integrator."""
+    """Integrate with coordinates whose rates are velocities, by DOP853."""
     charted, n = Charted(tree), states.shape[1] // 2
 
     def rate(_: float, y: Array) -> Array:
@@ -48,20 +48,20 @@ def exactly(tree: Tree, states: Array, h: float) -> Array:
 def test_a_step_of_a_turning_body_errs_by_its_order(
     scheme: Scheme, by_velocity: bool, order: int
 ) -> None:
-    """Rotations too: the classical mean of angular velocities would be of third order in a step."""
+    """Catch the mean of angular velocities, which would be of third order in a step."""
     tree = free_body(damping=0.4)
     states = RNG.uniform(-1, 1, (3, 12))
     still = np.zeros((3, 1, 6))
     stepped = SteppedBodies(tree)
 
     def error(h: float) -> float:
-        found = next_states(stepped, states, still, h, scheme=scheme, by_velocity=by_velocity)
-        return float(np.max(np.abs(found - exactly(tree, states, h))))
+        ends = next_states(stepped, states, still, h, scheme=scheme, by_velocity=by_velocity)
+        return float(np.max(np.abs(ends - exactly(tree, states, h))))
 
     assert np.log2(error(0.02) / error(0.01)) == pytest.approx(order, abs=0.15)
 
 
-def test_velocities_come_back_as_rates() -> None:
+def test_velocities_and_rates_are_inverse() -> None:
     stepped = SteppedBodies(free_body())
     q, rate = RNG.uniform(-1, 1, (2, 4, 6))
     np.testing.assert_allclose(
@@ -69,29 +69,29 @@ def test_velocities_come_back_as_rates() -> None:
     )
 
 
-def test_dampers_at_the_end_of_a_step_are_those_of_a_linear_system() -> None:
-    """(M + h D) v' = M v of a slide; and so are all forces by velocity."""
+def test_implicit_damping_matches_a_linear_system() -> None:
+    """Compare with (M + h D) v' = M v of a slide, also with all forces by velocity."""
     slide = TreeLink(
         name="x", parent=WORLD, kind="slide", mass=2.0, damping=3.0, position=np.zeros(3),
         rotation=np.eye(3), axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.eye(3),
     )  # fmt: skip
     stepped = SteppedBodies(Tree(links=(slide,), gravity=np.zeros(3)))
     state, still = np.array([[0.0, 1.0]]), np.zeros((1, 1, 1))
-    late = next_states(
+    implicit = next_states(
         stepped, state, still, 0.1, scheme="semi-implicit Euler", damping=np.array([[3.0]])
     )
-    assert late[0, 1] == pytest.approx(2 / 2.3, abs=1e-15)
+    assert implicit[0, 1] == pytest.approx(2 / 2.3, abs=1e-15)
     whole = next_states(stepped, state, still, 0.1, scheme="semi-implicit Euler", by_velocity=True)
-    np.testing.assert_allclose(whole, late, rtol=0, atol=1e-15)
-    now = next_states(stepped, state, still, 0.1, scheme="semi-implicit Euler")
-    assert now[0, 1] == pytest.approx(1 - 0.1 * 3 / 2, abs=1e-15)
+    np.testing.assert_allclose(whole, implicit, rtol=0, atol=1e-15)
+    explicit = next_states(stepped, state, still, 0.1, scheme="semi-implicit Euler")
+    assert explicit[0, 1] == pytest.approx(1 - 0.1 * 3 / 2, abs=1e-15)
 
 
 @pytest.mark.parametrize("dampers", [0.0, 0.7])
-def test_springs_at_the_end_of_a_step_pull_from_where_the_new_velocity_takes_them(
+def test_implicit_springs_match_a_linear_system(
     dampers: float,
 ) -> None:
-    """M (v' - v) / h = -K (q + h v') - D v', of two slides."""
+    """Compare with M (v' - v) / h = -K (q + h v') - D v', of two slides."""
     links = tuple(
         TreeLink(
             name=name, parent=WORLD, kind="slide", mass=m, position=np.zeros(3), stiffness=k,
@@ -103,23 +103,25 @@ def test_springs_at_the_end_of_a_step_pull_from_where_the_new_velocity_takes_the
     stepped = SteppedBodies(Tree(links=links, gravity=np.zeros(3)))
     h, stiffness, damping = 0.1, np.diag([30.0, 4.0]), dampers * np.eye(2)
     q, v = np.array([0.3, -0.2]), np.array([1.0, 0.4])
-    late = damping if dampers else None
+    implicit = damping if dampers else None
     end = next_states(
         stepped, np.array([[*q, *v]]), np.zeros((1, 1, 2)), h, scheme="semi-implicit Euler",
-        damping=late, stiffness=stiffness,
+        damping=implicit, stiffness=stiffness,
     )[0]  # fmt: skip
-    pull = -stiffness @ (q + h * end[2:]) - damping @ end[2:]
-    np.testing.assert_allclose(np.array([2.0, 0.5]) * (end[2:] - v) / h, pull, rtol=1e-14)
+    force = -stiffness @ (q + h * end[2:]) - damping @ end[2:]
+    np.testing.assert_allclose(np.array([2.0, 0.5]) * (end[2:] - v) / h, force, rtol=1e-14)
     np.testing.assert_allclose(end[:2], q + h * end[2:], rtol=1e-15)
 
 
-def test_a_motion_that_blows_up_raises_nothing() -> None:
-    """Its states are no numbers: at a coarse step that is not the model's fault alone."""
+def test_diverging_motion_returns_nan() -> None:
+    """Catch an exception, since a coarse step may cause the divergence."""
     nothing = TreeLink(
         name="x", parent=WORLD, kind="slide", mass=0.0, position=np.zeros(3), rotation=np.eye(3),
         axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.zeros((3, 3)),
     )  # fmt: skip
     stepped = SteppedBodies(Tree(links=(nothing,), gravity=np.zeros(3)))
     still = np.zeros((1, 2, 1))
-    found = next_states(stepped, np.ones((1, 2)), still, 0.1, scheme="semi-implicit Euler", steps=2)
-    assert not np.isfinite(found).any()
+    states = next_states(
+        stepped, np.ones((1, 2)), still, 0.1, scheme="semi-implicit Euler", steps=2
+    )
+    assert not np.isfinite(states).any()

@@ -1,4 +1,4 @@
-"""A tree's equations and motions are those of the energies, written out as formulas."""
+"""Equations and motions of a tree match formulas that are derived from energies."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _tensor(values: list[float]) -> Array:
 
 
 def links(declared: System) -> tuple[TreeLink, TreeLink]:
-    """The arm as bodies: a turning shoulder, and a link on a slanted hinge."""
+    """Return the arm as bodies: a turning shoulder, and a link on a slanted hinge."""
     c = {constant.name: constant.value for constant in declared.constants}
     names = ("xx", "yy", "zz", "xy", "xz", "yz")
     first, second = (
@@ -72,39 +72,41 @@ def random_arguments(n: int) -> tuple[Array, Array, Array, Array]:
 
 
 @pytest.mark.slow
-def test_accelerations_masses_and_powers_are_the_formulas(
+def test_accelerations_masses_and_powers_match_the_formulas(
     written: Equations, recursive: TreeEquations
 ) -> None:
-    at = random_arguments(2)
+    arguments = random_arguments(2)
     pairs = (
         (written.numeric_acceleration, recursive.numeric_acceleration),
         (written.numeric_mass, recursive.numeric_mass),
     )
-    for one, other in pairs:
-        assert np.max(np.abs(one(*at) - other(*at))) < 1e-13 * np.max(np.abs(one(*at)))
-    # Energies are told from any height.
-    apart = written.numeric_power(*at) - recursive.numeric_power(*at)
+    for formula, recursion in pairs:
+        assert np.max(np.abs(formula(*arguments) - recursion(*arguments))) < 1e-13 * np.max(
+            np.abs(formula(*arguments))
+        )
+    # Energies may differ by a constant.
+    apart = written.numeric_power(*arguments) - recursive.numeric_power(*arguments)
     assert np.ptp(apart[:, 0]) < 1e-13
     assert np.max(np.abs(apart[:, 1:])) < 1e-13
 
 
-def test_plain_numbers_are_a_batch_of_one(recursive: TreeEquations) -> None:
+def test_scalars_equal_a_batch_of_one(recursive: TreeEquations) -> None:
     q, v, u, time = (part[0] for part in random_arguments(2))
-    one = recursive.numeric_acceleration.scalar(*q, *v, *u, *time)
-    assert one == pytest.approx(recursive.numeric_acceleration(q, v, u, time), rel=1e-14)
+    scalar = recursive.numeric_acceleration.scalar(*q, *v, *u, *time)
+    assert scalar == pytest.approx(recursive.numeric_acceleration(q, v, u, time), rel=1e-14)
 
 
 @pytest.mark.slow
-def test_slopes_are_the_formulas_derivatives(written: Equations, recursive: TreeEquations) -> None:
+def test_slopes_match_the_formulas(written: Equations, recursive: TreeEquations) -> None:
     q, v, u, time = random_arguments(2)
     states = np.concatenate([q, v], axis=1)
     exact = written.slopes(states, u, time[:, 0])
-    found = recursive.slopes(states, u, time[:, 0])
-    assert np.max(np.abs(found - exact)) < 1e-6 * np.max(np.abs(exact))
+    actual = recursive.slopes(states, u, time[:, 0])
+    assert np.max(np.abs(actual - exact)) < 1e-6 * np.max(np.abs(exact))
 
 
 @pytest.mark.slow
-def test_a_motion_is_that_of_the_formulas_within_both_bounds(
+def test_motion_matches_the_formulas_within_both_bounds(
     written: Equations,
 ) -> None:
     torque = sp.Rational(1, 5) * sp.sin(3 * t)
@@ -113,31 +115,33 @@ def test_a_motion_is_that_of_the_formulas_within_both_bounds(
         "one", "-", q=given.q, v=given.v, inputs=dict.fromkeys(given.inputs, torque), duration=0.5
     )
     system = dataclasses.replace(written.system, scenarios=(scenario,))
-    one = solve(derive(system), scenario)
-    other = solve(as_tree(system), scenario)
-    assert other.method == "multiple shooting by Gauss collocation, checked by DOP853"
-    assert len(one.t) == len(other.t)
-    allowed = one.global_bound + other.global_bound
-    assert np.all(np.abs(one.start - other.start) <= allowed[:-1] + 1e-300)
-    assert np.max(other.bound / other.movement) < 1e-12
+    expected = solve(derive(system), scenario)
+    actual = solve(as_tree(system), scenario)
+    assert actual.method == "multiple shooting by Gauss collocation, checked by DOP853"
+    assert len(expected.t) == len(actual.t)
+    allowed = expected.global_bound + actual.global_bound
+    assert np.all(np.abs(expected.start - actual.start) <= allowed[:-1] + 1e-300)
+    assert np.max(actual.bound / actual.movement) < 1e-12
 
 
-def test_rounding_is_bounded_by_what_long_doubles_tell(recursive: TreeEquations) -> None:
+def test_rounding_error_has_the_size_of_doubles(recursive: TreeEquations) -> None:
     q, v, u, time = random_arguments(2)
     states, none = np.concatenate([q, v], axis=1), np.zeros(20)
-    at = states, u, time[:, 0]
-    still = recursive.acceleration_error(*at, off=0 * u, time_error=none, rounded=False)
+    arguments = states, u, time[:, 0]
+    still = recursive.acceleration_error(*arguments, off=0 * u, time_error=none, rounded=False)
     assert not still.any()
-    own = recursive.acceleration_error(*at, off=0 * u, time_error=none, rounded=True)
+    rounding = recursive.acceleration_error(*arguments, off=0 * u, time_error=none, rounded=True)
     size = np.max(np.abs(recursive.numeric_acceleration(q, v, u, time)))
-    assert 0 < np.max(own) < 1e-13 * size
-    moved = recursive.acceleration_error(*at, off=0 * u + 1e-3, time_error=none, rounded=False)
+    assert 0 < np.max(rounding) < 1e-13 * size
+    moved = recursive.acceleration_error(
+        *arguments, off=0 * u + 1e-3, time_error=none, rounded=False
+    )
     pushed = recursive.numeric_acceleration(q, v, u + 1e-3, time)
     effect = np.abs(pushed - recursive.numeric_acceleration(q, v, u, time))
     assert np.max(np.abs(moved - effect)) < 1e-9 * np.max(effect)
 
 
-def test_a_tree_of_other_freedoms_is_refused(recursive: TreeEquations) -> None:
+def test_wrong_number_of_coordinates_is_rejected(recursive: TreeEquations) -> None:
     system = recursive.system
     with pytest.raises(DeclarationError, match="has 1 coordinates, but its tree has 2 degrees"):
         dataclasses.replace(system, coordinates=system.coordinates[:1])

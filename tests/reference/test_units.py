@@ -20,7 +20,7 @@ from physics_crosscheck.reference.mechanism.units import (
 )
 
 x, y, m, angle = sp.symbols("x y m angle", real=True)
-KNOWN = {x: LENGTH, y: TIME, m: MASS, angle: DIMENSIONLESS}
+DIMENSIONS = {x: LENGTH, y: TIME, m: MASS, angle: DIMENSIONLESS}
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_missing_unit_is_refused_with_the_remedy(text: str) -> None:
     ],
 )
 def test_an_expression_has_a_dimension(expression: sp.Expr, expected: Dimension) -> None:
-    assert dimension_of(expression, KNOWN) == expected
+    assert dimension_of(expression, DIMENSIONS) == expected
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_an_expression_has_a_dimension(expression: sp.Expr, expected: Dimension)
 )
 def test_a_contradiction_is_named(expression: sp.Expr, named: str) -> None:
     with pytest.raises(UnitError, match=named):
-        dimension_of(expression, KNOWN)
+        dimension_of(expression, DIMENSIONS)
 
 
 def test_a_dimension_is_written_for_a_reader() -> None:
