@@ -1,4 +1,4 @@
-"""A headless Chromium, driven by its own protocol: as much of it as these tests need."""
+"""A headless Chromium, controlled by the DevTools protocol."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
+CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
 
 PATIENCE = 20.0
-"""Seconds after which what is waited for is given up: for slow machines, not for slow pages."""
+"""Seconds until a wait fails: generous for slow machines, not for slow pages."""
 
 
 ARRIVED = """(() => {
   const place = document.getElementById(decodeURIComponent(location.hash.slice(1)) || "overview");
   return place?.closest(".view")?.classList.contains("current") ?? true;
 })()"""
-"""Whether the view of the address is shown."""
+"""Script that tests whether the view of the address is shown."""
 
 
 class Tab:
-    """One page: what it does, what went wrong in it, what it asked for.
+    """One page with its problems and its requests.
 
     Attributes:
-        changed: whether the next opening loads the page anew, also where it is open already.
+        changed: whether the next opening reloads the page even if it is open already.
     """
 
     def __init__(self, browser: Browser, session: str) -> None:
@@ -48,7 +48,7 @@ class Tab:
         return self.browser.send(method, self.session, **params)
 
     def open(self, address: str) -> None:
-        """Load a page, or go to another place of the one that is open; wait until it is ready."""
+        """Load a page, or follow a fragment of the open one; wait until it is ready."""
         if self.changed:
             self.send("Page.navigate", url="about:blank")
         self.changed = False
@@ -62,18 +62,18 @@ class Tab:
         self.until(f"decodeURIComponent(location.hash) === {json.dumps('#' + fragment)}")
 
     def run(self, script: str) -> Any:
-        """The value of an expression; a promise is waited for."""
-        found = self.send(
+        """Return the value of an expression, awaiting a promise."""
+        response = self.send(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
-        if "exceptionDetails" in found:
-            raise AssertionError(f"{script}: {json.dumps(found['exceptionDetails'])[:600]}")
-        return found["result"].get("value")
+        if "exceptionDetails" in response:
+            raise AssertionError(f"{script}: {json.dumps(response['exceptionDetails'])[:600]}")
+        return response["result"].get("value")
 
     def until(self, script: str) -> Any:
         """Wait until an expression is true, or an element."""
-        told = f"{script}; {self.problems}"
-        return self.browser.until(lambda: self.run(f"Boolean({script})"), told)
+        message = f"{script}; {self.problems}"
+        return self.browser.until(lambda: self.run(f"Boolean({script})"), message)
 
     def window(self, width: int = 1400, height: int = 900, **media: str) -> None:
         """Set the window's size and media, such as `scheme="dark"` or `media="print"`."""
@@ -94,8 +94,8 @@ class Tab:
         self.mouse("mouseMoved", *start)
         self.mouse("mousePressed", *start, button="left", clickCount=1, buttons=1)
         for share in (0.3, 0.7, 1.0):
-            at = (a + share * (b - a) for a, b in zip(start, end, strict=True))
-            self.mouse("mouseMoved", *at, button="left", buttons=1)
+            points = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+            self.mouse("mouseMoved", *points, button="left", buttons=1)
         self.mouse("mouseReleased", *end, button="left", clickCount=1)
 
     def key(self, key: str, code: int) -> None:
@@ -120,7 +120,7 @@ class Tab:
                 self.problems.append(params["entry"]["text"])
             case "Network.requestWillBeSent":
                 url = params["request"]["url"]
-                # The page itself made the content of a blob and of such an address.
+                # The page itself creates the content of blob and data addresses.
                 self.requests += [] if url.startswith(("blob:", "data:")) else [url]
 
 
@@ -147,16 +147,16 @@ class Browser:
             if tab is not None and "method" in answer:
                 tab.heard(answer["method"], answer["params"])
 
-    def until(self, found: Callable[[], Any], told: str) -> Any:
+    def until(self, condition: Callable[[], Any], message: str) -> Any:
         end = time.monotonic() + PATIENCE
-        while not (value := found()):
-            assert time.monotonic() < end, f"waited in vain for {told}"
+        while not (value := condition()):
+            assert time.monotonic() < end, f"waited in vain for {message}"
             time.sleep(0.02)
         return value
 
     @contextmanager
     def tab(self, scripts: bool = True) -> Iterator[Tab]:
-        """A new page of a size of its own; `scripts` off is a browser without JavaScript."""
+        """Open a new page in its own window; `scripts=False` disables JavaScript."""
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
         session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         tab = Tab(self, session)
@@ -194,13 +194,13 @@ def running(folder: Path) -> Iterator[Browser]:
         stderr=subprocess.DEVNULL,
     )
     try:
-        told = profile / "DevToolsActivePort"
+        port_file = profile / "DevToolsActivePort"
         end = time.monotonic() + PATIENCE
-        while not (told.exists() and len(told.read_text().splitlines()) == 2):
+        while not (port_file.exists() and len(port_file.read_text().splitlines()) == 2):
             assert process.poll() is None, "the browser ended at once"
             assert time.monotonic() < end, "the browser did not start"
             time.sleep(0.05)
-        port, path = told.read_text().splitlines()
+        port, path = port_file.read_text().splitlines()
         with connect(f"ws://127.0.0.1:{port}{path}", max_size=None, proxy=None) as socket:
             yield Browser(socket)
     finally:

@@ -34,8 +34,8 @@ def troubled_page(troubled: Results) -> Page:
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with running(tmp_path_factory.mktemp("browser")) as found:
-        yield found
+    with running(tmp_path_factory.mktemp("browser")) as started:
+        yield started
 
 
 @pytest.fixture(scope="session")
@@ -53,7 +53,7 @@ def shared_tab(browser: Browser) -> Iterator[Tab]:
 
 @pytest.fixture
 def seen(shared_tab: Tab, address: str) -> Iterator[Tab]:
-    """The page of the samples as the last test left it, for tests that only look at it."""
+    """Return the samples' page in its last state, for tests that do not change it."""
     shared_tab.problems.clear()
     shared_tab.send("Page.bringToFront")
     shared_tab.window()
@@ -63,7 +63,7 @@ def seen(shared_tab: Tab, address: str) -> Iterator[Tab]:
 
 @pytest.fixture
 def tab(seen: Tab) -> Iterator[Tab]:
-    """A page that is loaded anew, for tests that change it."""
+    """Return a freshly loaded page, for tests that change it."""
     seen.changed = True
     yield seen
     seen.changed = True

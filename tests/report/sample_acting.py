@@ -43,7 +43,7 @@ ARM = """<mujoco>
 
 
 def write_arm(folder: Path) -> Path:
-    """The file with its mesh."""
+    """Write the file with its mesh."""
     turns = 2 * np.pi * np.arange(CORNERS) / CORNERS
     rows = [(0.05 * np.cos(t), 0.05 * np.sin(t), z) for z in (0.0, 0.4) for t in turns]
     faces = []
@@ -60,7 +60,7 @@ def write_arm(folder: Path) -> Path:
 
 
 def arm_results(folder: Path) -> Results:
-    """The results of the file, with steps and inertias of an engine whose arm is heavier."""
+    """Return the file's results, with steps and inertias of an engine with a heavier arm."""
     file = write_arm(folder)
     heavier = folder / "heavier.xml"
     heavier.write_text(
@@ -75,14 +75,14 @@ def arm_results(folder: Path) -> Results:
     agrees = np.full_like(target.samples.start, 1e-15)
     defects = StepDefects(defect=agrees, uncertainty=10 * agrees)
     errors = errors_record(target.tree, target.samples, target.names, defects, None, inertias)
-    found = results(1)
+    sample = results(1)
     named = {"model": "arm.xml", "folder": str(file)}
-    found = changed_model(found, 0, text=ARM, diagnosis=None, **named)
+    sample = changed_model(sample, 0, text=ARM, diagnosis=None, **named)
     case = replace(
-        found.cases[0], scenario="states", series=None, full_run=None, outcome=Outcome.DIFFERS,
+        sample.cases[0], scenario="states", series=None, full_run=None, outcome=Outcome.DIFFERS,
         kind="whole step", by_state=errors, whole_step=check.record, **named,
     )  # fmt: skip
     system = replace(
-        found.systems[0], folder=str(file), sketch=None, derivation=None, scene=target.record.scene
+        sample.systems[0], folder=str(file), sketch=None, derivation=None, scene=target.record.scene
     )
-    return replace(found, systems=(system,), cases=(case,))
+    return replace(sample, systems=(system,), cases=(case,))

@@ -30,35 +30,35 @@ CHAINS = {
 
 
 def humanoid() -> str:
-    """An MJCF of a trunk with three joints, two legs and two arms: 29 hinges."""
+    """Return an MJCF of a trunk with three joints, two legs and two arms: 29 hinges."""
     lines = ["<mujoco model='humanoid'>", "<worldbody>", "<body name='pelvis' pos='0 0 0.8'>"]
     lines += ["<geom type='box' size='0.1 0.12 0.06' mass='8'/>"]
-    for side, y in (("left", 0.1), ("right", -0.1)):
-        lines += _chain(side, CHAINS["leg"], (0, y, -0.1), (0, 0, -0.14))
+    for prefix, y in (("left", 0.1), ("right", -0.1)):
+        lines += _chain(prefix, CHAINS["leg"], (0, y, -0.1), (0, 0, -0.14))
     lines += _chain("waist", ("yaw", "roll", "torso"), (0, 0, 0.08), (0, 0, 0.1), close=False)
-    for side, y in (("left", 0.2), ("right", -0.2)):
-        lines += _chain(side, CHAINS["arm"], (0, y, 0.2), (0, np.sign(y) * 0.1, 0))
+    for prefix, y in (("left", 0.2), ("right", -0.2)):
+        lines += _chain(prefix, CHAINS["arm"], (0, y, 0.2), (0, np.sign(y) * 0.1, 0))
     return "\n".join([*lines, "</body>" * 4, "</worldbody>", "</mujoco>"]) + "\n"
 
 
 def _chain(
-    side: str,
+    prefix: str,
     names: tuple[str, ...],
     start: tuple[float, ...],
     step: tuple[float, ...],
     close: bool = True,
 ) -> list[str]:
-    lines, at = [], start
+    lines, position = [], start
     for i, name in enumerate(names):
-        body = f"{side}_{name}"
+        body = f"{prefix}_{name}"
         mass = 2.97 if body == WRONG else 2.0
         lines += [
-            f"<body name='{body}' pos='{' '.join(map(str, at))}'>",
+            f"<body name='{body}' pos='{' '.join(map(str, position))}'>",
             f"<joint name='{body}_joint' axis='{'1 0 0' if i % 2 else '0 1 0'}' range='-1 1'/>",
             f"<geom type='capsule' fromto='0 0 0 {' '.join(map(str, step))}' size='0.04'"
             f" mass='{mass}'/>",
         ]
-        at = step
+        position = step
     return [*lines, "</body>" * len(names)] if close else lines
 
 
@@ -72,7 +72,7 @@ def states_of(tree: Tree, seed: int = 2) -> Segments:
 
 
 def humanoid_results(folder: Path) -> tuple[Results, Tree, Segments, Array]:
-    """The results of the file, its tree, its states, and the engine's differences at their ends."""
+    """Return the file's results: tree, states, and differences of the engine at their ends."""
     text = humanoid()
     file = folder / "humanoid.xml"
     file.write_text(text)
@@ -89,15 +89,15 @@ def humanoid_results(folder: Path) -> tuple[Results, Tree, Segments, Array]:
     where = located(SourceLine(file="humanoid.xml", line=line), text, "2.97")
     cause = explanation(CauseId(kind="literal", subject=("geom[29]@mass",)), 1e-10, (), "there")
     shown = replace(cause.causes[0], nominal=2.97, estimate=2.0, locations=(where,))
-    found = results(1)
+    sample = results(1)
     changed = changed_model(
-        found, 0, model="humanoid.xml", text=text, folder=str(file),
+        sample, 0, model="humanoid.xml", text=text, folder=str(file),
         diagnosis=Diagnosis(explained=True, explanations=(replace(cause, causes=(shown,)),)),
     ).models[0]  # fmt: skip
     case = replace(
-        found.cases[0], model="humanoid.xml", folder=str(file), scenario="states", series=None,
+        sample.cases[0], model="humanoid.xml", folder=str(file), scenario="states", series=None,
         full_run=None, outcome=Outcome.DIFFERS, by_state=errors,
     )  # fmt: skip
-    system = replace(found.systems[0], folder=str(file), sketch=None, derivation=None, scene=scene)
-    results_ = replace(found, systems=(system,), models=(changed,), cases=(case,))
+    system = replace(sample.systems[0], folder=str(file), sketch=None, derivation=None, scene=scene)
+    results_ = replace(sample, systems=(system,), models=(changed,), cases=(case,))
     return results_, tree, states, apart

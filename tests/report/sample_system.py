@@ -1,4 +1,4 @@
-"""A system made up for the report's tests, as a run writes it."""
+"""An invented system for the report's tests, in the form that a run writes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def formula(text: str) -> Formula:
 
 
 def sketch(coordinates: int) -> Sketch:
-    """Blocks on springs, the first of them turned."""
+    """Return a sketch of blocks on springs, the first one rotated."""
     shapes = [
         Shape(kind="wall", label="", start=[-1.0, 0.5], end=[-1.0, -0.5]),
         Shape(kind="measure", label="q0", start=[0.0, 0.4], end=[["q", 0], 0.4]),

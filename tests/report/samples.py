@@ -1,4 +1,4 @@
-"""Results made up for the report's tests: every outcome and every field, as a run writes them."""
+"""Invented results for the report's tests, with every outcome and every field."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def series(random: np.random.Generator, coordinates: int) -> Series:
 
 
 def results(systems: int = 2) -> Results:
-    """All cases agree; systems of one coordinate and of two in turn."""
+    """Return agreeing results; systems alternate between one and two coordinates."""
     sizes = {f"system_{i}": 1 + i % 2 for i in range(systems)}
     runs = [(name, *pair) for name in sizes for pair in ENGINES]
     return Results(
@@ -194,7 +194,7 @@ def results(systems: int = 2) -> Results:
 
 
 def unjudged(case: Case, outcome: Outcome, reason: str, stdout: str = "") -> Case:
-    """A case that was not run."""
+    """Return a case that was not run."""
     return Case(
         system=case.system,
         model=case.model,
@@ -208,23 +208,23 @@ def unjudged(case: Case, outcome: Outcome, reason: str, stdout: str = "") -> Cas
 
 
 def judged(case: Case, outcome: Outcome, reason: str, **verdict: Any) -> Case:
-    """A case with another verdict."""
+    """Return a case with a new verdict."""
     assert case.verdict is not None
     return replace(case, outcome=outcome, reason=reason, verdict=replace(case.verdict, **verdict))
 
 
-def changed_case(found: Results, place: int, **fields: Any) -> Results:
-    """Results with another case at a place."""
-    cases = list(found.cases)
+def changed_case(base: Results, place: int, **fields: Any) -> Results:
+    """Return results with one case changed."""
+    cases = list(base.cases)
     cases[place] = replace(cases[place], **fields)
-    return replace(found, cases=tuple(cases))
+    return replace(base, cases=tuple(cases))
 
 
-def changed_model(found: Results, place: int, **fields: Any) -> Results:
-    """Results with another model at a place."""
-    models = list(found.models)
+def changed_model(base: Results, place: int, **fields: Any) -> Results:
+    """Return results with one model changed."""
+    models = list(base.models)
     models[place] = replace(models[place], **fields)
-    return replace(found, models=tuple(models))
+    return replace(base, models=tuple(models))
 
 
 def series_of(case: Case) -> Series:
@@ -233,7 +233,7 @@ def series_of(case: Case) -> Series:
 
 
 def array(values: Numbers) -> Array:
-    """Numbers to compute with; nan for those that are missing."""
+    """Return numbers as an array, with nan for missing ones."""
     return np.array(values, dtype=float)
 
 
@@ -262,9 +262,9 @@ def explanation(
 
 
 def diagnosis(case: Case) -> Diagnosis:
-    """A literal with its line, a constant that is tied with it, and what they leave."""
-    own = series_of(case)
-    size = len(own.components)
+    """Return a wrong literal with its line, a constant tied with it, and the residuals."""
+    case_series = series_of(case)
+    size = len(case_series.components)
     by_constant = explanation(CONSTANT, 1.1e-10, (LITERAL,))
     return Diagnosis(
         explained=True,
@@ -281,8 +281,8 @@ def diagnosis(case: Case) -> Diagnosis:
             scenarios=(
                 CorrectedScenario(
                     scenario=case.scenario,
-                    t=own.t,
-                    corrected=own.engine,
+                    t=case_series.t,
+                    corrected=case_series.engine,
                     segment_t=row(np.linspace(0.2, 11.8, 24), 6),
                     before=((3.1e-6,) * 24,) * size,
                     after=((2e-14,) * 24,) * size,
@@ -296,22 +296,22 @@ STIFFNESS = '  <joint name="x" stiffness="38.25" damping="0.5"/>'
 
 
 def planted(engines: Sequence[str] = ("mujoco", "pybullet")) -> Results:
-    """One number of one file is wrong: every scenario differs in every engine; others agree.
+    """Return results with one wrong number: its file differs in each run, others agree.
 
     Args:
         engines: that each of four model files runs in.
     """
-    found = results(2)
-    lines = found.models[0].text.splitlines()
+    sample = results(2)
+    lines = sample.models[0].text.splitlines()
     text = "\n".join([*lines[:20], STIFFNESS, *lines[21:]]) + "\n"
-    base = {1: found.models[0], 2: found.models[3]}
+    base = {1: sample.models[0], 2: sample.models[3]}
     models, cases = [], []
-    for name, own in base.items():
+    for name, base_model in base.items():
         for file in ("mujoco.xml", "robot.urdf"):
             for engine in engines:
-                models.append(replace(own, model=file, engine=engine, text=text))
-                one = [c for c in found.cases if c.key == own.key]
-                for each in one:
+                models.append(replace(base_model, model=file, engine=engine, text=text))
+                model_cases = [c for c in sample.cases if c.key == base_model.key]
+                for each in model_cases:
                     run = replace(each, model=file, engine=engine)
                     if (name, file) == (1, "robot.urdf"):
                         run = judged(
@@ -322,52 +322,52 @@ def planted(engines: Sequence[str] = ("mujoco", "pybullet")) -> Results:
     wrong = {model.key for model in models} & {
         case.key for case in cases if case.outcome is Outcome.DIFFERS
     }
-    told = {case.key: diagnosis(case) for case in cases if case.key in wrong}
+    diagnoses = {case.key: diagnosis(case) for case in cases if case.key in wrong}
     models = [
-        replace(model, diagnosis=spelled(told[model.key], text))
-        if model.key in told
+        replace(model, diagnosis=spelled(diagnoses[model.key], text))
+        if model.key in diagnoses
         else replace(model, diagnosis=None)
         for model in models
     ]
-    return replace(found, models=tuple(models), cases=tuple(cases))
+    return replace(sample, models=tuple(models), cases=tuple(cases))
 
 
-def spelled(found: Diagnosis, text: str) -> Diagnosis:
-    """A diagnosis whose first cause has its bytes in a file."""
-    first, *rest = found.explanations
+def spelled(original: Diagnosis, text: str) -> Diagnosis:
+    """Return a diagnosis whose first cause has its byte range in the file."""
+    first, *rest = original.explanations
     (cause,) = first.causes
     cause = replace(cause, locations=(located(cause.locations[0], text, "38.25"),))
-    return replace(found, explanations=(replace(first, causes=(cause,)), *rest))
+    return replace(original, explanations=(replace(first, causes=(cause,)), *rest))
 
 
 def located(where: SourceLine, text: str, number: str) -> SourceLine:
-    """A line with the bytes of a number that is in a text once."""
+    """Return a line with the byte range of a number that occurs once in a text."""
     start = text.encode().index(number.encode())
     return replace(where, span=(start, start + len(number.encode())), text=number)
 
 
 def blown_up(case: Case) -> Case:
-    """A case whose full run leaves the range of numbers."""
+    """Return a case whose full run diverges."""
     assert case.full_run is not None
 
     def lost(values: Rows) -> Rows:
         growing = [10.0 ** (4 * i) for i in range(20)]
         return tuple(numbers([*one[:80], *growing, *[None] * len(one[100:])]) for one in values)
 
-    own = series_of(case)
+    case_series = series_of(case)
     return replace(
         case,
         outcome=Outcome.FAILED,
         reason="no longer finite",
         full_run=replace(case.full_run, global_error=None, decomposition=None),
-        series=replace(own, engine=lost(own.engine), error=lost(own.error)),
+        series=replace(case_series, engine=lost(case_series.engine), error=lost(case_series.error)),
     )
 
 
 def mixed() -> Results:
-    """One case of each outcome, one blown up, and a folder that could not be read."""
-    found = results()
-    cases = list(found.cases)
+    """Return a case of each outcome, a diverged one, and an unreadable folder."""
+    sample = results()
+    cases = list(sample.cases)
     wrong = 3.1e-6
     unread = unjudged(cases[5], Outcome.FAILED, "/models/unread/system.py: line 3: no unit")
     cases[0] = judged(
@@ -402,13 +402,13 @@ def mixed() -> Results:
         actual=39.5,
         severity="finding",
     )
-    models = list(found.models)
+    models = list(sample.models)
     models[0] = replace(models[0], diagnosis=diagnosis(cases[0]), audit=(audited,))
     models[1] = replace(models[1], linearizations=(), linearization_failure="it diverges")
     return replace(
-        found,
+        sample,
         # A system without a sketch.
-        systems=(found.systems[0], replace(found.systems[1], sketch=None)),
+        systems=(sample.systems[0], replace(sample.systems[1], sketch=None)),
         models=tuple(models),
         cases=tuple(cases),
         baseline=BaselineChanges(name="baseline.json", changes=(change(cases[0]),)),

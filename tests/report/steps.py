@@ -1,4 +1,4 @@
-"""What the browser's tests share: where things are on the page of the samples, and steps on it."""
+"""Shared parts of the browser's tests: addresses on the samples' page, and actions."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ BUILT = """(() => {
   return boxes.every((box) => /plots/.test(box.dataset.built ?? ""))
     && figures.every((figure) => figure.dataset.drawn);
 })()"""
-"""Whether everything in the view is drawn."""
+"""Script that tests whether everything in the view is drawn."""
 
 HURRY = "(() => { const wait = setTimeout; window.setTimeout = (f, ms) => wait(f, ms / 5); })()"
-"""Lets what the page does later come sooner, until it is loaded anew."""
+"""Script that shortens the page's timers until it is reloaded."""
 
 PLOTS = "[...document.querySelectorAll('.plot')].map((each) => each.plot).filter(Boolean)"
 """The plots that are drawn."""
 
 
 def sound(tab: Tab, address: str) -> None:
-    """Nothing went wrong, and nothing was asked for but the page itself."""
+    """Check that the page has no problems and requested only itself."""
     assert tab.problems == []
     assert {request.partition("#")[0] for request in tab.requests} <= {address}
     assert tab.run("document.documentElement.dataset.errors") is None
@@ -46,19 +46,19 @@ def sound(tab: Tab, address: str) -> None:
 
 
 def shown(tab: Tab) -> list[str]:
-    found: list[str] = tab.run(
+    names: list[str] = tab.run(
         "[...document.querySelectorAll('.view')].filter(v => v.checkVisibility()).map(v => v.id)"
     )
-    return found
+    return names
 
 
 def rows(tab: Tab) -> list[str]:
     script = "[...document.querySelectorAll('#cases tbody tr:not([hidden])')].map(r => r.innerText)"
-    found: list[str] = tab.run(script)
-    return found
+    texts: list[str] = tab.run(script)
+    return texts
 
 
-def look(tab: Tab) -> None:
+def show_first_plot(tab: Tab) -> None:
     """Scroll to the first plot, if there is one, and wait until it is drawn."""
     if tab.run("document.querySelector('.view.current [data-pack]') !== null"):
         tab.until("document.querySelector('.view.current figure:has(.plot)')")
@@ -79,13 +79,13 @@ STOP = """((wanted) => {
     && box.width > 0 && clips.every((clip) => sides(clip) > 1);
   return { name: at.outerHTML.slice(0, 160), found: at.matches(wanted), seen };
 })"""
-"""The element with the focus: whether it is the wanted one, and whether its outline is seen."""
+"""Script that describes the focused element: whether it matches and shows its outline."""
 
 
-def tab_to(tab: Tab, wanted: str, most: int = 60) -> None:
+def tab_to(tab: Tab, wanted: str, limit: int = 60) -> None:
     """Press Tab until an element has the focus; each one on the way must show it."""
     names = []
-    for _ in range(most):
+    for _ in range(limit):
         tab.key("Tab", 9)
         stop = tab.run(f"{STOP}({wanted!r})")
         names.append(stop["name"])

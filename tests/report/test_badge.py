@@ -1,4 +1,4 @@
-"""The badge: what it says, in a picture, in words, and for shields.io."""
+"""The badge: as a picture, in words, and for shields.io."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.records.made import case, results
 DIFFERS = case(Outcome.DIFFERS, scenario="far")
 
 
-def test_it_says_how_many_agree_and_to_what_or_what_is_amiss() -> None:
+def test_badge_states_agreement_or_problems() -> None:
     assert message(results(case(), case(scenario="far"))) == (
         "2 of 2 agree to 11.3 digits",
         "green",
@@ -26,7 +26,7 @@ def test_it_says_how_many_agree_and_to_what_or_what_is_amiss() -> None:
     assert message(results(case(Outcome.ABSENT)))[0] == message(results())[0] == "nothing tested"
 
 
-def test_the_picture_is_small_and_has_its_words_as_text() -> None:
+def test_picture_is_small_and_has_text() -> None:
     svg = picture(results(case(), DIFFERS))
     root = ET.fromstring(svg)
     assert root.attrib["aria-label"] == "crosscheck: 1 differ of 2"
@@ -37,7 +37,7 @@ def test_the_picture_is_small_and_has_its_words_as_text() -> None:
     assert "http" not in svg.replace("http://www.w3.org/2000/svg", "")
 
 
-def test_the_name_of_the_file_says_what_it_is(tmp_path: Path) -> None:
+def test_file_name_selects_the_format(tmp_path: Path) -> None:
     run = results(case())
     for name in ("badge.json", "badge.svg"):
         write_badge(tmp_path / name, run)

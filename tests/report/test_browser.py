@@ -1,4 +1,4 @@
-"""The page in a real browser, if there is one: what a reader does with it."""
+"""The page in a real browser, if installed: actions of a reader."""
 
 from __future__ import annotations
 
@@ -28,9 +28,7 @@ pytestmark = needs_browser
 
 
 @pytest.mark.slow
-def test_each_kind_of_case_systems_and_diagnosis_open_with_all_their_plots(
-    tab: Tab, address: str, troubled: Results
-) -> None:
+def test_views_open_with_all_their_plots(tab: Tab, address: str, troubled: Results) -> None:
     tab.window(height=TALL)
     tab.open(address)
     views = tab.run("[...document.querySelectorAll('.view')].map(v => v.id)")
@@ -41,12 +39,12 @@ def test_each_kind_of_case_systems_and_diagnosis_open_with_all_their_plots(
         tab.until(BUILT)
         assert shown(tab) == [view]
         drawn += tab.run("[...document.querySelectorAll('[data-drawn]')].map(f => f.dataset.drawn)")
-    # And of two systems; a ranking, a motion corrected and its defects.
+    # Two systems too; a ranking, a corrected motion and its defects.
     assert len(drawn) == sum(KINDS.values()) + 2 + 3
     assert all(int(found.split()[0]) >= 1 and int(found.split()[2]) >= 2 for found in drawn)
 
 
-def test_nothing_is_drawn_before_it_is_looked_at(tab: Tab, address: str) -> None:
+def test_plots_are_drawn_only_when_visible(tab: Tab, address: str) -> None:
     tab.open(address)
     tab.run(HURRY)
     assert tab.run("document.querySelectorAll('figure:has(.plot)').length") == 0
@@ -54,15 +52,13 @@ def test_nothing_is_drawn_before_it_is_looked_at(tab: Tab, address: str) -> None
     tab.until("document.querySelector('.view.current [data-drawn]')")
     elsewhere = "document.querySelectorAll('.view:not(.current) figure:has(.plot)').length"
     assert tab.run(elsewhere) == 0
-    # What is further down follows by itself, for whoever prints the page.
+    # Plots further down are drawn automatically, for printing.
     tab.until(BUILT)
     tab.go("overview")
     tab.until("document.querySelectorAll('[data-drawn]').length === 0")
 
 
-def test_plots_of_a_case_that_is_left_at_once_are_not_drawn_behind_it(
-    tab: Tab, address: str
-) -> None:
+def test_plots_of_a_closed_case_are_not_drawn(tab: Tab, address: str) -> None:
     tab.open(address)
     tab.run(HURRY)
     tab.run("""(() => {
@@ -81,7 +77,7 @@ def test_plots_of_a_case_that_is_left_at_once_are_not_drawn_behind_it(
     assert tab.run("document.querySelectorAll('[data-drawn]').length") == 0
 
 
-def test_a_permalink_opens_its_case_and_the_way_back_the_overview(seen: Tab, address: str) -> None:
+def test_permalink_opens_case_and_back_opens_overview(seen: Tab, address: str) -> None:
     seen.open(f"{address}#{BOTH}")
     assert shown(seen) == [BOTH]
     assert "system_1/robot.urdf/driven" in seen.run("document.title")
@@ -95,9 +91,7 @@ def test_a_permalink_opens_its_case_and_the_way_back_the_overview(seen: Tab, add
     assert shown(seen) == ["overview"]
 
 
-def test_a_permalink_that_is_opened_leaves_the_header_in_sight(
-    browser: Browser, address: str
-) -> None:
+def test_header_stays_visible_after_a_permalink(browser: Browser, address: str) -> None:
     with browser.tab() as fresh:
         fresh.open(f"{address}#{CASE}")
         fresh.until("document.readyState === 'complete'")
@@ -139,7 +133,7 @@ PANELS = """[...document.querySelectorAll('.view.current [role=tabpanel]')]
   .map((panel) => panel.dataset.tab)"""
 
 
-def test_a_case_opens_at_its_worst_time_with_wide_plots_of_motion_and_error(
+def test_case_opens_at_its_worst_time_with_wide_plots(
     tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.window(1440, 900)
@@ -166,7 +160,7 @@ def test_a_case_opens_at_its_worst_time_with_wide_plots_of_motion_and_error(
     assert tab.run(shown_time) == f"{verdict.time:.3f} s"
 
 
-def test_tabs_are_chosen_by_keys_and_stay_chosen_in_the_next_case(tab: Tab, address: str) -> None:
+def test_tabs_are_selected_by_keys_and_persist_in_the_next_case(tab: Tab, address: str) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
     tab.until(BUILT)
@@ -192,7 +186,7 @@ def test_tabs_are_chosen_by_keys_and_stay_chosen_in_the_next_case(tab: Tab, addr
     assert tab.run(PANELS) == ["Error"]
 
 
-def test_keys_alone_lead_from_the_overview_to_the_tabs_of_a_case(tab: Tab, address: str) -> None:
+def test_keyboard_reaches_the_tabs_of_a_case(tab: Tab, address: str) -> None:
     tab.open(address)
     tab_to(tab, f"#overview a[href='#{CASE}']", 120)
     tab.key("Enter", 13)
@@ -201,7 +195,7 @@ def test_keys_alone_lead_from_the_overview_to_the_tabs_of_a_case(tab: Tab, addre
     tab.key("ArrowRight", 39)
     assert tab.run(PANELS) == ["Error"]
     tab_to(tab, "[role=tabpanel]", 1)
-    # The heading of a case is no button that would fold it.
+    # The heading of a case does not fold it.
     assert tab.run("document.querySelector('.view.current summary').tabIndex") == -1
     tab.run("document.querySelector('.view.current summary').click()")
     assert tab.run("document.querySelector('.view.current').open")
@@ -222,7 +216,7 @@ def test_one_legend_hides_a_curve_in_every_plot_of_its_tab(tab: Tab, address: st
     tab.run(f"{group}.querySelector('.legend button').click()")
     assert tab.run(reference) == [False] * count
     assert tab.run(f"{group}.querySelector('.legend button').ariaPressed") == "false"
-    # A plot that is drawn again is drawn as the legend says.
+    # A redrawn plot follows the legend.
     drawn = f"{PLOTS}.filter((plot) => {group}.contains(plot.element))"
     tab.run(f"(() => {{ window.before = new Set({drawn}); }})()")
     tab.go("overview")
@@ -235,12 +229,12 @@ def test_one_legend_hides_a_curve_in_every_plot_of_its_tab(tab: Tab, address: st
 
 RANGES = f"""{PLOTS}.filter((plot) => plot.chart.over_time)
   .map((plot) => [plot.x.value(0), plot.x.value(plot.frame.width)])"""
-"""What the plots over time show of it."""
+"""Script that returns the ranges of the plots over time."""
 
 
 def box(tab: Tab, place: int = 0) -> dict[str, float]:
-    """Where the frame of a plot of the present view is, and what it shows."""
-    found: dict[str, float] = tab.run(f"""(() => {{
+    """Return the frame of a plot in the current view and its range."""
+    frame: dict[str, float] = tab.run(f"""(() => {{
       const canvas = document.querySelectorAll(".view.current .plot")[{place}];
       canvas.scrollIntoView({{block: "center", behavior: "instant"}});
       const rect = canvas.getBoundingClientRect();
@@ -248,23 +242,21 @@ def box(tab: Tab, place: int = 0) -> dict[str, float]:
       return {{left: rect.left + left, top: rect.top + top, width, height,
         start: x.range.start, end: x.range.end, low: y.range.start, high: y.range.end}};
     }})()""")
-    return found
+    return frame
 
 
-def test_zooming_one_plot_zooms_all_over_time_and_resetting_all_resets(
-    tab: Tab, address: str
-) -> None:
+def test_zoom_and_reset_apply_to_all_plots_over_time(tab: Tab, address: str) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
     tab.until(BUILT)
     before = tab.run(RANGES)
     assert len(before) == 2 + 5 + 1
-    at = box(tab)
-    y = at["top"] + at["height"] / 2
-    ends = [at["left"] + share * at["width"] for share in (0.25, 0.5)]
+    frame = box(tab)
+    y = frame["top"] + frame["height"] / 2
+    ends = [frame["left"] + share * frame["width"] for share in (0.25, 0.5)]
     tab.drag((ends[0], y - 40), (ends[1], y + 40))
-    wide = at["end"] - at["start"]
-    expected = [at["start"] + share * wide for share in (0.25, 0.5)]
+    wide = frame["end"] - frame["start"]
+    expected = [frame["start"] + share * wide for share in (0.25, 0.5)]
     tab.until(f"{RANGES}.every(([a]) => Math.abs(a - {expected[0]}) < 0.05)")
     np.testing.assert_allclose(tab.run(RANGES), [expected] * 8, atol=0.05)
 
@@ -272,9 +264,7 @@ def test_zooming_one_plot_zooms_all_over_time_and_resetting_all_resets(
 TIPS = "[...document.querySelectorAll('.tip')].map((tip) => tip.innerText)"
 
 
-def test_hovering_shows_the_values_of_the_data_in_every_plot(
-    tab: Tab, address: str, troubled: Results
-) -> None:
+def test_hovering_shows_values_in_every_plot(tab: Tab, address: str, troubled: Results) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
     tab.until(BUILT)
@@ -285,23 +275,23 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
         and (c.model, c.engine, c.scenario) == ("robot.urdf", "pybullet", "driven")
     )
     series = series_of(record)
-    at = box(tab)
+    frame = box(tab)
     k = 97
     t = float(series.t[k] or 0.0)
-    x = at["left"] + (t - at["start"]) / (at["end"] - at["start"]) * at["width"]
+    x = frame["left"] + (t - frame["start"]) / (frame["end"] - frame["start"]) * frame["width"]
     value = float(series.reference[0][k] or 0.0)
-    y = at["top"] + (at["high"] - value) / (at["high"] - at["low"]) * at["height"]
+    y = frame["top"] + (frame["high"] - value) / (frame["high"] - frame["low"]) * frame["height"]
     tab.mouse("mouseMoved", x + 3, y)
     tab.mouse("mouseMoved", x, y)
     tab.until("document.querySelector('.view.current .readout').textContent.startsWith('t = 4.8')")
     texts = tab.run(
         "[...document.querySelectorAll('.view.current .chosen .readout')].map(r => r.textContent)"
     )
-    assert len(texts) == 2 + 1 + 1, "every plot over time tells its own"
+    assert len(texts) == 2 + 1 + 1, "every plot over time shows its own values"
     for i, text in ((0, texts[0]), (1, texts[2])):
-        told = dict(re.findall(r"(?:: |; )([^;]+?) (\S+)(?=;|$)", text))
-        assert float(told["reference"]) == pytest.approx(series.reference[i][k], rel=1e-4)
-        mine = next(value for name, value in told.items() if name.startswith("this"))
+        values = dict(re.findall(r"(?:: |; )([^;]+?) (\S+)(?=;|$)", text))
+        assert float(values["reference"]) == pytest.approx(series.reference[i][k], rel=1e-4)
+        mine = next(value for name, value in values.items() if name.startswith("this"))
         assert float(mine) == pytest.approx(series.engine[i][k], rel=1e-4)
     cursors = f"{PLOTS}.filter((p) => p.chart.over_time && p.element.closest('.chosen'))"
     cursors += ".map((p) => [p.cursor.x1, p.x])"
@@ -309,10 +299,10 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
     np.testing.assert_allclose(times, [t] * 4, atol=0.03)
     tab.until(f"{TIPS}.some((tip) => tip.startsWith('reference'))")
     (tip,) = (tip for tip in tab.run(TIPS) if tip.startswith("reference"))
-    found = re.search(r"t: (\S+)\s+value: (\S+)", tip)
-    assert found
-    assert float(found[1]) == pytest.approx(t, rel=1e-4)
-    assert float(found[2]) == pytest.approx(value, rel=1e-3)
+    match = re.search(r"t: (\S+)\s+value: (\S+)", tip)
+    assert match
+    assert float(match[1]) == pytest.approx(t, rel=1e-4)
+    assert float(match[2]) == pytest.approx(value, rel=1e-3)
     tab.run(f"{TABS}[1].click()")
     errors = tab.run(
         "[...document.querySelectorAll('.view.current .chosen .readout')].map(r => r.textContent)"
@@ -320,7 +310,7 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
     assert [one.partition(":")[0] for one in errors] == [texts[0].partition(":")[0]] * 4
 
 
-def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
+def test_mechanism_plays_pauses_and_scrubs_by_keyboard(
     tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.open(f"{address}#{CASE}")
@@ -352,23 +342,21 @@ def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
         np.testing.assert_allclose(numbers, expected, rtol=1e-4, atol=1e-6)
 
 
-def test_a_system_without_a_sketch_says_so_and_its_cursor_still_moves(
-    seen: Tab, address: str
-) -> None:
+def test_system_without_sketch_shows_a_note_and_moving_cursor(seen: Tab, address: str) -> None:
     seen.open(f"{address}#{BOTH}")
     seen.until("document.querySelector('.view.current .controls')")
     assert "declares no sketch" in seen.run("document.querySelector('.view.current').innerText")
     assert seen.run("document.querySelector('.view.current .moving')") is None
 
 
-def test_each_plot_has_words_and_a_table_of_its_numbers(
+def test_each_plot_has_a_description_and_a_table(
     seen: Tab, address: str, troubled: Results
 ) -> None:
     seen.window(height=TALL)
     seen.open(f"{address}#{CASE}")
     seen.until(BUILT)
-    told = seen.run("[...document.querySelectorAll('.view.current .plot')].map(p => p.ariaLabel)")
-    assert all(len(text) > 40 for text in told)
+    labels = seen.run("[...document.querySelectorAll('.view.current .plot')].map(p => p.ariaLabel)")
+    assert all(len(text) > 40 for text in labels)
     assert not seen.run("document.querySelector('.view.current .told').checkVisibility()")
     motion = ".view.current .lead .data"
     seen.run(f"document.querySelector('{motion}').open = true")

@@ -1,4 +1,4 @@
-"""The first screen: is it right, and if not, what to change; read as a person does."""
+"""The first screen: the verdict and the proposed change, as a reader sees them."""
 
 from __future__ import annotations
 
@@ -43,15 +43,17 @@ VISIBLE = """(() => {
   }
   return found.join("\\n");
 })()"""
-"""What stands within the window, without scrolling."""
+"""Script that returns the text visible without scrolling."""
 
 
 @pytest.fixture(scope="module")
 def eight() -> Results:
-    """A fault that eight engines show; of cases that agree, no motion is drawn."""
-    found = planted(EIGHT)
-    bare = (replace(one, series=None) if one.outcome == "AGREES" else one for one in found.cases)
-    return replace(found, cases=tuple(bare))
+    """Return a fault that eight engines show; agreeing cases have no series."""
+    sample = planted(EIGHT)
+    bare = (
+        replace(case, series=None) if case.outcome == "AGREES" else case for case in sample.cases
+    )
+    return replace(sample, cases=tuple(bare))
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +74,7 @@ def planted_tab(browser: Browser, reports: Path) -> Iterator[Tab]:
 
 
 @needs_browser
-def test_one_planted_fault_is_found_and_mended_from_the_first_screen(
-    planted_tab: Tab, reports: Path
-) -> None:
+def test_first_screen_shows_planted_fault_and_fix(planted_tab: Tab, reports: Path) -> None:
     text = planted_tab.run(VISIBLE)
     for wanted in (
         "72 of 96 cases agree",
@@ -87,7 +87,7 @@ def test_one_planted_fault_is_found_and_mended_from_the_first_screen(
         "Copy patch",
     ):
         assert wanted in text, wanted
-    # The matrix stands beside it, whole: every engine's column, and what it says in words.
+    # The whole matrix is next to it, with each engine's column and the outcome in words.
     for engine in EIGHT:
         assert engine in text
     assert "≠ DIFFERS" in text
@@ -97,8 +97,8 @@ def test_one_planted_fault_is_found_and_mended_from_the_first_screen(
 
 
 @needs_browser
-def test_the_buttons_copy_the_patch_and_the_command(planted_tab: Tab) -> None:
-    """What lands in the clipboard, where the browser allows it, and where it does not."""
+def test_buttons_copy_the_patch_and_the_command(planted_tab: Tab) -> None:
+    """Check the copied text with and without access to the clipboard."""
     planted_tab.run("""(() => { window.kept = [];
       navigator.clipboard.writeText = async (text) => { kept.push(text); }; })()""")
     for place in (0, 1):
@@ -120,27 +120,27 @@ def test_the_buttons_copy_the_patch_and_the_command(planted_tab: Tab) -> None:
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_patch_is_readable_for_everybody(planted_tab: Tab, scheme: str) -> None:
+def test_patch_is_accessible(planted_tab: Tab, scheme: str) -> None:
     axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
     planted_tab.window(1440, 900, scheme=scheme)
     planted_tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
-    # Of eight engines' page the first screen alone: all of it takes a busy machine too long.
+    # Check only the first screen: the whole page of eight engines is too slow.
     assert planted_tab.run(CHECK.replace("(document,", "('#act, .titled',")) == []
 
 
-def test_a_cause_is_one_trouble_however_many_engines_and_scenarios_show_it(
+def test_cause_is_one_issue_for_all_engines_and_scenarios(
     eight: Results,
 ) -> None:
-    (trouble,) = report(eight).troubles
-    assert (trouble.cases, trouble.more, len(trouble.links)) == ("24 cases", 18, 6)
-    assert trouble.name == f"system_0/robot.urdf [{', '.join(EIGHT)}]"
-    (fix,) = trouble.remedy.fixes
+    (issue,) = report(eight).troubles
+    assert (issue.cases, issue.more, len(issue.links)) == ("24 cases", 18, 6)
+    assert issue.name == f"system_0/robot.urdf [{', '.join(EIGHT)}]"
+    (fix,) = issue.remedy.fixes
     assert (fix.place, fix.old, fix.new) == ("robot.urdf:21", "38.25", "39.5")
 
 
-def test_several_numbers_that_reading_finds_wrong_are_all_to_be_changed() -> None:
-    """No one cause explains the motions; or nothing moves otherwise at all."""
-    found = results(1)
+def test_all_wrong_literals_of_the_audit_are_fixed() -> None:
+    """List all findings if the motions agree or no single cause explains them."""
+    sample = results(1)
     text = "<a>\n  <b mass='2' size='0.1 0.2'/>\n  <c mass='4.5'/>\n</a>\n"
     findings = tuple(
         AuditFinding(
@@ -152,43 +152,43 @@ def test_several_numbers_that_reading_finds_wrong_are_all_to_be_changed() -> Non
             ("b", 2, "2", 2.0, 3.0), ("c", 3, "4.5", 4.5, 0.1 + 0.2),
         )
     )  # fmt: skip
-    agreeing = changed_model(found, 1, audit=findings, text=text)
-    (trouble,) = report(agreeing).troubles
-    assert trouble.outcome == "AUDIT"
-    assert [(fix.place, fix.old, fix.new) for fix in trouble.remedy.fixes] == [
+    agreeing = changed_model(sample, 1, audit=findings, text=text)
+    (issue,) = report(agreeing).troubles
+    assert issue.outcome == "AUDIT"
+    assert [(fix.place, fix.old, fix.new) for fix in issue.remedy.fixes] == [
         ("robot.urdf:2", "2", "3.0"),
         ("robot.urdf:3", "4.5", "0.30000000000000004"),
     ]
-    assert "+  <b mass='3.0' size='0.1 0.2'/>\n" in trouble.remedy.patch
-    told = diagnosis(found.cases[3])
-    differs = judged(found.cases[3], Outcome.DIFFERS, "off", discrepancy=0.1)
+    assert "+  <b mass='3.0' size='0.1 0.2'/>\n" in issue.remedy.patch
+    suggested = diagnosis(sample.cases[3])
+    differs = judged(sample.cases[3], Outcome.DIFFERS, "off", discrepancy=0.1)
     unexplained = replace(
-        changed_model(agreeing, 1, diagnosis=replace(told, explained=False)),
-        cases=(*found.cases[:3], differs, *found.cases[4:]),
+        changed_model(agreeing, 1, diagnosis=replace(suggested, explained=False)),
+        cases=(*sample.cases[:3], differs, *sample.cases[4:]),
     )
-    (trouble,) = report(unexplained).troubles
-    assert trouble.outcome == "DIFFERS"
-    assert len(trouble.remedy.fixes) == 2
-    assert trouble.sentence.startswith("No single cause or pair of causes explains the motions")
+    (issue,) = report(unexplained).troubles
+    assert issue.outcome == "DIFFERS"
+    assert len(issue.remedy.fixes) == 2
+    assert issue.sentence.startswith("No single cause or pair of causes explains the motions")
 
 
-def test_half_of_a_cause_is_no_patch() -> None:
-    """An axis that is turned as well stands in no number: the page says it, and patches nothing."""
-    found = planted(("mujoco",))
-    told = found.models[1].diagnosis
-    assert told is not None
-    best = told.explanations[0]
+def test_partly_fixable_cause_has_no_patch() -> None:
+    """Report a reversed axis too, which no number expresses, without a patch."""
+    sample = planted(("mujoco",))
+    original = sample.models[1].diagnosis
+    assert original is not None
+    best = original.explanations[0]
     turned = replace(best.causes[0], kind="axis", subject=("x",), locations=())
     both = replace(best, causes=(*best.causes, turned))
-    found = changed_model(found, 1, diagnosis=replace(told, explanations=(both,)))
-    (trouble,) = report(found).troubles
-    assert (len(trouble.remedy.fixes), trouble.remedy.patch) == (1, "")
-    assert trouble.remedy.words == "robot.urdf:21 from 38.25 to 39.5"
-    assert 'data-copy="robot.urdf:21 from 38.25 to 39.5"' in render(found)
-    assert "axis of x reversed explains the motion" in trouble.sentence
+    sample = changed_model(sample, 1, diagnosis=replace(original, explanations=(both,)))
+    (issue,) = report(sample).troubles
+    assert (len(issue.remedy.fixes), issue.remedy.patch) == (1, "")
+    assert issue.remedy.words == "robot.urdf:21 from 38.25 to 39.5"
+    assert 'data-copy="robot.urdf:21 from 38.25 to 39.5"' in render(sample)
+    assert "axis of x reversed explains the motion" in issue.sentence
 
 
-def test_where_all_agrees_the_page_says_so_and_what_stands_out() -> None:
+def test_agreeing_page_lists_outliers() -> None:
     seen = report(results(2))
     assert seen.verdict == "Every motion matches the equations. Nothing to change."
     assert seen.again == ""

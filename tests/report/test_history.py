@@ -23,11 +23,13 @@ from tests.report.samples import changed_case, results
 from tests.report.steps import BUILT, CASE, PLOTS, needs_browser, sound
 
 
-def past(found: Results) -> tuple[Past, ...]:
-    """Three runs, a day apart, the last with another version and fewer digits."""
+def past(recorded: Results) -> tuple[Past, ...]:
+    """Return three daily runs, the last with a newer version and fewer digits."""
     lines: list[Past] = []
     for day, version in ((19, "3.9"), (20, "3.9"), (21, "4.0")):
-        run = replace(found, created=f"2026-11-{day}T02:00:00+00:00", versions={"mujoco": version})
+        run = replace(
+            recorded, created=f"2026-11-{day}T02:00:00+00:00", versions={"mujoco": version}
+        )
         lines += [
             replace(one, digits=one.digits and one.digits - (day == 21)) for one in past_of(run, "")
         ]
@@ -37,54 +39,54 @@ def past(found: Results) -> tuple[Past, ...]:
 DATES = [1e3 * datetime(2026, 11, day, 2, tzinfo=UTC).timestamp() for day in (19, 20, 21)]
 
 
-def charts(found: Results, lines: tuple[Past, ...], pack: str) -> Any:
-    packs = Content(found, lines).packs()
+def charts(run: Results, lines: tuple[Past, ...], pack: str) -> Any:
+    packs = Content(run, lines).packs()
     if pack not in packs:
         return {}
     content = json.loads(gzip.decompress(base64.b64decode(packs[pack])))
-    kept = [one for one in content["charts"] if one["part"] == "History"]
+    selected = [chart for chart in content["charts"] if chart["part"] == "History"]
     return {
-        one["title"]: {
+        chart["title"]: {
             curve["label"]: [content["columns"][curve[axis]] for axis in ("x", "y")]
-            for curve in one["curves"]
+            for curve in chart["curves"]
         }
-        for one in kept
+        for chart in selected
     }
 
 
-def test_a_case_shows_its_digits_and_errors_of_each_version(agreeing: Results) -> None:
-    found = charts(agreeing, past(agreeing), "pack-case-0")
+def test_case_shows_digits_and_errors_of_each_version(agreeing: Results) -> None:
+    drawn = charts(agreeing, past(agreeing), "pack-case-0")
     first, second, third = DATES
-    assert found["Agreeing digits"] == {
+    assert drawn["Agreeing digits"] == {
         "mujoco 3.9": [[first, second], [11.9, 11.9]],
         "mujoco 4.0": [[third], [10.9]],
     }
-    errors = found["Error at dt"]
+    errors = drawn["Error at dt"]
     assert errors["mujoco 4.0"] == [[third], [0.00911]]
 
 
-def test_the_overview_shows_the_worst_of_each_engine_in_runs_of_most_cases(
+def test_overview_shows_the_worst_case_of_each_engine(
     agreeing: Results,
 ) -> None:
     lines = past(agreeing)
-    one = replace(lines[0], time="2026-11-22T02:00:00+00:00", digits=1.0)
-    found = charts(agreeing, (*lines, one), "pack-history")
-    assert found["Agreeing digits"]["pybullet"] == [DATES, [11.9, 11.9, 10.9]]
-    assert found["Agreeing digits"]["mujoco"] == [DATES, [11.9, 11.9, 10.9]]
-    assert set(found["Agreeing digits"]) == {"mujoco", "pybullet"}
+    worst = replace(lines[0], time="2026-11-22T02:00:00+00:00", digits=1.0)
+    drawn = charts(agreeing, (*lines, worst), "pack-history")
+    assert drawn["Agreeing digits"]["pybullet"] == [DATES, [11.9, 11.9, 10.9]]
+    assert drawn["Agreeing digits"]["mujoco"] == [DATES, [11.9, 11.9, 10.9]]
+    assert set(drawn["Agreeing digits"]) == {"mujoco", "pybullet"}
 
 
-def test_an_error_of_a_motion_that_no_step_follows_hides_no_other(agreeing: Results) -> None:
+def test_error_of_a_chaotic_motion_hides_no_other(agreeing: Results) -> None:
     full_run = agreeing.cases[0].full_run
     assert full_run is not None
     lost = changed_case(agreeing, 0, full_run=replace(full_run, global_error=0.944))
-    found = charts(lost, past(lost), "pack-history")
-    assert found["Error at dt"]["mujoco"][1] == [0.00911] * 3
-    own = charts(lost, past(lost), "pack-case-0")
-    assert own["Error at dt"]["mujoco 4.0"][1] == [0.944]
+    drawn = charts(lost, past(lost), "pack-history")
+    assert drawn["Error at dt"]["mujoco"][1] == [0.00911] * 3
+    case_charts = charts(lost, past(lost), "pack-case-0")
+    assert case_charts["Error at dt"]["mujoco 4.0"][1] == [0.944]
 
 
-def test_a_past_run_has_its_commit_and_the_cases_that_it_changed(agreeing: Results) -> None:
+def test_past_run_has_its_commit_and_changed_cases(agreeing: Results) -> None:
     lines = list(past(agreeing))
     last = len(lines) - 1
     lines[last] = replace(lines[last], outcome=Outcome.DIFFERS, commit="0123456789abcdef")
@@ -99,27 +101,25 @@ def test_a_past_run_has_its_commit_and_the_cases_that_it_changed(agreeing: Resul
     assert third.changes[0] == f"{lines[0].id}: 11.9 → 10.9 digits"
 
 
-def test_without_two_runs_there_is_no_history(agreeing: Results, page: Page) -> None:
-    alone = past_of(agreeing, "")
-    broken = tuple(replace(one, time="yesterday") for one in alone)
-    for lines in ((), alone, (*alone, *broken)):
+def test_single_run_has_no_history(agreeing: Results, page: Page) -> None:
+    single = past_of(agreeing, "")
+    broken = tuple(replace(line, time="yesterday") for line in single)
+    for lines in ((), single, (*single, *broken)):
         assert charts(agreeing, lines, "pack-history") == {}
         assert charts(agreeing, lines, "pack-case-0") == {}
-    assert page.source == render(agreeing, history=alone), "one run adds nothing"
+    assert page.source == render(agreeing, history=single), "one run adds nothing"
 
 
-def test_the_same_history_gives_the_same_page(agreeing: Results) -> None:
+def test_same_history_gives_the_same_page(agreeing: Results) -> None:
     lines = past(agreeing)
     assert render(agreeing, history=lines) == render(agreeing, history=lines)
 
 
 @needs_browser
-def test_past_runs_are_drawn_on_the_overview_and_in_their_case(
-    browser: Browser, tmp_path: Path
-) -> None:
-    found = results(1)
+def test_past_runs_are_drawn_on_overview_and_case(browser: Browser, tmp_path: Path) -> None:
+    sample = results(1)
     path = tmp_path / "index.html"
-    write_report(path, found, past(found))
+    write_report(path, sample, past(sample))
     with browser.tab() as tab:
         tab.window(1440, 2500)
         tab.open(path.as_uri())

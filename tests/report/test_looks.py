@@ -1,4 +1,4 @@
-"""How the page looks in a browser: dark, narrow, on paper, without scripts, and under attack."""
+"""Appearance in a browser: dark, narrow, printed, without scripts, and with hostile names."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from tests.report.steps import (
     PLOTS,
     SYSTEM,
     TALL,
-    look,
     needs_browser,
     rows,
+    show_first_plot,
     shown,
     sound,
 )
@@ -31,15 +31,15 @@ pytestmark = needs_browser
 
 COLOURS = f"""[getComputedStyle(document.body).backgroundColor, {PLOTS}.map((plot) =>
   [...plot.svg.querySelectorAll("text")].map((text) => getComputedStyle(text).fill))]"""
-"""Of the page, and of the texts of each plot."""
+"""Colours of the page and of the texts of each plot."""
 
 
 def brightness(colour: str) -> int:
-    """The sum of a colour's red, green and blue, of at most 765."""
+    """Return the sum of a colour's red, green and blue, at most 765."""
     return sum(map(int, re.findall(r"\d+", colour)))
 
 
-def test_plots_follow_the_page_from_light_to_dark_and_back(seen: Tab, address: str) -> None:
+def test_plots_follow_light_and_dark_mode(seen: Tab, address: str) -> None:
     seen.window(height=TALL)
     seen.open(f"{address}#{CASE}")
     seen.until(BUILT)
@@ -54,15 +54,15 @@ def test_plots_follow_the_page_from_light_to_dark_and_back(seen: Tab, address: s
     assert seen.run(COLOURS)[1] == light
 
 
-def test_a_narrow_screen_needs_no_scrolling_sideways(seen: Tab, address: str) -> None:
+def test_narrow_screen_needs_no_horizontal_scrolling(seen: Tab, address: str) -> None:
     seen.window(390, 844)
     for view in ("overview", SYSTEM, CASE, DIAGNOSIS):
         seen.open(f"{address}#{view}")
-        look(seen)
+        show_first_plot(seen)
         assert seen.run("document.documentElement.scrollWidth") <= 390, view
 
 
-def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(seen: Tab, address: str) -> None:
+def test_printed_page_is_light_and_without_controls(seen: Tab, address: str) -> None:
     seen.window(scheme="dark", media="print")
     seen.open(address)
     assert seen.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
@@ -73,9 +73,9 @@ def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(seen: Tab, add
     assert len(pdf) > 10_000
 
 
-def test_paper_has_every_tab_with_its_plots(seen: Tab, address: str) -> None:
+def test_printed_page_has_every_tab_with_plots(seen: Tab, address: str) -> None:
     seen.open(f"{address}#{CASE}")
-    look(seen)
+    show_first_plot(seen)
     seen.run("""addEventListener("beforeprint", () => { window.waiting = document
       .querySelectorAll(".view.current figure:has(.plot):not([data-drawn])").length; })""")
     seen.send("Page.printToPDF")
@@ -88,18 +88,18 @@ def test_paper_has_every_tab_with_its_plots(seen: Tab, address: str) -> None:
     assert not seen.run("document.querySelector('.view.current .tabs').checkVisibility()")
     heights = f"{panels}.map((p) => p.getBoundingClientRect().height)"
     assert min(seen.run(heights)) > 100
-    beside = (
+    positions = (
         "['.motion', '.lead .group'].map((n) => document.querySelector(`.view.current ${n}`)"
         ".getBoundingClientRect().top)"
     )
-    top, other = seen.run(beside)
+    top, other = seen.run(positions)
     assert top == other, "motion and plots beside each other"
 
 
-def test_plots_that_were_drawn_on_a_dark_ground_are_light_on_paper(tab: Tab, address: str) -> None:
+def test_dark_plots_are_printed_light(tab: Tab, address: str) -> None:
     tab.window(scheme="dark")
     tab.open(f"{address}#{CASE}")
-    look(tab)
+    show_first_plot(tab)
     tab.window(scheme="dark", media="print")
     _, (first, *_) = tab.run(COLOURS)
     assert all(brightness(colour) < 400 for colour in first)
@@ -107,19 +107,19 @@ def test_plots_that_were_drawn_on_a_dark_ground_are_light_on_paper(tab: Tab, add
 
 def test_plots_are_as_wide_as_their_column(seen: Tab, address: str) -> None:
     seen.open(f"{address}#{CASE}")
-    look(seen)
-    beside = f"{PLOTS}.every((plot) => plot.svg.width.baseVal.value === plot.element.clientWidth)"
-    assert seen.run(beside)
+    show_first_plot(seen)
+    fits = f"{PLOTS}.every((plot) => plot.svg.width.baseVal.value === plot.element.clientWidth)"
+    assert seen.run(fits)
     seen.window(700, 900)
-    seen.until(f"{PLOTS}.every((plot) => plot.element.clientWidth < 700) && {beside}")
-    # Paper shrinks them as they are.
+    seen.until(f"{PLOTS}.every((plot) => plot.element.clientWidth < 700) && {fits}")
+    # Printing scales them without a redraw.
     seen.window(500, 900, media="print")
     inside = """[...document.querySelectorAll(".view.current .plot > svg")]
       .every((svg) => svg.getBoundingClientRect().right <= 500)"""
     assert seen.run(inside)
 
 
-def test_without_javascript_everything_but_the_plots_is_there(
+def test_page_without_javascript_has_all_but_plots(
     browser: Browser, address: str, troubled: Results
 ) -> None:
     with browser.tab(scripts=False) as tab:
@@ -144,9 +144,7 @@ CHECK = """axe.run(document, {resultTypes: ["violations"]}).then((found) => foun
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_an_accessibility_checker_finds_nothing_serious(
-    tab: Tab, address: str, scheme: str
-) -> None:
+def test_accessibility_checker_finds_nothing_serious(tab: Tab, address: str, scheme: str) -> None:
     axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
     tab.window(height=TALL, scheme=scheme)
     tab.open(address)
@@ -158,7 +156,7 @@ def test_an_accessibility_checker_finds_nothing_serious(
 
 
 @pytest.mark.slow
-def test_hostile_names_neither_run_nor_break_the_plots(
+def test_hostile_names_are_harmless_in_plots(
     browser: Browser, tmp_path: Path, troubled: Results
 ) -> None:
     path = tmp_path / "index.html"

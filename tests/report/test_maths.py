@@ -1,4 +1,4 @@
-"""Formulas on the page: set as in a book, and harmless."""
+"""Formulas on the page: typeset and harmless."""
 
 from collections.abc import Callable
 from xml.etree.ElementTree import Element, fromstring
@@ -17,7 +17,7 @@ HOSTILE = (
 
 
 def flat(latex: str) -> str:
-    """The text of written mathematics, its structure as brackets."""
+    """Return the text of MathML with its structure as brackets."""
 
     def walk(element: Element) -> str:
         inner = [walk(child) for child in element]
@@ -50,16 +50,16 @@ def flat(latex: str) -> str:
         (r"-1.5 \times 10^{-7}", "−1.5×10^−7"),
     ],
 )
-def test_latex_is_set_as_mathematics(latex: str, text: str) -> None:
+def test_latex_becomes_mathml(latex: str, text: str) -> None:
     assert flat(latex) == text
 
 
-def test_a_formula_stands_in_a_line_or_by_itself() -> None:
+def test_formula_is_inline_or_block() -> None:
     assert mathml("x") == "<math><mi>x</mi></math>"
     assert mathml("x", block=True) == '<math display="block"><mi>x</mi></math>'
 
 
-def test_brackets_are_as_high_as_their_own_matrix() -> None:
+def test_brackets_are_as_high_as_their_matrix() -> None:
     two = r"\begin{bmatrix} a \\ b \end{bmatrix} \begin{bmatrix} c \end{bmatrix}"
     (row,) = fromstring(mathml(two))
     assert [[e.tag for e in child] for child in row if child.tag == "mrow"] == [
@@ -67,12 +67,12 @@ def test_brackets_are_as_high_as_their_own_matrix() -> None:
     ] * 2
 
 
-def test_a_minus_behind_an_equals_sign_is_a_sign() -> None:
+def test_minus_after_equals_is_a_sign() -> None:
     assert '<mo>=</mo><mo form="prefix">−</mo>' in mathml("a = -b - c")
     assert mathml("a = -b - c").count("prefix") == 1
 
 
-def test_a_formula_that_fills_pages_is_set() -> None:
+def test_very_long_formula_is_typeset() -> None:
     system = arm()
     formula = Latex(system.q, system.v, system.a).math(system.T)
     assert mathml(formula, block=True).startswith("<math")
@@ -80,7 +80,7 @@ def test_a_formula_that_fills_pages_is_set() -> None:
 
 @pytest.mark.parametrize("text", HOSTILE)
 @pytest.mark.parametrize("written", [str, latex_name, latex_words, r"\text{{{}}}".format])
-def test_a_hostile_name_is_text_or_nothing(text: str, written: Callable[[str], str]) -> None:
+def test_hostile_name_is_text_or_dropped(text: str, written: Callable[[str], str]) -> None:
     element = fromstring(mathml(written(text)))
     assert element.tag in ("math", "code")
     assert {child.tag for child in element.iter()} - {"math", "code"} <= ELEMENTS
@@ -99,16 +99,16 @@ def test_a_hostile_name_is_text_or_nothing(text: str, written: Callable[[str], s
     "latex",
     [r"\foo", "x^{", r"\frac{1}", r"\boxed{x}", r"\begin{bmatrix}", r"\left(", "{" * 10_000],
 )
-def test_what_can_not_be_set_is_shown_as_it_is(latex: str) -> None:
+def test_unsupported_latex_is_shown_verbatim(latex: str) -> None:
     assert mathml(latex) == f"<code>{latex}</code>"
 
 
-def test_references_are_no_way_around_the_escape() -> None:
+def test_character_references_are_escaped() -> None:
     assert "<b" not in mathml(r"\text{&lt;b&gt;}")
     assert "<" not in (fromstring(mathml(r"\unicode{x3c}")).text or "")
 
 
-def test_special_functions_that_sympy_writes_are_set() -> None:
+def test_special_functions_of_sympy_are_typeset() -> None:
     x = sp.Symbol("x")
     latex = Latex((), (), ())
     for e in (abs(x), sp.sign(x), sp.sqrt(x), sp.exp(-x), sp.log(x), sp.atan2(x, 1), x**sp.pi):

@@ -1,4 +1,4 @@
-"""The page: whole, safe, alone, the same every time."""
+"""The page: complete, safe, self-contained and reproducible."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def drawn_with(found: Results, place: int, **shape: Any) -> Results:
-    """Results whose first system has another shape at that place of its sketch."""
-    system = found.systems[0]
+def drawn_with(base: Results, place: int, **shape: Any) -> Results:
+    """Return results with one shape of the first system's sketch changed."""
+    system = base.systems[0]
     assert system.sketch is not None
     shapes = list(system.sketch.shapes)
     shapes[place] = replace(shapes[place], **shape)
     sketch = replace(system.sketch, shapes=tuple(shapes))
-    return replace(found, systems=(replace(system, sketch=sketch), *found.systems[1:]))
+    return replace(base, systems=(replace(system, sketch=sketch), *base.systems[1:]))
 
 
-def hostile(name: str, found: Results) -> Results:
-    """Results in which every text that a user may choose has a hostile name in it."""
+def hostile(name: str, base: Results) -> Results:
+    """Return results with a hostile name in every text that a user may choose."""
     fixed = {
         "outcome",
         "created",
@@ -70,16 +70,16 @@ def hostile(name: str, found: Results) -> Results:
             return value
         return f"{value}{name}"
 
-    spoiled = msgspec.convert(spoil(msgspec.to_builtins(found)), Results)
-    return replace(spoiled, versions={f"{k}{name}": v for k, v in found.versions.items()})
+    spoiled = msgspec.convert(spoil(msgspec.to_builtins(base)), Results)
+    return replace(spoiled, versions={f"{k}{name}": v for k, v in base.versions.items()})
 
 
-def test_the_samples_of_these_tests_are_results(agreeing: Results, troubled: Results) -> None:
-    for found in (agreeing, troubled):
-        assert decoded(encoded(found).encode(), Results) == found
+def test_samples_are_valid_results(agreeing: Results, troubled: Results) -> None:
+    for sample in (agreeing, troubled):
+        assert decoded(encoded(sample).encode(), Results) == sample
 
 
-def test_every_case_is_on_the_page_and_every_link_leads_somewhere(
+def test_every_case_is_on_the_page_and_every_link_has_a_target(
     troubled_page: Page, troubled: Results
 ) -> None:
     ids = troubled_page.ids()
@@ -97,7 +97,7 @@ def test_every_case_is_on_the_page_and_every_link_leads_somewhere(
     assert "case-system_0/mujoco.xml/mujoco/free" in ids
 
 
-def test_everything_but_the_plots_is_there_without_javascript(troubled_page: Page) -> None:
+def test_content_except_plots_needs_no_javascript(troubled_page: Page) -> None:
     text = " ".join(troubled_page.text.split())
     for part in (
         "cases agree",
@@ -123,12 +123,12 @@ def test_everything_but_the_plots_is_there_without_javascript(troubled_page: Pag
     assert any(tag == "noscript" for tag, _ in troubled_page.elements)
 
 
-def test_every_outcome_has_a_sign_beside_its_colour(troubled_page: Page) -> None:
+def test_every_outcome_has_a_symbol_besides_its_colour(troubled_page: Page) -> None:
     for sign in ("✓ ", "○ ", "? ", "≠ ", "✕ "):
         assert sign in troubled_page.text
 
 
-def test_every_sketch_is_drawn_and_told_in_words(page: Page) -> None:
+def test_every_sketch_is_drawn_and_described(page: Page) -> None:
     sketches = [attrs for tag, attrs in page.elements if tag == "svg"]
     assert len(sketches) == 2
     for attrs in sketches:
@@ -150,11 +150,9 @@ def spoiled(troubled: Results) -> Page:
     return Page(render(hostile("".join(HOSTILE), troubled)))
 
 
-def test_names_and_messages_with_markup_are_shown_as_text(
-    spoiled: Page, troubled_page: Page
-) -> None:
+def test_names_and_messages_with_markup_are_escaped(spoiled: Page, troubled_page: Page) -> None:
     page = spoiled
-    # The same elements with the same attributes, whatever the texts: none was made of a text.
+    # Elements and attributes do not depend on the texts, so no text became markup.
     assert [(tag, set(attrs)) for tag, attrs in page.elements] == [
         (tag, set(attrs)) for tag, attrs in troubled_page.elements
     ]
@@ -182,34 +180,34 @@ BAD_MATHS = (
 
 
 @pytest.mark.parametrize("bad", BAD_MATHS)
-def test_mathematics_is_rebuilt_from_what_is_harmless(bad: str) -> None:
-    made = Page(mathml(bad))
-    assert {tag for tag, _ in made.elements} <= ELEMENTS | {"math", "code"}
-    assert not re.search("script|href|style|encoding", str([a for _, a in made.elements]))
-    assert not re.search("[\x00-\x08\x0b-\x1f\u202a-\u202e\u2066-\u2069]", made.text)
+def test_mathematics_has_only_harmless_elements(bad: str) -> None:
+    page = Page(mathml(bad))
+    assert {tag for tag, _ in page.elements} <= ELEMENTS | {"math", "code"}
+    assert not re.search("script|href|style|encoding", str([a for _, a in page.elements]))
+    assert not re.search("[\x00-\x08\x0b-\x1f\u202a-\u202e\u2066-\u2069]", page.text)
     assert not re.search("<(script|img|b|annotation)", mathml(bad))
 
 
-def test_mathematics_is_set_with_its_accents_and_its_text_escaped() -> None:
-    made = mathml("\\frac{\\dot{x}}{\\text{a<b\u202e}}", block=True)
-    assert made.startswith('<math display="block"><mfrac><mover accent="true"><mi>x</mi><mo')
-    assert "˙" in html.unescape(made)
-    assert made.endswith("a&lt;b⟨U+202E⟩</mtext></mfrac></math>")
+def test_mathematics_has_accents_and_escaped_text() -> None:
+    markup = mathml("\\frac{\\dot{x}}{\\text{a<b\u202e}}", block=True)
+    assert markup.startswith('<math display="block"><mfrac><mover accent="true"><mi>x</mi><mo')
+    assert "˙" in html.unescape(markup)
+    assert markup.endswith("a&lt;b⟨U+202E⟩</mtext></mfrac></math>")
 
 
-def test_the_linear_equations_and_the_transfer_functions_are_on_the_page(page: Page) -> None:
+def test_page_has_linear_equations_and_transfer_functions(page: Page) -> None:
     text = page.text.replace("\u00a0", " ")
     assert text.count("M*q0_ddot + K*q0 = F*f") == 2
     assert "<mfrac><mtext>q0</mtext><mi>f</mi></mfrac><mo>=</mo><mtext>1/(k" in page.source
 
 
-def test_a_label_of_a_sketch_is_text() -> None:
+def test_label_of_sketch_is_escaped() -> None:
     source = render(drawn_with(results(1), 3, label="<script>\u202e_<b>"))
     assert "&lt;script&gt;⟨U+202E⟩<tspan" in source
     assert ">&lt;b&gt;</tspan>" in source
 
 
-def test_the_page_asks_for_nothing_from_anywhere(troubled_page: Page) -> None:
+def test_page_makes_no_external_requests(troubled_page: Page) -> None:
     loading = {
         "src",
         "srcset",
@@ -244,7 +242,7 @@ def test_the_page_asks_for_nothing_from_anywhere(troubled_page: Page) -> None:
     assert "http" not in str(policy).replace("http-equiv", "")
 
 
-def test_the_same_results_give_the_same_page(agreeing: Results) -> None:
+def test_same_results_give_the_same_page(agreeing: Results) -> None:
     assert render(agreeing) == render(decoded(encoded(agreeing).encode(), Results))
 
 
@@ -252,17 +250,15 @@ def test_results_without_any_case_make_a_page() -> None:
     assert "0 of 0 cases agree" in render(results(0))
 
 
-def test_a_report_of_36_cases_stays_below_two_megabytes(tmp_path: Path) -> None:
-    found = results(4)
-    assert len(found.cases) == 36
-    write_report(tmp_path / "index.html", found)
+def test_report_of_36_cases_is_below_two_megabytes(tmp_path: Path) -> None:
+    sample = results(4)
+    assert len(sample.cases) == 36
+    write_report(tmp_path / "index.html", sample)
     assert (tmp_path / "index.html").stat().st_size < 2e6
     assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
 
 
-def test_a_report_that_can_not_be_drawn_leaves_the_old_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_report_keeps_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> str:
         raise ValueError("not to be drawn")
 
@@ -274,10 +270,10 @@ def test_a_report_that_can_not_be_drawn_leaves_the_old_one(
     assert path.read_text() == "old"
 
 
-def test_a_system_that_was_not_derived_has_a_page_that_says_so() -> None:
-    found = results(1)
-    found = replace(found, systems=(replace(found.systems[0], derivation=None),))
-    text = Page(render(found)).text
+def test_page_notes_system_without_derivation() -> None:
+    sample = results(1)
+    sample = replace(sample, systems=(replace(sample.systems[0], derivation=None),))
+    text = Page(render(sample)).text
     assert "The equations of motion were not derived in this run." in text
     assert "Lagrangian" not in text
     assert "Linearizations about" not in text
@@ -299,16 +295,16 @@ def test_ticks_are_exact_and_short(values: list[float], labels: list[str]) -> No
     assert tick_labels(values) == labels
 
 
-def test_a_number_with_an_exponent_keeps_its_line_and_markup_is_escaped() -> None:
+def test_number_with_exponent_stays_on_one_line() -> None:
     text = str(unbroken("<b> ends 1.2e-10 off, rod-3e-4x"))
     assert text.startswith("&lt;b&gt; ends ")
     assert '<span class="unbroken">1.2e-10</span> off' in text
 
 
-def test_a_robot_without_constants_has_no_heading_for_them() -> None:
-    found = results()
-    bare = replace(found.systems[0], constants=())
-    page = render(replace(found, systems=(bare, *found.systems[1:])))
+def test_robot_without_constants_has_no_heading_for_them() -> None:
+    sample = results()
+    bare = replace(sample.systems[0], constants=())
+    page = render(replace(sample, systems=(bare, *sample.systems[1:])))
     assert page.count("<h3>Constants</h3>") == 1
 
 

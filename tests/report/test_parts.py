@@ -1,4 +1,4 @@
-"""Many cases: the page has the overview, and files beside it the cases, read when looked at."""
+"""Many cases: the page has the overview and loads cases from separate files on demand."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def written(tmp_path: Path, troubled: Results, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.fixture
-def many(browser: Browser, written: Path) -> Iterator[Tab]:
+def parts_tab(browser: Browser, written: Path) -> Iterator[Tab]:
     with browser.tab() as tab:
         yield tab
 
@@ -52,15 +52,13 @@ def parts_read(tab: Tab) -> list[str]:
 
 def sound(tab: Tab, path: Path) -> None:
     assert tab.problems == []
-    asked = {one.partition("#")[0] for one in tab.requests}
-    assert all(one.startswith(path.parent.as_uri()) for one in asked)
-    for trouble in ("errors", "blocked"):
-        assert tab.run(f"document.documentElement.dataset.{trouble}") is None
+    requested = {one.partition("#")[0] for one in tab.requests}
+    assert all(one.startswith(path.parent.as_uri()) for one in requested)
+    for problem in ("errors", "blocked"):
+        assert tab.run(f"document.documentElement.dataset.{problem}") is None
 
 
-def test_the_page_has_no_case_of_its_own_and_every_case_is_in_one_file(
-    written: Path, troubled: Results
-) -> None:
+def test_page_has_no_cases_and_each_case_is_in_one_file(written: Path, troubled: Results) -> None:
     page = Page(written.read_text("utf-8"))
     others = ("case-", "pack-case", "system-", "diagnosis-")
     assert not [one for one in page.ids() if one.startswith(others)]
@@ -76,68 +74,70 @@ def test_the_page_has_no_case_of_its_own_and_every_case_is_in_one_file(
 
 @pytest.mark.slow
 @needs_browser
-def test_each_kind_of_case_opens_with_its_plots_and_those_of_other_files_over_it(
-    many: Tab, written: Path, troubled: Results
+def test_views_open_with_plots_and_curves_of_other_files(
+    parts_tab: Tab, written: Path, troubled: Results
 ) -> None:
-    many.window(height=TALL)
-    many.open(written.as_uri())
-    assert parts_read(many) == []
-    ids = many.run("[...document.querySelectorAll('#cases tbody a')].map((a) => a.hash.slice(1))")
+    parts_tab.window(height=TALL)
+    parts_tab.open(written.as_uri())
+    assert parts_read(parts_tab) == []
+    ids = parts_tab.run(
+        "[...document.querySelectorAll('#cases tbody a')].map((a) => a.hash.slice(1))"
+    )
     assert len(ids) == len(troubled.cases)
     for case, plots in KINDS.items():
-        many.go(case)
-        many.until(f"document.getElementById({case!r})?.checkVisibility()")
-        many.until(BUILT)
-        assert shown(many) == [case]
-        assert many.run("document.querySelectorAll('[data-drawn]').length") == plots
+        parts_tab.go(case)
+        parts_tab.until(f"document.getElementById({case!r})?.checkVisibility()")
+        parts_tab.until(BUILT)
+        assert shown(parts_tab) == [case]
+        assert parts_tab.run("document.querySelectorAll('[data-drawn]').length") == plots
     for view, plots in ((SYSTEM, 1), (DIAGNOSIS, 3)):
-        many.go(view)
-        many.until(f"document.getElementById({view!r})?.checkVisibility()")
-        many.until(BUILT)
-        assert many.run("document.querySelectorAll('[data-drawn]').length") == plots
-    for view in many.run(
+        parts_tab.go(view)
+        parts_tab.until(f"document.getElementById({view!r})?.checkVisibility()")
+        parts_tab.until(BUILT)
+        assert parts_tab.run("document.querySelectorAll('[data-drawn]').length") == plots
+    for view in parts_tab.run(
         "[...document.querySelectorAll('header nav a')].map((a) => a.hash.slice(1))"
     ):
-        many.go(view)
-        many.until(f"document.getElementById({view!r})?.checkVisibility()")
-    asked = parts_read(many)
-    assert len(asked) == len(set(asked))
-    assert {*asked} < {file.name for file in folder_of(written).iterdir()}
-    sound(many, written)
+        parts_tab.go(view)
+        parts_tab.until(f"document.getElementById({view!r})?.checkVisibility()")
+    files = parts_read(parts_tab)
+    assert len(files) == len(set(files))
+    assert {*files} < {file.name for file in folder_of(written).iterdir()}
+    sound(parts_tab, written)
 
 
 @needs_browser
-def test_a_permalink_reads_its_own_file_and_the_way_back_none(many: Tab, written: Path) -> None:
-    many.open(f"{written.as_uri()}#{BOTH}")
-    assert shown(many) == [BOTH]
-    many.until(BUILT)
-    read = parts_read(many)
+def test_permalink_reads_one_file_and_back_reads_none(parts_tab: Tab, written: Path) -> None:
+    parts_tab.open(f"{written.as_uri()}#{BOTH}")
+    assert shown(parts_tab) == [BOTH]
+    parts_tab.until(BUILT)
+    read = parts_read(parts_tab)
     assert 1 <= len(read) <= 3, "its own, and those of the engines over it"
-    many.go("overview")
-    many.until("document.querySelector('#overview').checkVisibility()")
-    many.run("history.back()")
-    many.until(f"document.getElementById('{BOTH}').checkVisibility()")
-    assert parts_read(many) == read
-    sound(many, written)
+    parts_tab.go("overview")
+    parts_tab.until("document.querySelector('#overview').checkVisibility()")
+    parts_tab.run("history.back()")
+    parts_tab.until(f"document.getElementById('{BOTH}').checkVisibility()")
+    assert parts_read(parts_tab) == read
+    sound(parts_tab, written)
 
 
 @needs_browser
-def test_a_file_that_is_not_there_is_told_and_can_be_put_back(many: Tab, written: Path) -> None:
+def test_missing_file_is_reported_and_can_be_restored(parts_tab: Tab, written: Path) -> None:
     folder = folder_of(written)
     folder.rename(folder.with_name("elsewhere"))
-    many.open(f"{written.as_uri()}#{CASE}")
-    assert shown(many) == ["overview"]
-    told = many.run("document.getElementById('missing').innerText")
-    assert told.startswith("The file index.parts/")
-    assert told.endswith(".js can't be read; keep it together with this page.")
+    parts_tab.open(f"{written.as_uri()}#{CASE}")
+    assert shown(parts_tab) == ["overview"]
+    message = parts_tab.run("document.getElementById('missing').innerText")
+    assert message.startswith("The file index.parts/")
+    assert message.endswith(".js can't be read; keep it together with this page.")
     folder.with_name("elsewhere").rename(folder)
-    many.go("overview")
-    many.go(CASE)
-    many.until(f"document.getElementById({CASE!r})?.checkVisibility()")
+    parts_tab.go("overview")
+    parts_tab.go(CASE)
+    parts_tab.until(f"document.getElementById({CASE!r})?.checkVisibility()")
 
 
 @needs_browser
-def test_of_many_rows_some_are_shown_until_all_are_asked_for(
+def test_long_table_is_shortened_until_all_rows_are_requested(
     browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report, "ROWS", 4)
@@ -154,7 +154,7 @@ def test_of_many_rows_some_are_shown_until_all_are_asked_for(
         first = rows(tab)
         tab.run(worst)
         assert len(rows(tab)) == 4
-        assert rows(tab) != first, "others are the first where the order is another"
+        assert rows(tab) != first, "another order puts other cases first"
         tab.run("document.getElementById('all').click()")
         assert len(rows(tab)) == count
         assert not tab.run("document.getElementById('all').checkVisibility()")
@@ -164,7 +164,7 @@ def test_of_many_rows_some_are_shown_until_all_are_asked_for(
         assert len(tab.run(ALL)) == count, "nobody without scripts could ask for more"
 
 
-def test_a_second_report_forgets_files_of_the_first(
+def test_second_report_removes_files_of_the_first(
     written: Path, troubled: Results, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = {file.name for file in folder_of(written).iterdir()}
@@ -181,7 +181,7 @@ def test_a_second_report_forgets_files_of_the_first(
     assert (folder_of(written) / "notes.txt").read_text() == "somebody's own"
 
 
-def test_what_can_not_be_written_leaves_the_old_page_and_its_files(
+def test_failed_write_keeps_the_old_page_and_files(
     written: Path, troubled: Results, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(**_: object) -> str:

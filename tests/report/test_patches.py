@@ -1,4 +1,4 @@
-"""What is to be changed, as a diff that can be applied."""
+"""Proposed changes as diffs that can be applied."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SIDECAR = "[settings]\nstep = 0.01\ngravity = [0, 0, -9.8]"
 
 
 def located(address: str, file: Path, text: str) -> SourceLine:
-    """A number with its bytes."""
+    """Return a number's line with its byte range."""
     return source_line(find_in(text.encode(), file, [address])[address])
 
 
@@ -50,17 +50,17 @@ def patched(*edits: ProposedChange, text: str = URDF) -> str:
 
 
 MASS = edit("link[rod]/inertial/mass@value", "0.8")
-(AT,) = MASS.locations
+(LINE,) = MASS.locations
 
 
-def test_a_patch_changes_the_number_and_nothing_else() -> None:
-    told = patched(MASS)
-    assert told.startswith("--- a/models/disc/robot.urdf\n+++ b/models/disc/robot.urdf\n@@ -1,7 ")
-    assert lines_of(told) == ('- <mass value="0.9"/>', '+ <mass value="0.8"/>')
+def test_patch_changes_only_the_number() -> None:
+    patch = patched(MASS)
+    assert patch.startswith("--- a/models/disc/robot.urdf\n+++ b/models/disc/robot.urdf\n@@ -1,7 ")
+    assert lines_of(patch) == ('- <mass value="0.9"/>', '+ <mass value="0.8"/>')
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
-def test_git_applies_a_patch_of_a_file_and_of_its_sidecar_without_a_last_newline(
+def test_git_applies_patch_of_file_and_sidecar_without_final_newline(
     tmp_path: Path,
 ) -> None:
     folder = tmp_path / "models" / "disc"
@@ -70,15 +70,17 @@ def test_git_applies_a_patch_of_a_file_and_of_its_sidecar_without_a_last_newline
     where = located("settings.gravity[2]", Path("models/disc/robot.urdf.toml"), SIDECAR)
     subject = ("sidecar:settings.gravity[2]",)
     gravity = ProposedChange(subject=subject, locations=(where,), old=-9.8, new="-9.81")
-    told = patched(MASS, gravity)
-    subprocess.run(["git", "apply", "-"], input=told, text=True, cwd=tmp_path, check=True)
+    patch = patched(MASS, gravity)
+    subprocess.run(["git", "apply", "-"], input=patch, text=True, cwd=tmp_path, check=True)
     assert (folder / "robot.urdf").read_text() == URDF.replace("0.9", "0.8")
     assert (folder / "robot.urdf.toml").read_text() == SIDECAR.replace("-9.8]", "-9.81]")
 
 
-def test_of_equal_numbers_in_a_line_the_one_that_is_meant_is_changed() -> None:
-    one = edit("link[rod]/inertial/inertia@iyy", "0.03")
-    assert lines_of(patched(one))[1] == ('+ <inertia ixx="0.024" iyy="0.03" izz="0.0001" ixy="0"/>')
+def test_patch_distinguishes_equal_numbers_in_a_line() -> None:
+    single = edit("link[rod]/inertial/inertia@iyy", "0.03")
+    assert lines_of(patched(single))[1] == (
+        '+ <inertia ixx="0.024" iyy="0.03" izz="0.0001" ixy="0"/>'
+    )
     both = edit(("link[rod]/inertial/inertia@ixx", "link[rod]/inertial/inertia@iyy"), "0.03")
     assert 'ixx="0.03" iyy="0.03" izz="0.0001"' in lines_of(patched(both))[1]
 
@@ -86,34 +88,34 @@ def test_of_equal_numbers_in_a_line_the_one_that_is_meant_is_changed() -> None:
 @pytest.mark.parametrize(
     "uncertain",
     [
-        replace(MASS, locations=(SourceLine(file=AT.file, line=4, span=AT.span, text="0.7"),)),
+        replace(MASS, locations=(SourceLine(file=LINE.file, line=4, span=LINE.span, text="0.7"),)),
         replace(
-            MASS, locations=(SourceLine(file=AT.file, line=99, span=(9000, 9003), text="0.9"),)
+            MASS, locations=(SourceLine(file=LINE.file, line=99, span=(9000, 9003), text="0.9"),)
         ),
-        replace(MASS, locations=(SourceLine(file=AT.file, line=4),)),
-        replace(MASS, locations=(SourceLine(file="other.urdf", span=AT.span, text="0.9"),)),
-        replace(MASS, locations=(AT, SourceLine(file=AT.file, line=4))),
+        replace(MASS, locations=(SourceLine(file=LINE.file, line=4),)),
+        replace(MASS, locations=(SourceLine(file="other.urdf", span=LINE.span, text="0.9"),)),
+        replace(MASS, locations=(LINE, SourceLine(file=LINE.file, line=4))),
     ],
 )
-def test_what_is_not_certain_makes_no_patch_at_all(uncertain: ProposedChange) -> None:
-    """Another number stands there, no such bytes, no bytes known, another file, one of two."""
+def test_uncertain_change_makes_no_patch(uncertain: ProposedChange) -> None:
+    """Reject a changed number, a wrong or missing byte range, another file, or a partial fix."""
     assert patched(uncertain) == ""
     other = edit("link[rod]/inertial/origin@xyz[2]", "-0.4")
     assert patched(other, uncertain) == ""
 
 
-def test_an_absolute_path_becomes_a_name_that_can_be_applied_where_the_file_lies() -> None:
-    where = SourceLine(file="/models/disc/robot.urdf", line=4, span=AT.span, text="0.9")
-    told = patched(replace(MASS, locations=(where,)))
-    assert told.startswith("--- a/robot.urdf\n+++ b/robot.urdf\n")
+def test_absolute_path_becomes_a_file_name() -> None:
+    where = SourceLine(file="/models/disc/robot.urdf", line=4, span=LINE.span, text="0.9")
+    patch = patched(replace(MASS, locations=(where,)))
+    assert patch.startswith("--- a/robot.urdf\n+++ b/robot.urdf\n")
 
 
 NAMES = ["rod is long", "a | b", 'it\'s "so"', "Stäbchen 杆", "x\u2028y", "::error::x", "50% [b]"]
-"""Names that separators of sentences, tables, markup and lines stand in."""
+"""Names with separators of sentences, tables, markup and lines."""
 
 
 class _Buttons(HTMLParser):
-    """What the buttons of a page copy."""
+    """The texts that the buttons of a page copy."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -125,13 +127,13 @@ class _Buttons(HTMLParser):
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_page_copies_a_patch_that_applies_whatever_a_body_is_called(
+def test_copied_patch_applies_with_unusual_names(
     name: str, end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "my models" / "robot.urdf"
     file.parent.mkdir()
-    # Of two links with one mass; an address quotes none of the characters.
+    # Two links have the same mass; an address quotes none of the characters.
     text = URDF.replace('"rod"', quoteattr(name)).replace("<robot>", "<robot>\n<!-- 0.9 -->")
     text = text.replace("\n", end)
     file.write_bytes(text.encode())
@@ -142,12 +144,12 @@ def test_a_page_copies_a_patch_that_applies_whatever_a_body_is_called(
         replacement="0.8",
     )  # fmt: skip
     folder = str(file.parent)
-    one = model(wrong, model="robot.urdf", folder=folder, text=text)
-    seen = results(case(Outcome.AGREES, model="robot.urdf", folder=folder), models=(one,))
+    wrong_model = model(wrong, model="robot.urdf", folder=folder, text=text)
+    seen = results(case(Outcome.AGREES, model="robot.urdf", folder=folder), models=(wrong_model,))
     write_report(tmp_path / "index.html", seen)
     page = _Buttons()
     page.feed((tmp_path / "index.html").read_bytes().decode())
-    (patch,) = {one for one in page.texts if one.startswith("--- ")}
+    (patch,) = {copied for copied in page.texts if copied.startswith("--- ")}
     for tool in (["git", "apply", "-"], ["patch", "--binary", "-p1"]):
         if shutil.which(tool[0]) is None:
             continue

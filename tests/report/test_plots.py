@@ -1,4 +1,4 @@
-"""The plots themselves: ticks, thinned curves, zooming, moving, and saved files."""
+"""Plots: ticks, thinned curves, zooming, panning, and saved files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,16 @@ from physics_crosscheck.harness.render import html as report
 from tests.report.chromium import Browser, Tab
 from tests.report.page import Page
 from tests.report.samples import results
-from tests.report.steps import BOTH, BUILT, CASE, DIAGNOSIS, PLOTS, TALL, look, needs_browser
+from tests.report.steps import (
+    BOTH,
+    BUILT,
+    CASE,
+    DIAGNOSIS,
+    PLOTS,
+    TALL,
+    needs_browser,
+    show_first_plot,
+)
 from tests.report.test_browser import RANGES, TIPS, box
 
 pytestmark = needs_browser
@@ -29,7 +38,7 @@ WIDTH = 600
 
 @pytest.fixture(scope="module")
 def drawing(browser: Browser) -> Iterator[Tab]:
-    """A blank page with the functions that draw plots."""
+    """Return a blank page with the functions that draw plots."""
     with browser.tab() as tab:
         source = "".join((SCRIPT / f"{name}.js").read_text("utf-8") for name in ("axes", "plots"))
         tab.run(f"{source};null")
@@ -37,16 +46,16 @@ def drawing(browser: Browser) -> Iterator[Tab]:
 
 
 def ticks(drawing: Tab, kind: str, low: float, high: float, room: int = 60) -> dict[str, float]:
-    """The ticks of an axis of 600 pixels whose labels take some pixels each: label to value."""
-    found = drawing.run(
+    """Return labels and values of the ticks of a 600-pixel axis with labels of some width."""
+    pairs = drawing.run(
         f"""(() => {{ const axis = new Axis({kind!r}, new Range({low}, {high}));
         axis.length = {WIDTH};
         return axis.ticks((at) => [at - {room / 2}, at + {room / 2}])
           .map(({{value, label}}) => [label, value]); }})()"""
     )
-    assert len({label for label, _ in found}) == len(found), "no label stands twice"
-    assert all(low <= value <= high for _, value in found)
-    return dict(found)
+    assert len({label for label, _ in pairs}) == len(pairs), "a label is repeated"
+    assert all(low <= value <= high for _, value in pairs)
+    return dict(pairs)
 
 
 @pytest.mark.parametrize(
@@ -62,9 +71,9 @@ def ticks(drawing: Tab, kind: str, low: float, high: float, room: int = 60) -> d
     ],
 )
 def test_linear_ticks_are_round_numbers(drawing: Tab, low: float, high: float, labels: str) -> None:
-    found = ticks(drawing, "linear", low, high, room=75)
-    assert list(found) == labels.split()
-    for label, value in found.items():
+    drawn = ticks(drawing, "linear", low, high, room=75)
+    assert list(drawn) == labels.split()
+    for label, value in drawn.items():
         digits = label.replace("−", "-").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
         head, _, raised = digits.partition("×10")
         if digits == "106":
@@ -90,14 +99,12 @@ def test_logarithmic_ticks_are_decades_or_one_two_and_five(
 
 
 @pytest.mark.parametrize("decades", [0.1, 0.5, 1, 1.5, 2, 3, 7, 15, 40, 300])
-def test_logarithmic_labels_stay_apart_however_many_decades_there_are(
-    drawing: Tab, decades: float
-) -> None:
+def test_logarithmic_labels_do_not_overlap(drawing: Tab, decades: float) -> None:
     for room in (24, 60, 110):
         low, high = 3e-160, 3e-160 * 10**decades
-        found = list(ticks(drawing, "log", low, high, room).values())
-        places = np.array([math.log10(value / low) / decades * WIDTH for value in found])
-        assert 2 <= len(found) <= WIDTH / room + 1
+        drawn = list(ticks(drawing, "log", low, high, room).values())
+        places = np.array([math.log10(value / low) / decades * WIDTH for value in drawn])
+        assert 2 <= len(drawn) <= WIDTH / room + 1
         assert np.all(np.diff(places) >= room - 1e-6)
 
 
@@ -116,17 +123,17 @@ def test_logarithmic_labels_stay_apart_however_many_decades_there_are(
         ("2026-11-19T02:00:01", "2026-11-19T02:00:40", "19 Nov 2026 02:00:15|19 Nov 02:00:30"),
     ],
 )
-def test_dates_are_days_months_or_years_and_no_two_labels_are_equal(
+def test_date_labels_are_unique_days_months_or_years(
     drawing: Tab, start: str, end: str, labels: str
 ) -> None:
     low, high = (
         1e3 * datetime.fromisoformat(time).replace(tzinfo=UTC).timestamp() for time in (start, end)
     )
-    found = ticks(drawing, "date", low, high, room=110)
-    assert "|".join(found) == labels
+    drawn = ticks(drawing, "date", low, high, room=110)
+    assert "|".join(drawn) == labels
 
 
-def test_a_thinned_curve_keeps_its_extremes_in_every_column_of_pixels(drawing: Tab) -> None:
+def test_thinned_curve_keeps_extremes_in_every_pixel_column(drawing: Tab) -> None:
     rng = np.random.default_rng(5)
     x = np.linspace(-50.0, WIDTH + 50.0, 40_000)
     y = rng.normal(size=x.size).cumsum()
@@ -158,25 +165,27 @@ def settle(tab: Tab) -> None:
 
 def shown_part(tab: Tab, place: int = 0) -> list[float]:
     settle(tab)
-    at = box(tab, place)
-    return [at[name] for name in ("start", "end", "low", "high")]
+    frame = box(tab, place)
+    return [frame[name] for name in ("start", "end", "low", "high")]
 
 
 @pytest.fixture
 def case(seen: Tab, address: str) -> Tab:
-    """A case's page with its leading plots drawn: of a motion, and of an error, over time."""
+    """Return a case's page with its leading plots of motion and error over time drawn."""
     seen.open(f"{address}#{BOTH}")
-    look(seen)
+    show_first_plot(seen)
     seen.until(f"{PLOTS}.length >= 2")
     seen.run("document.querySelector('.view.current [aria-label=\"Reset the zoom\"]').click()")
     return seen
 
 
-def test_a_box_zooms_both_axes_and_reset_shows_all_again(case: Tab) -> None:
+def test_box_zooms_both_axes_and_reset_restores_them(case: Tab) -> None:
     whole = shown_part(case)
-    at = box(case)
-    place = [at["left"] + 0.25 * at["width"], at["top"] + 0.2 * at["height"]]
-    case.drag((place[0], place[1]), (place[0] + 0.5 * at["width"], place[1] + 0.4 * at["height"]))
+    frame = box(case)
+    place = [frame["left"] + 0.25 * frame["width"], frame["top"] + 0.2 * frame["height"]]
+    case.drag(
+        (place[0], place[1]), (place[0] + 0.5 * frame["width"], place[1] + 0.4 * frame["height"])
+    )
     wide, high = whole[1] - whole[0], whole[3] - whole[2]
     expected = [whole[0] + 0.25 * wide, whole[0] + 0.75 * wide]
     expected += [whole[3] - 0.6 * high, whole[3] - 0.2 * high]
@@ -189,20 +198,20 @@ def test_a_box_zooms_both_axes_and_reset_shows_all_again(case: Tab) -> None:
     assert all(shown == whole[:2] for shown in case.run(RANGES))
 
 
-def test_a_flat_drag_zooms_one_axis_and_a_double_click_resets(case: Tab) -> None:
+def test_flat_drag_zooms_one_axis_and_double_click_resets(case: Tab) -> None:
     whole = shown_part(case)
-    at = box(case)
-    y = at["top"] + at["height"] / 2
-    case.drag((at["left"] + 100, y), (at["left"] + 200, y + 2))
+    frame = box(case)
+    y = frame["top"] + frame["height"] / 2
+    case.drag((frame["left"] + 100, y), (frame["left"] + 200, y + 2))
     now = shown_part(case)
     assert now[1] - now[0] < 0.5 * (whole[1] - whole[0])
     assert now[2:] == whole[2:]
     for count in (1, 2):
         for kind in ("mousePressed", "mouseReleased"):
-            case.mouse(kind, at["left"] + 50, y, button="left", clickCount=count)
+            case.mouse(kind, frame["left"] + 50, y, button="left", clickCount=count)
     assert shown_part(case) == whole
-    case.drag((at["left"] + 100, y), (at["left"] + 102, y + 2))
-    assert shown_part(case) == whole, "a click is no box"
+    case.drag((frame["left"] + 100, y), (frame["left"] + 102, y + 2))
+    assert shown_part(case) == whole, "a click must not zoom"
 
 
 def wheel(tab: Tab, x: float, y: float, **more: Any) -> None:
@@ -210,24 +219,24 @@ def wheel(tab: Tab, x: float, y: float, **more: Any) -> None:
     tab.mouse("mouseWheel", x, y, deltaX=0, deltaY=-120, **more)
 
 
-def test_panning_moves_and_the_wheel_zooms_only_where_it_is_asked_to(case: Tab) -> None:
+def test_panning_moves_and_wheel_zooms_only_when_enabled(case: Tab) -> None:
     whole = shown_part(case)
-    at = box(case)
-    middle = (at["left"] + at["width"] / 2, at["top"] + at["height"] / 2)
+    frame = box(case)
+    middle = (frame["left"] + frame["width"] / 2, frame["top"] + frame["height"] / 2)
     wheel(case, *middle)
     assert shown_part(case) == whole, "the page scrolls instead"
     pan = "document.querySelector('.view.current .tools [aria-pressed]')"
     case.run(f"{pan}.focus()")
     case.key(" ", 32)
     case.until(f"{pan}.ariaPressed === 'true'")
-    at = box(case)
-    middle = (at["left"] + at["width"] / 2, at["top"] + at["height"] / 2)
+    frame = box(case)
+    middle = (frame["left"] + frame["width"] / 2, frame["top"] + frame["height"] / 2)
     wheel(case, *middle)
     case.until(f"{RANGES}[0][0] > {whole[0]} + 0.1")
     now = shown_part(case)
     assert now[1] - now[0] == pytest.approx((whole[1] - whole[0]) / 1.2)
     assert now[0] + now[1] == pytest.approx(whole[0] + whole[1], abs=0.05), "about the pointer"
-    case.drag(middle, (middle[0] + 0.1 * at["width"], middle[1]))
+    case.drag(middle, (middle[0] + 0.1 * frame["width"], middle[1]))
     moved = shown_part(case)
     assert moved[1] - moved[0] == pytest.approx(now[1] - now[0])
     assert now[0] - moved[0] == pytest.approx(0.1 * (now[1] - now[0]), rel=0.05)
@@ -235,10 +244,10 @@ def test_panning_moves_and_the_wheel_zooms_only_where_it_is_asked_to(case: Tab) 
     assert case.run(f"{pan}.ariaPressed") == "false"
 
 
-def test_with_shift_a_drag_moves_the_plot(case: Tab) -> None:
+def test_shift_drag_moves_the_plot(case: Tab) -> None:
     whole = shown_part(case)
-    at = box(case)
-    start = (at["left"] + 100, at["top"] + 50)
+    frame = box(case)
+    start = (frame["left"] + 100, frame["top"] + 50)
     case.mouse("mouseMoved", *start)
     case.mouse("mousePressed", *start, button="left", clickCount=1, buttons=1, modifiers=8)
     end = (start[0] + 60, start[1])
@@ -249,7 +258,7 @@ def test_with_shift_a_drag_moves_the_plot(case: Tab) -> None:
     assert now[0] < whole[0]
 
 
-def test_buttons_zoom_from_the_keyboard_and_have_names(case: Tab) -> None:
+def test_buttons_have_names_and_zoom_from_the_keyboard(case: Tab) -> None:
     whole = shown_part(case)
     buttons = "[...document.querySelector('.view.current .tools').querySelectorAll('button')]"
     names = case.run(f"{buttons}.map((button) => button.ariaLabel)")
@@ -273,12 +282,15 @@ def hover(tab: Tab, x: float, y: float, count: int) -> None:
     tab.browser.until(shown, f"{count} tips")
 
 
-def test_tips_of_curves_that_lie_on_each_other_do_not_cover_each_other(case: Tab) -> None:
-    at = box(case)
+def test_tips_of_coincident_curves_do_not_overlap(case: Tab) -> None:
+    frame = box(case)
     for share in (0.011, 0.5, 0.98):
-        t = at["start"] + share * (at["end"] - at["start"])
-        x = at["left"] + share * at["width"]
-        y = at["top"] + (at["high"] - math.sin(t)) / (at["high"] - at["low"]) * at["height"]
+        t = frame["start"] + share * (frame["end"] - frame["start"])
+        x = frame["left"] + share * frame["width"]
+        y = (
+            frame["top"]
+            + (frame["high"] - math.sin(t)) / (frame["high"] - frame["low"]) * frame["height"]
+        )
         hover(case, x, y, count=2)
         (a, b) = case.run("""[...document.querySelectorAll(".tip")]
           .map((tip) => tip.getBoundingClientRect())
@@ -290,22 +302,22 @@ def test_tips_of_curves_that_lie_on_each_other_do_not_cover_each_other(case: Tab
     case.until(f"{TIPS}.length === 0")
 
 
-def test_the_tip_of_a_hypothesis_names_it(seen: Tab, address: str) -> None:
+def test_tip_of_hypothesis_names_it(seen: Tab, address: str) -> None:
     seen.open(f"{address}#{DIAGNOSIS}")
-    look(seen)
-    at = box(seen)
+    show_first_plot(seen)
+    frame = box(seen)
     share = seen.run(f"{PLOTS}[0].x.scale()(0.4)")
-    hover(seen, at["left"] + share, at["top"] + at["height"] * 2.5 / 3, count=1)
+    hover(seen, frame["left"] + share, frame["top"] + frame["height"] * 2.5 / 3, count=1)
     assert seen.run(TIPS)[0].split() == ["mass", "x:", "0.4"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_plot_is_saved_as_a_file_that_stands_alone(
+def test_plot_is_saved_as_a_standalone_file(
     seen: Tab, address: str, tmp_path: Path, scheme: str
 ) -> None:
     seen.window(scheme=scheme)
     seen.open(f"{address}#{CASE}")
-    look(seen)
+    show_first_plot(seen)
     allowed = {"behavior": "allow", "downloadPath": str(tmp_path)}
     seen.browser.send("Browser.setDownloadBehavior", **allowed)
     for ending in ("SVG", "PNG"):
@@ -329,12 +341,12 @@ def test_a_plot_is_saved_as_a_file_that_stands_alone(
     assert f"fill: {paper}" in text
     picture = files[1].read_bytes()
     assert picture.startswith(b"\x89PNG")
-    wide, high = (int.from_bytes(picture[at : at + 4]) for at in (16, 20))
+    wide, high = (int.from_bytes(picture[start : start + 4]) for start in (16, 20))
     assert [wide, high] == [2 * value for value in size]
 
 
-def test_the_page_draws_each_point_at_its_place(seen: Tab, address: str) -> None:
-    """The path of the reference, read back, is the data of the table."""
+def test_page_draws_each_point_at_its_place(seen: Tab, address: str) -> None:
+    """Compare the drawn path of the reference with the data of the table."""
     seen.window(height=TALL)
     seen.open(f"{address}#{CASE}")
     seen.until(BUILT)
@@ -344,22 +356,22 @@ def test_the_page_draws_each_point_at_its_place(seen: Tab, address: str) -> None
       return [layer.path.getAttribute("d"), layer.curve.x, layer.curve.y];
     }})()""")
     drawn = np.array([point.split(",") for point in path[1:].split("L")], dtype=float)
-    at = box(seen)
-    time_shown = at["start"] + drawn[:, 0] / at["width"] * (at["end"] - at["start"])
-    value = at["high"] - drawn[:, 1] / at["height"] * (at["high"] - at["low"])
+    frame = box(seen)
+    time_shown = frame["start"] + drawn[:, 0] / frame["width"] * (frame["end"] - frame["start"])
+    value = frame["high"] - drawn[:, 1] / frame["height"] * (frame["high"] - frame["low"])
     expected = np.interp(time_shown, x, y)
     np.testing.assert_allclose(value, expected, atol=0.01)
     assert max(value) == pytest.approx(max(y), abs=1e-3)
 
 
-def test_a_page_without_plots_carries_no_script_for_them() -> None:
+def test_page_without_plots_has_no_plot_script() -> None:
     bare, whole = (Page(report.render(results(count))) for count in (0, 1))
     (script,) = (text for text in bare.contents["script"] if "overview()" in text)
     assert not any(f"class {name}" in script for name in ("Plot", "Axis", "Clock"))
     assert any("class Plot" in text for text in whole.contents["script"])
 
 
-def test_a_page_without_plots_runs(browser: Browser, tmp_path: Path) -> None:
+def test_page_without_plots_runs(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "index.html"
     report.write_report(path, results(0))
     with browser.tab() as tab:

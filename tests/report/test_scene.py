@@ -1,4 +1,4 @@
-"""Bodies in 3-D: where they are, which of them glows, and which lines of the file are theirs."""
+"""Bodies in 3-D: their positions, highlights, and lines in the file."""
 
 from __future__ import annotations
 
@@ -46,28 +46,28 @@ def open_scene(browser: Browser) -> Iterator[Tab]:
 
 @pytest.fixture
 def scene_tab(open_scene: Tab, planted: Planted) -> Iterator[Tab]:
-    """The overview with the picture as it opens."""
+    """Return the overview with the picture in its initial state."""
     open_scene.send("Page.bringToFront")
     open_scene.window(1440, 900)
-    # No loop, which would keep a busy machine drawing.
+    # Do not loop, which would keep a busy machine drawing.
     still = {"name": "prefers-reduced-motion", "value": "reduce"}
     open_scene.send("Emulation.setEmulatedMedia", features=[still])
     open_scene.open(f"{planted[0].as_uri()}#overview")
     open_scene.until(DRAWN)
     yield open_scene
-    # Software rendering has performance warnings of its own.
+    # Software rendering emits performance warnings.
     open_scene.problems = [one for one in open_scene.problems if "GL Driver Message" not in one]
     sound(open_scene, planted[0].as_uri())
 
 
 def poses(tab: Tab) -> Array:
-    """Positions of all bodies, by the equations and in the engine, (2, bodies, 3)."""
-    found = tab.run(f"{BOX}.viewer.poses().map((layer) => layer.map((pose) => pose.slice(0, 3)))")
-    return np.array(found)
+    """Return positions of all bodies, by the equations and in the engine, (2, bodies, 3)."""
+    layers = tab.run(f"{BOX}.viewer.poses().map((layer) => layer.map((pose) => pose.slice(0, 3)))")
+    return np.array(layers)
 
 
 def expected(planted: Planted, state: int, time: float, factor: float) -> Array:
-    """The same by the tree's kinematics."""
+    """Return the same positions from the tree's kinematics."""
     _, tree, states, apart = planted
     n = tree.dof
     start, rates = states.start[state], (states.end - states.start)[state] / 1e-3
@@ -78,19 +78,19 @@ def expected(planted: Planted, state: int, time: float, factor: float) -> Array:
 
 
 @needs_browser
-def test_link_line_and_fix_are_on_the_first_screen(scene_tab: Tab) -> None:
+def test_first_screen_has_link_line_and_fix(scene_tab: Tab) -> None:
     text = scene_tab.run(VISIBLE)
     line = next(i for i, row in enumerate(humanoid().splitlines(), 1) if "2.97" in row)
     for wanted in (WRONG, f"humanoid.xml:{line}", "2.97", "Copy patch"):
         assert wanted in text, wanted
-    # The link that glows is the one whose lines the cause names, and no other.
+    # Only the link with the lines that the cause names is highlighted.
     lit = f"[...{BOX}.viewer.lit].map((i) => {BOX}.viewer.data.bodies[i].name)"
     assert scene_tab.run(lit) == [WRONG]
     assert scene_tab.run(f"{BOX}.dataset.drawing") == ("solids" if three_code() else "projection")
 
 
 @needs_browser
-def test_a_long_path_fits_on_a_phone(scene_tab: Tab) -> None:
+def test_long_path_fits_on_a_phone(scene_tab: Tab) -> None:
     scene_tab.window(390, 844)
     for view in ("overview", CASE):
         scene_tab.go(view)
@@ -101,23 +101,21 @@ def test_a_long_path_fits_on_a_phone(scene_tab: Tab) -> None:
 
 
 @needs_browser
-def test_time_and_amplifier_move_bodies_as_the_kinematics_say(
-    scene_tab: Tab, planted: Planted
-) -> None:
-    """A wrong axis, parent, order of rotations or share of the error moves a hand elsewhere."""
+def test_bodies_follow_kinematics_with_time_and_amplifier(scene_tab: Tab, planted: Planted) -> None:
+    """Compare positions, which a wrong axis, parent, rotation order or error share changes."""
     assert scene_tab.run(f"{BOX}.viewer.state") == WORST
     for state, time, power in ((WORST, 0.05, 1), (0, 0.02, 0), (STATES - 1, 0.1, 2.5)):
         scene_tab.run(f"{BOX}.viewer.set({{ playing: false, state: {state}, time: {time}, "
                       f"power: {power} }})")  # fmt: skip
         reference, engine = poses(scene_tab)
-        for found, factor in ((reference, 0.0), (engine, 10.0**power)):
+        for actual, factor in ((reference, 0.0), (engine, 10.0**power)):
             wanted = expected(planted, state, time, factor)
-            assert np.max(np.abs(found - wanted)) < 1e-5
+            assert np.max(np.abs(actual - wanted)) < 1e-5
     assert np.max(np.abs(engine - reference)) > 1e-3
 
 
 @needs_browser
-def test_lines_and_links_show_each_other(scene_tab: Tab, planted: Planted) -> None:
+def test_lines_and_links_highlight_each_other(scene_tab: Tab, planted: Planted) -> None:
     scene_tab.go(CASE)
     scene_tab.until(DRAWN)
     names = list(planted[1].frames)
@@ -149,9 +147,7 @@ def test_lines_and_links_show_each_other(scene_tab: Tab, planted: Planted) -> No
 
 
 @needs_browser
-def test_the_heat_map_and_the_sliders_work_by_mouse_and_by_keyboard(
-    scene_tab: Tab, planted: Planted
-) -> None:
+def test_heat_map_and_sliders_work_by_mouse_and_keyboard(scene_tab: Tab, planted: Planted) -> None:
     scene_tab.go(CASE)
     scene_tab.until(DRAWN)
     scene_tab.run(f"""{BOX}.querySelector('[data-row="4"][data-state="2"]')
@@ -175,9 +171,7 @@ def test_the_heat_map_and_the_sliders_work_by_mouse_and_by_keyboard(
 
 @pytest.mark.slow
 @needs_browser
-def test_keys_alone_lead_to_the_wrong_link_its_line_and_all_controls(
-    scene_tab: Tab, planted: Planted
-) -> None:
+def test_keyboard_reaches_wrong_link_line_and_controls(scene_tab: Tab, planted: Planted) -> None:
     viewer = f"{BOX}.viewer"
     scene_tab.changed = True
     scene_tab.open(planted[0].as_uri())
@@ -197,7 +191,7 @@ def test_keys_alone_lead_to_the_wrong_link_its_line_and_all_controls(
         before = scene_tab.run(f"{viewer}.{value}")
         scene_tab.key("ArrowLeft", 37)
         assert change * (scene_tab.run(f"{viewer}.{value}") - before) > 0, label
-    # The first link to choose is the one that the cause names.
+    # The first link in the list is the one that the cause names.
     tab_to(scene_tab, "[aria-label='Link']")
     scene_tab.key("ArrowDown", 40)
     scene_tab.until(f"{viewer}.data.bodies[{viewer}.chosen]?.name === '{WRONG}'")
@@ -228,7 +222,7 @@ def test_without_webgl_a_projection_is_drawn(browser: Browser, planted: Planted)
         sound(tab, planted[0].as_uri())
 
 
-def test_a_page_without_bodies_carries_no_code_for_them(planted: Planted, tmp_path: Path) -> None:
+def test_page_without_bodies_has_no_scene_code(planted: Planted, tmp_path: Path) -> None:
     from tests.report.samples import results
 
     write_report(tmp_path / "index.html", results(1))
@@ -239,7 +233,7 @@ def test_a_page_without_bodies_carries_no_code_for_them(planted: Planted, tmp_pa
 
 
 def test_lines_of_bodies_in_each_format() -> None:
-    """A joint of a URDF belongs to its child link; a body of an MJCF ends where the next begins."""
+    """Assign URDF joints to child links, and end an MJCF body where the next begins."""
     urdf = "<robot>\n<link name='a'/>\n<link name='b'>\n</link>\n"
     urdf += "<joint name='j'>\n<parent link='a'/>\n<child link='b'/>\n</joint>\n</robot>"
     assert body_lines(urdf, "r.urdf", ["a", "b"]) == (((2, 2),), ((3, 4), (5, 8)))
@@ -251,8 +245,8 @@ def test_lines_of_bodies_in_each_format() -> None:
 
 
 @needs_browser
-def test_a_page_that_the_reader_left_holds_no_picture(scene_tab: Tab) -> None:
-    """Browsers lose the oldest of some 16 pictures."""
+def test_closed_page_releases_its_picture(scene_tab: Tab) -> None:
+    """Release pictures, because browsers drop the oldest of about 16."""
     held = "[...document.querySelectorAll('.scene')].filter((box) => box.viewer).length"
     for place in (CASE, "system-system_0"):
         scene_tab.go(place)

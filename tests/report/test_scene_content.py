@@ -69,7 +69,7 @@ def test_meshes_inertias_and_forces_are_drawn(arm_tab: Tab, arm: tuple[Path, Res
     forms = arm_tab.run(f"{BOX}.viewer.around.map((points) => [0, 1, 2].map((i) => "
                         "Math.max(...points.map((point) => point[i]))))")  # fmt: skip
     assert np.allclose(forms[1], (0.05, 0.05, 0.4), atol=1e-5)
-    # The engine's inertia differs, so that it is shown and named.
+    # The engine's inertia differs, so it is shown and named.
     assert arm_tab.run(f"{BOX}.viewer.inertia")
     text = arm_tab.run(f"{BOX}.querySelector('.unequal').textContent")
     assert text == "The engine has another inertia of arm (mass 1.5 kg instead of 1)."
@@ -116,10 +116,10 @@ def test_all_bodies_are_inside_the_first_picture(arm_tab: Tab) -> None:
 
 
 @needs_browser
-def test_a_placeholder_larger_than_the_robot_shows_on_request(
+def test_placeholder_larger_than_the_robot_shows_on_request(
     browser: Browser, arm: tuple[Path, Results], tmp_path: Path
 ) -> None:
-    """It would cover the picture; a cause without a form has a dot, and labels do not overlap."""
+    """Hide it, mark a cause without a shape by a dot, and keep labels from overlapping."""
     (system,), (case,) = arm[1].systems, arm[1].cases
     assert case.by_state is not None
     assert system.scene is not None
@@ -175,7 +175,7 @@ def test_marks_are_where_the_laws_act(arm: tuple[Path, Results]) -> None:
     assert np.any(np.abs(np.array(acting.apart, float)) > 1e-3)
 
 
-def test_a_reduced_mesh_keeps_its_size_and_closes(tmp_path: Path) -> None:
+def test_reduced_mesh_keeps_its_size_and_is_closed(tmp_path: Path) -> None:
     write_arm(tmp_path)
     whole = read_mesh(tmp_path / "part.obj")
     for faces in (92, 40):
@@ -186,9 +186,7 @@ def test_a_reduced_mesh_keeps_its_size_and_closes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("problem", ["missing", "empty", "unreadable"])
-def test_a_mesh_without_content_leaves_the_ellipsoid_and_is_named(
-    tmp_path: Path, problem: str
-) -> None:
+def test_empty_mesh_is_named_and_replaced_by_ellipsoid(tmp_path: Path, problem: str) -> None:
     file = tmp_path / "two.urdf"
     file.write_text(PLAIN_URDF)
     if problem != "missing":

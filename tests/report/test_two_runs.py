@@ -1,4 +1,4 @@
-"""The page of two runs: what moved, linked to both reports."""
+"""The page of two runs: changes with links to both reports."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @needs_browser
-def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address: str) -> None:
+def test_changes_are_shown_with_links_to_both_reports(browser: Browser, address: str) -> None:
     with browser.tab() as tab:
         tab.window(1440, 900)
         tab.send("Page.navigate", url=address)
@@ -68,7 +68,7 @@ def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address:
 
 @pytest.mark.slow
 @needs_browser
-def test_an_accessibility_checker_finds_nothing_serious(browser: Browser, address: str) -> None:
+def test_accessibility_checker_finds_nothing_serious(browser: Browser, address: str) -> None:
     axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
     with browser.tab() as tab:
         tab.send("Page.navigate", url=address)
@@ -79,11 +79,11 @@ def test_an_accessibility_checker_finds_nothing_serious(browser: Browser, addres
             assert tab.run(CHECK) == [], scheme
 
 
-def test_a_run_without_a_report_is_not_linked_and_hostile_names_are_text(tmp_path: Path) -> None:
+def test_run_without_report_is_not_linked_and_names_are_escaped(tmp_path: Path) -> None:
     before = results(1)
     after = hostile("".join(HOSTILE), before)
-    found = diff_runs(before, after)
-    page = Page(render_two_runs(found, tmp_path, (tmp_path / "a", tmp_path / "b")))
+    diff = diff_runs(before, after)
+    page = Page(render_two_runs(diff, tmp_path, (tmp_path / "a", tmp_path / "b")))
     assert {str(attrs["href"]) for tag, attrs in page.elements if tag == "a"} == {"#main"}
     assert not {"script", "img"} & {tag for tag, _ in page.elements}
     assert "<script>alert(1)</script>" in page.text

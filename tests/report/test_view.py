@@ -1,4 +1,4 @@
-"""What the report shows, before it is drawn."""
+"""Content of the report before it is rendered."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def seen(troubled: Results) -> Report:
     return report(troubled)
 
 
-def of(seen: Report, identity: str) -> CaseView:
+def case_view(seen: Report, identity: str) -> CaseView:
     return next(case for case in seen.cases if case.id == identity)
 
 
-def diagnosis_of(found: Results) -> Diagnosis:
-    diagnosis = found.models[0].diagnosis
+def diagnosis_of(run: Results) -> Diagnosis:
+    diagnosis = run.models[0].diagnosis
     assert diagnosis is not None
     return diagnosis
 
@@ -44,21 +44,23 @@ def facts(view: CaseView) -> dict[str, str]:
     return {what: value for _, rows in view.facts for what, value in rows}
 
 
-def test_every_case_is_shown_once_with_an_id_of_its_own(seen: Report, troubled: Results) -> None:
+def test_every_case_is_shown_once_with_a_unique_id(seen: Report, troubled: Results) -> None:
     ids = [case.id for case in seen.cases]
     assert len(ids) == len(set(ids)) == len(troubled.cases)
 
 
-def test_two_folders_with_systems_and_models_of_the_same_name_are_told_apart() -> None:
-    found = results(1)
-    found = replace(
-        found,
-        systems=found.systems + tuple(replace(one, folder="/elsewhere") for one in found.systems),
-        models=found.models + tuple(replace(one, folder="/elsewhere") for one in found.models),
-        cases=found.cases + tuple(replace(one, folder="/elsewhere") for one in found.cases),
+def test_folders_with_equal_names_are_distinguished() -> None:
+    sample = results(1)
+    sample = replace(
+        sample,
+        systems=sample.systems
+        + tuple(replace(entry, folder="/elsewhere") for entry in sample.systems),
+        models=sample.models
+        + tuple(replace(entry, folder="/elsewhere") for entry in sample.models),
+        cases=sample.cases + tuple(replace(entry, folder="/elsewhere") for entry in sample.cases),
     )
-    seen = report(found)
-    assert len({case.id for case in seen.cases}) == len(found.cases)
+    seen = report(sample)
+    assert len({case.id for case in seen.cases}) == len(sample.cases)
     assert [group.name for group in seen.groups] == [
         "system_0 in /models/system_0",
         "system_0 in /elsewhere",
@@ -66,13 +68,13 @@ def test_two_folders_with_systems_and_models_of_the_same_name_are_told_apart() -
     assert len({group.id for group in seen.groups}) == 2
 
 
-def test_a_case_recorded_twice_is_shown_twice() -> None:
-    found = results(1)
-    found = replace(found, cases=(*found.cases, found.cases[0]))
-    assert len({case.id for case in report(found).cases}) == len(found.cases)
+def test_case_recorded_twice_is_shown_twice() -> None:
+    sample = results(1)
+    sample = replace(sample, cases=(*sample.cases, sample.cases[0]))
+    assert len({case.id for case in report(sample).cases}) == len(sample.cases)
 
 
-def test_digits_of_agreement_are_rounded_down_from_the_larger_of_both() -> None:
+def test_agreeing_digits_are_rounded_down_from_the_larger_bound() -> None:
     assert agreeing_digits(7.1e-14, 1.02e-12) == "11.9"
     assert agreeing_digits(1e-3, 1e-12) == "3.0"
     assert agreeing_digits(5.0, 1e-12) == "0.0"
@@ -80,8 +82,8 @@ def test_digits_of_agreement_are_rounded_down_from_the_larger_of_both() -> None:
     assert agreeing_digits(1e-3, None) == "–"
 
 
-def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
-    view = of(seen, "case-system_1/robot.urdf/pybullet/driven")
+def test_facts_of_case_equal_its_record(seen: Report) -> None:
+    view = case_view(seen, "case-system_1/robot.urdf/pybullet/driven")
     assert (view.digits, view.discrepancy, view.uncertainty) == ("11.9", "7.1e-14", "1.0e-12")
     of_it = {what: value.replace("\u00a0", " ") for what, value in facts(view).items()}
     assert of_it["error at dt"] == "0.911 %"
@@ -94,11 +96,11 @@ def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
     assert of_it["f"] == "sin(t)"
 
 
-def test_a_case_shows_what_its_numbers_act_as_beside_what_is_declared() -> None:
-    found, row = results(1), ActingQuantity(subject="floor", quantity="friction", value=0.25)
+def test_case_shows_effective_and_declared_numbers() -> None:
+    sample, row = results(1), ActingQuantity(subject="floor", quantity="friction", value=0.25)
     rigid = replace(row, value=0.3, declared=True, rule="declared, rigid")
     for acting, shown_rows in (((row,), []), ((row, rigid), ["0.25", "0.3 (declared, rigid)"])):
-        view = report(changed_model(found, 0, acting=acting)).cases[0]
+        view = report(changed_model(sample, 0, acting=acting)).cases[0]
         rows = dict(view.facts).get("Acts as", ())
         assert [value for _, value in rows] == shown_rows
 
@@ -111,8 +113,8 @@ def test_cases_come_worst_first(seen: Report) -> None:
     assert seen.absent == ("pybullet",)
 
 
-def test_a_case_without_numbers_shows_none(seen: Report) -> None:
-    absent = of(seen, "case-system_0/mujoco.xml/mujoco/large")
+def test_case_without_numbers_shows_none(seen: Report) -> None:
+    absent = case_view(seen, "case-system_0/mujoco.xml/mujoco/large")
     assert (absent.outcome, absent.digits, absent.discrepancy, absent.global_error) == (
         "ABSENT",
         *"–––",
@@ -121,14 +123,14 @@ def test_a_case_without_numbers_shows_none(seen: Report) -> None:
     assert absent.pack == ""
 
 
-def test_a_failed_case_claims_no_digits_though_its_segments_agreed(seen: Report) -> None:
-    blown_up = of(seen, "case-system_0/robot.urdf/mujoco/driven")
+def test_failed_case_with_agreeing_segments_has_no_digits(seen: Report) -> None:
+    blown_up = case_view(seen, "case-system_0/robot.urdf/mujoco/driven")
     assert blown_up.discrepancy == "7.1e-14"
     assert blown_up.digits == "–"
     assert not blown_up.judged
 
 
-def test_a_folder_that_could_not_be_read_is_a_group_of_its_own(seen: Report) -> None:
+def test_unreadable_folder_is_a_separate_group(seen: Report) -> None:
     group = seen.groups[-1]
     assert group.name == "unread"
     assert group.about is None
@@ -137,7 +139,7 @@ def test_a_folder_that_could_not_be_read_is_a_group_of_its_own(seen: Report) -> 
     ]
 
 
-def test_the_engines_poles_stand_beside_taylors_one_of_each_pair(seen: Report) -> None:
+def test_poles_of_engine_and_taylor_are_listed_once_per_pair(seen: Report) -> None:
     about = seen.groups[0].about
     assert about is not None
     linear = about.linearizations[0]
@@ -163,14 +165,14 @@ def test_small_shares_are_written_with_an_exponent() -> None:
     assert percent(1.5e19) == "1.5e+19"
 
 
-def test_characters_that_would_change_the_text_around_them_are_made_visible() -> None:
+def test_invisible_characters_are_made_visible() -> None:
     assert shown("a\x1b[31mb\x00") == "a␛[31mb␀"
     assert shown("a\u202eb") == "a⟨U+202E⟩b"
     assert shown("\ud800") == "⟨U+D800⟩"
     assert shown("θ ± שלום\n") == "θ ± שלום\n"
 
 
-def test_different_names_have_different_slugs_of_harmless_characters() -> None:
+def test_different_names_have_different_harmless_slugs() -> None:
     names = ["a/b", "a b", "a~2f~b", "a<b", "ab", "a\u202eb", "a=b", "a~~b"]
     slugs = [slug(name) for name in names]
     assert len(set(slugs)) == len(names)
@@ -182,7 +184,7 @@ def test_different_names_have_different_slugs_of_harmless_characters() -> None:
     )
 
 
-def test_the_matrix_shows_the_worst_of_each_model_worst_systems_first(seen: Report) -> None:
+def test_matrix_shows_worst_case_of_each_model_in_order(seen: Report) -> None:
     assert seen.matrix.engines[:2] == ("mujoco", "pybullet")
     names = list(dict.fromkeys(row.name for row in seen.matrix.rows))
     assert names == ["unread", "system_0", "system_1"] or names[-1] == "system_1"
@@ -198,23 +200,23 @@ def test_the_matrix_shows_the_worst_of_each_model_worst_systems_first(seen: Repo
     assert row.cells[-1] is None, "the unread folder's column has no case here"
 
 
-def test_the_matrix_tells_costs_and_what_engines_read_otherwise() -> None:
-    """A limit that no motion reaches is the model's own, and no reading."""
-    found = results(2)
+def test_matrix_shows_costs_and_misread_numbers() -> None:
+    """Ignore a limit that no motion reaches when comparing readings."""
+    sample = results(2)
     note = AuditFinding(
         kind="default", subject=("motors",), message="motors are switched off", location=None,
         expected=None, actual=None, severity="note",
     )  # fmt: skip
     audit = (note, replace(note, kind="reach", message="x is limited"))
-    models = tuple(replace(model, audit=audit) for model in found.models)
-    seen = report(replace(found, models=models)).matrix
+    models = tuple(replace(model, audit=audit) for model in sample.models)
+    seen = report(replace(sample, models=models)).matrix
     assert {reading.notes for reading in seen.readings} == {("motors are switched off",)}
     cell = seen.rows[0].cells[0]
     assert cell is not None
     assert cell.tint == cell.digits
     took = []
-    for case in found.cases:
-        if case.key == found.cases[0].key and case.series is not None:
+    for case in sample.cases:
+        if case.key == sample.cases[0].key and case.series is not None:
             seconds, until = case.series.full_runs.seconds[0], case.series.t[-1]
             assert seconds is not None
             assert until is not None
@@ -222,7 +224,7 @@ def test_the_matrix_tells_costs_and_what_engines_read_otherwise() -> None:
     assert cell.cost == f"{max(took):.2g} ms/s"
 
 
-def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report) -> None:
+def test_issue_names_the_cause_and_links_to_the_diagnosis(seen: Report) -> None:
     differs = next(one for one in seen.troubles if one.outcome == "DIFFERS")
     assert differs.sentence == (
         "joint[x]@stiffness (mujoco.xml:21) is 38.25; the motion implies 39.5 ± 1e-09."
@@ -234,7 +236,7 @@ def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report)
     ]
 
 
-def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
+def test_audit_finding_is_shown_even_if_every_case_agrees() -> None:
     finding = AuditFinding(
         kind="literal",
         subject=("m",),
@@ -253,7 +255,7 @@ def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
     assert marked(view) == [("robot.urdf", 7)]
 
 
-def test_a_finding_about_a_whole_file_marks_no_line() -> None:
+def test_finding_about_a_whole_file_marks_no_line() -> None:
     finding = AuditFinding(
         kind="default",
         subject=("time step",),
@@ -269,18 +271,18 @@ def test_a_finding_about_a_whole_file_marks_no_line() -> None:
     assert view.files == ()
 
 
-def test_an_unexplained_difference_is_not_given_a_cause(troubled: Results) -> None:
+def test_unexplained_difference_has_no_cause(troubled: Results) -> None:
     unexplained = replace(diagnosis_of(troubled), explained=False)
-    found = changed_model(troubled, 0, diagnosis=unexplained, audit=())
-    view = report(found).groups[0].models[0].diagnosis
+    sample = changed_model(troubled, 0, diagnosis=unexplained, audit=())
+    view = report(sample).groups[0].models[0].diagnosis
     assert view is not None
     assert view.sentence.startswith("Unexplained: the best single cause, joint[x]@stiffness,")
     assert view.files == (), "no line is blamed"
 
 
-def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Results) -> None:
+def test_unexplained_difference_starts_with_audit_findings(troubled: Results) -> None:
     unexplained = replace(diagnosis_of(troubled), explained=False)
-    one = AuditFinding(
+    finding = AuditFinding(
         kind="literal",
         subject=("mass",),
         message="mass is 9 where m = 0.9",
@@ -289,8 +291,8 @@ def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Resu
         actual=9.0,
         severity="finding",
     )
-    found = changed_model(troubled, 0, diagnosis=unexplained, audit=(one, one))
-    seen = report(found)
+    sample = changed_model(troubled, 0, diagnosis=unexplained, audit=(finding, finding))
+    seen = report(sample)
     view = seen.groups[0].models[0].diagnosis
     assert view is not None
     assert view.audit_first
@@ -300,12 +302,12 @@ def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Resu
     )
     assert marked(view) == [("mujoco.xml", 21)]
     assert view.sentence in {trouble.sentence for trouble in seen.troubles}
-    page = render(found)
+    page = render(sample)
     section = page[page.index(f'id="{view.id}"') :]
     assert section.index("Audit findings") < section.index("Possible causes")
 
 
-def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> None:
+def test_line_of_cause_is_marked_in_context(seen: Report) -> None:
     view = seen.groups[0].models[0].diagnosis
     assert view is not None
     ((file, lines),) = view.files
@@ -314,24 +316,24 @@ def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> N
     assert [line.text.strip() for line in lines if line and line.marked] == ["<line n='21'/>"]
 
 
-def test_a_cause_in_the_sidecar_is_marked_there(troubled: Results) -> None:
+def test_cause_in_the_sidecar_is_marked_there(troubled: Results) -> None:
     diagnosis = diagnosis_of(troubled)
     best = diagnosis.explanations[0]
     cause = replace(best.causes[0], locations=(SourceLine(file="mujoco.xml.toml", line=2),))
     explanations = (replace(best, causes=(cause,)), *diagnosis.explanations[1:])
-    found = changed_model(
+    sample = changed_model(
         troubled,
         0,
         audit=(),
         sidecar="[[spring]]\nstiffness = 38.0\n",
         diagnosis=replace(diagnosis, explanations=explanations),
     )
-    view = report(found).groups[0].models[0].diagnosis
+    view = report(sample).groups[0].models[0].diagnosis
     assert view is not None
     assert marked(view) == [("mujoco.xml.toml", 2)]
 
 
-def test_changes_since_the_baseline_lead_to_their_cases(seen: Report) -> None:
+def test_changes_since_the_baseline_link_to_their_cases(seen: Report) -> None:
     assert seen.changes is not None
     (change,) = seen.changes
     assert (change.kind, change.message) == ("changed", "it agreed to 11.9 digits")
@@ -339,31 +341,31 @@ def test_changes_since_the_baseline_lead_to_their_cases(seen: Report) -> None:
     assert report(results(1)).changes is None
 
 
-def test_equal_changes_of_several_cases_are_one(seen: Report) -> None:
-    """A first run against an old baseline would repeat one sentence for each new case."""
-    found = results(1)
-    same = tuple(bare_diff(case.id, Status.NEW, ("not in it",)) for case in found.cases[:2])
-    found = replace(found, baseline=BaselineChanges(name="main", changes=same))
-    (change,) = report(found).changes or ()
-    assert [name for _, name in change.cases] == [str(case.id) for case in found.cases[:2]]
+def test_equal_changes_of_several_cases_are_grouped(seen: Report) -> None:
+    """Group new cases, which would otherwise repeat one sentence each."""
+    sample = results(1)
+    same = tuple(bare_diff(case.id, Status.NEW, ("not in it",)) for case in sample.cases[:2])
+    sample = replace(sample, baseline=BaselineChanges(name="main", changes=same))
+    (change,) = report(sample).changes or ()
+    assert [name for _, name in change.cases] == [str(case.id) for case in sample.cases[:2]]
 
 
-def test_what_the_step_costs_is_one_sentence_with_steps(seen: Report) -> None:
-    view = of(seen, "case-system_1/robot.urdf/mujoco/free")
+def test_cost_of_the_step_is_one_sentence(seen: Report) -> None:
+    view = case_view(seen, "case-system_1/robot.urdf/mujoco/free")
     assert view.cost == (
         "At dt = 0.002\u00a0s, the error is 0.911\u00a0% of the amplitude over the whole motion:"
         " by the end the amplitude is -2.9\u00a0% off and the phase 0.068\u00a0rad early."
     )
-    assert view.steps == (("1\u00a0%", "0.0021\u00a0s"),), "an unknown step is not told"
+    assert view.steps == (("1\u00a0%", "0.0021\u00a0s"),), "an unknown step is not shown"
 
 
-def test_digits_are_of_the_worst_component_and_discrepancies_of_the_one_that_decides() -> None:
-    found = results(1)
-    verdict = found.cases[0].verdict
+def test_digits_use_worst_and_discrepancies_use_deciding_component() -> None:
+    sample = results(1)
+    verdict = sample.cases[0].verdict
     assert verdict is not None
     wide = replace(verdict, largest_discrepancy=2e-11, largest_uncertainty=4e-10)
-    seen = report(changed_case(found, 0, verdict=wide))
-    view = of(seen, "case-system_0/mujoco.xml/mujoco/free")
+    seen = report(changed_case(sample, 0, verdict=wide))
+    view = case_view(seen, "case-system_0/mujoco.xml/mujoco/free")
     assert (view.digits, view.discrepancy, view.uncertainty) == ("9.3", "7.1e-14", "1.0e-12")
     assert view.sorts[:3] == ("4e-10", "7.1e-14", "1.02e-12")
     of_it = facts(view)
@@ -375,15 +377,15 @@ def test_digits_are_of_the_worst_component_and_discrepancies_of_the_one_that_dec
     assert cell.digits == "9.3"
 
 
-def test_a_cause_whose_name_has_an_and_in_it_is_one_cause(troubled: Results) -> None:
+def test_cause_with_and_in_its_name_is_one_cause(troubled: Results) -> None:
     diagnosis = diagnosis_of(troubled)
     best = diagnosis.explanations[0]
     body = replace(best.causes[0], subject=("body[nut and bolt]@mass",), locations=())
     pair = (body, replace(best.causes[0], estimate=2.5))
     for causes in ((body,), pair):
         first = replace(best, causes=causes, tied_with=(body.id,))
-        found = changed_model(troubled, 0, diagnosis=replace(diagnosis, explanations=(first,)))
-        view = report(found).groups[0].models[0].diagnosis
+        sample = changed_model(troubled, 0, diagnosis=replace(diagnosis, explanations=(first,)))
+        view = report(sample).groups[0].models[0].diagnosis
         assert view is not None
         (shown_first,) = view.explanations
         names = ["body[nut and bolt]@mass", "joint[x]@stiffness"][: len(causes)]
@@ -393,10 +395,10 @@ def test_a_cause_whose_name_has_an_and_in_it_is_one_cause(troubled: Results) -> 
         assert view.sentence.count("the motion implies") == len(causes)
 
 
-def test_a_system_that_was_not_derived_is_shown_as_it_is_declared() -> None:
-    found = results(1)
-    found = replace(found, systems=(replace(found.systems[0], derivation=None),))
-    about = report(found).groups[0].about
+def test_system_without_derivation_shows_its_declaration() -> None:
+    sample = results(1)
+    sample = replace(sample, systems=(replace(sample.systems[0], derivation=None),))
+    about = report(sample).groups[0].about
     assert about is not None
     assert (about.lagrangian, about.equations) == ((), ())
     assert about.linearizations
@@ -404,20 +406,20 @@ def test_a_system_that_was_not_derived_is_shown_as_it_is_declared() -> None:
     assert about.constants[0][1] == "38.25"
 
 
-def test_an_audit_that_failed_is_told_beside_its_file() -> None:
-    found = changed_model(results(1), 0, audit=None, audit_failure="the engine died")
-    about = report(found).groups[0].about
+def test_failed_audit_is_shown_next_to_its_file() -> None:
+    sample = changed_model(results(1), 0, audit=None, audit_failure="the engine died")
+    about = report(sample).groups[0].about
     assert about is not None
     assert about.files[0].failures == ("mujoco.xml was not audited. mujoco: the engine died",)
 
 
-def test_a_sensitive_motion_that_agrees_does_not_read_like_a_fault() -> None:
-    found = results(1)
-    full_run = found.cases[0].full_run
+def test_agreeing_chaotic_motion_is_not_shown_as_a_fault() -> None:
+    sample = results(1)
+    full_run = sample.cases[0].full_run
     assert full_run is not None
     lost = replace(full_run, global_error=0.944, decomposition=None, resolved_until=3.5)
-    seen = report(changed_case(found, 0, full_run=lost))
-    view = of(seen, "case-system_0/mujoco.xml/mujoco/free")
+    seen = report(changed_case(sample, 0, full_run=lost))
+    view = case_view(seen, "case-system_0/mujoco.xml/mujoco/free")
     assert view.global_error == "chaotic"
     assert view.cost.startswith("The motion is chaotic: small differences grow")
     assert "here until 3.5\u00a0s" in view.cost
@@ -426,6 +428,6 @@ def test_a_sensitive_motion_that_agrees_does_not_read_like_a_fault() -> None:
     assert cell is not None
     assert cell.global_error == "0.911\u00a0%", "of the other scenarios"
     assert [one.value for one in seen.outliers] == ["11.9", "0.911\u00a0%", "1"]
-    differs = replace(found.cases[0], outcome=Outcome.DIFFERS, full_run=lost)
-    seen = report(replace(found, cases=(differs, *found.cases[1:])))
-    assert of(seen, view.id).global_error == "94.4\u00a0%", "no excuse for what differs"
+    differs = replace(sample.cases[0], outcome=Outcome.DIFFERS, full_run=lost)
+    seen = report(replace(sample, cases=(differs, *sample.cases[1:])))
+    assert case_view(seen, view.id).global_error == "94.4\u00a0%", "no excuse for what differs"

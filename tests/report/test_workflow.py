@@ -1,4 +1,4 @@
-"""The workflow that publishes the report: its steps, run as a shell of GitHub's runs them."""
+"""The workflow that publishes the report: its steps, run in GitHub's shell."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.write import encoded
 from tests.records.made import case, results, verdict
 
 ROOT = Path(__file__).parents[2]
-OWN = ("Run everything", "Badge", "What moved since the last run")
+STEP_NAMES = ("Run everything", "Badge", "What moved since the last run")
 
 pytestmark = pytest.mark.skipif(
     shutil.which("bash") is None or shutil.which("curl") is None, reason="no bash, or no curl"
@@ -28,8 +28,8 @@ pytestmark = pytest.mark.skipif(
 def steps() -> dict[str, Any]:
     yaml = pytest.importorskip("yaml")
     workflow = yaml.safe_load((ROOT / "docs/ci/github-pages.yml").read_text())
-    found = workflow["jobs"]["publish"]["steps"]
-    return {step["name"]: step for step in found if "run" in step and "name" in step}
+    entries = workflow["jobs"]["publish"]["steps"]
+    return {step["name"]: step for step in entries if "run" in step and "name" in step}
 
 
 def shell(script: str, place: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -48,19 +48,19 @@ def shell(script: str, place: Path, **environment: str) -> subprocess.CompletedP
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
-    """A repository, and `crosscheck` as a command whose `run` takes no time: it ends with a code.
+    """Create a repository with a fake `crosscheck run` that exits with a given code.
 
-    What `run` itself does is tested elsewhere; that it has these options, below.
+    Other tests check `run` itself; a test below checks its options.
     """
     (tmp_path / "bin").mkdir()
-    kept = tmp_path / "kept.json"
+    stored = tmp_path / "kept.json"
     off = verdict(discrepancy=1e-3, largest_discrepancy=1e-3)
     differing = case(Outcome.DIFFERS, reason="x is off", verdict=off)
-    kept.write_text(encoded(results(differing, case(engine="x"))))
+    stored.write_text(encoded(results(differing, case(engine="x"))))
     command = tmp_path / "bin" / "crosscheck"
     command.write_text(f"""#!/bin/sh
 if [ "$1" = run ]; then
-  mkdir -p reports/history; cp {kept} reports/results.json; exit $RUN_ENDS_WITH
+  mkdir -p reports/history; cp {stored} reports/results.json; exit $RUN_ENDS_WITH
 fi
 exec "{sys.executable}" -m physics_crosscheck "$@"
 """)
@@ -68,9 +68,9 @@ exec "{sys.executable}" -m physics_crosscheck "$@"
     return tmp_path
 
 
-def test_its_steps_publish_a_page_with_badge_and_what_moved(place: Path) -> None:
-    found = steps()
-    run, badge, moved = (found[name]["run"] for name in OWN)
+def test_steps_publish_page_badge_and_changes(place: Path) -> None:
+    by_name = steps()
+    run, badge, moved = (by_name[name]["run"] for name in STEP_NAMES)
     for code, ends in (("0", 0), ("1", 0), ("3", 0), ("2", 1)):
         assert shell(run, place, RUN_ENDS_WITH=code).returncode == ends, code
     assert shell(badge, place).returncode == 0
@@ -80,19 +80,19 @@ def test_its_steps_publish_a_page_with_badge_and_what_moved(place: Path) -> None
     assert nothing.stdout == ""
     published.mkdir()
     (published / "results.json").write_text(encoded(results(case())))
-    told = shell(moved, place, LAST=published.as_uri())
-    assert told.returncode == 0, told.stderr
-    assert "2 cases: 1 with another verdict, 1 new; 1 worse" in told.stdout
+    result = shell(moved, place, LAST=published.as_uri())
+    assert result.returncode == 0, result.stderr
+    assert "2 cases: 1 with another verdict, 1 new; 1 worse" in result.stdout
     names = {path.name for path in (place / "reports").iterdir()}
     assert {"index.html", "results.json", "badge.svg", "changes.html", "history"} <= names
 
 
-def test_its_commands_and_their_options_are_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_and_options_exist(capsys: pytest.CaptureFixture[str]) -> None:
     scripts = " ".join(step["run"] for step in steps().values())
     called = re.findall(r"crosscheck (\w+)((?: [\w./-]+)*)", scripts)
     assert [name for name, _ in called] == ["run", "report", "report"]
     for name, options in called:
         with pytest.raises(SystemExit):
             main([name, "--help"])
-        told = capsys.readouterr().out
-        assert all(one in told for one in options.split() if one.startswith("--"))
+        help_text = capsys.readouterr().out
+        assert all(option in help_text for option in options.split() if option.startswith("--"))
