@@ -1,7 +1,7 @@
-"""What this project asks of its own models, beyond that they agree.
+"""Requirements of this project for its own models, beyond agreement.
 
 The validation itself is `pytest --crosscheck models --crosscheck-thorough`: every built-in model in
-every engine and scenario, with all checks. `make test` runs half of them, and skips as a user does.
+every engine and scenario, with all checks. `make test` runs half of them, without `--thorough`.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 # Here too where the package is not installed.
 pytest_plugins = ["physics_crosscheck.pytest_plugin"]
 
-# Before anything imports numpy: there is a worker of pytest's a core.
+# Before anything imports numpy: each core has a worker of pytest.
 claim_defaults()
 
-# A shell's background job ignores Ctrl-C, and so would every run that is started to be stopped.
+# A shell's background job ignores Ctrl-C, and so would runs that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-BAR = 1e-10
+MAX_DISCREPANCY = 1e-10
 
 HELD = {("mujoco_rolling.xml", "mujoco"), ("robot.urdf", "pybullet")}
 """Model files and engines in which a constraint holds the drum to the ground."""
 
 
 def pytest_crosscheck_case(record: Case) -> list[str]:
-    """Ten digits; the claimed orders; steps that hold what they promise; energy and constraints."""
+    """Require ten digits, the claimed orders, right time steps, energy and constraints."""
     assert record.verdict is not None
     if Path(record.folder).parent.name == "events":  # nine digits, by its verdict; no full runs yet
         return []
@@ -52,42 +52,42 @@ def _digits(verdict: Verdict) -> Iterator[str]:
         ("discrepancy", verdict.discrepancy),
         ("uncertainty", verdict.uncertainty),
     ):
-        if value is None or value > BAR:
-            yield f"its {name} is {_told(value)}, above {BAR:.0e}"
+        if value is None or value > MAX_DISCREPANCY:
+            yield f"its {name} is {_format(value)}, above {MAX_DISCREPANCY:.0e}"
 
 
 def _orders(verdict: Verdict, run: FullRun, skipped: Container[str]) -> Iterator[str]:
     claimed = verdict.claimed_order
     if run.order is None or not run.order > claimed - 0.3:
-        yield f"full runs have order {_told(run.order)}, {claimed} is claimed"
+        yield f"full runs have order {_format(run.order)}, {claimed} is claimed"
     if "segments" in skipped:
         return
     if verdict.order is None or not abs(verdict.order - claimed) < 0.3:
-        yield f"the segments' order is {_told(verdict.order)}, {claimed} is claimed"
+        yield f"the segments' order is {_format(verdict.order)}, {claimed} is claimed"
 
 
 def _steps(case: Case, run: FullRun) -> Iterator[str]:
     checked = run.checked_step
-    # No step is told for motions too sensitive for one, nor run where it would take too long.
+    # Chaotic motions have no such step, and long ones are not run.
     if checked is None:
         if case.system != "drum_pendulum" and case.scenario != "large":
-            yield "no step was told and run"
+            yield "no time step was predicted and run"
         return
     share = None if checked.measured is None else checked.measured / checked.target
     if share is None or not 0.3 < share < 1.3:
-        yield f"the step told for {checked.target:g} gave {_told(checked.measured)}"
+        yield f"the step predicted for {checked.target:g} gave {_format(checked.measured)}"
 
 
 def _physics(case: Case, run: FullRun) -> Iterator[str]:
     energy, drift = run.energy_error, run.constraint_drift
     if energy is None or not energy < 0.2:
-        yield f"energy is out of balance by {_told(energy)}"
+        yield f"energy is out of balance by {_format(energy)}"
     if drift is None or not drift < 0.05:
-        yield f"constraints drift by {_told(drift)}"
+        yield f"constraints drift by {_format(drift)}"
     rolls = case.system == "drum_pendulum" and (case.model, case.engine) in HELD
     if rolls and not drift:
         yield "the drum is not held by a constraint"
 
 
-def _told(value: float | None) -> str:
+def _format(value: float | None) -> str:
     return "not finite" if value is None else f"{value:.2g}"

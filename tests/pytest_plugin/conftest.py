@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,10 @@ from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import Audit
 from tests.records.made import case
 from tests.standing import keep_default_engines, shorten_scenarios
+
+# pytester forgets modules that a run imports, but these can be loaded only once in a process.
+for name in ("numpy", "scipy.linalg", "mujoco"):
+    importlib.import_module(name)
 
 
 class Project:
