@@ -45,20 +45,30 @@ PLACES = """<mujoco><option integrator="implicitfast"/><worldbody><body pos="1 0
 """A body that stands still, and hinges whose places along their axes move nothing."""
 
 FRAMES = """<mujoco><compiler eulerseq="zyx"/><default><mesh scale="2 1 1"/>
-<geom quat="0 1 0 0"/></default><asset><mesh file="m.obj"/></asset>
+<geom quat="0 1 0 0"/></default><asset><mesh file="m.obj"/>
+<mesh name="n" file="m.obj" refpos="0 1 0"/></asset>
 <worldbody><body euler="10 20 30" pos="0 0 2"><joint axis="0 1 0" range="-9 9"/>
 <inertial pos="0 0 .1" mass="2" axisangle="1 2 3 40" diaginertia=".03 .02 .04"/>
-<geom type="mesh" mesh="m"/><geom size=".1 .2" type="capsule" zaxis="1 2 .5"/>
+<geom type="mesh" mesh="m"/><geom type="mesh" mesh="n" class="main"/>
+<geom size=".1 .2" type="capsule" zaxis="1 2 .5"/>
 <body xyaxes="1 1 0 -1 1 .3" pos="1 0 0"><joint axis="1 0 0"/>
 <inertial pos=".1 0 0" mass="1" fullinertia=".03 .02 .04 .001 .002 -.003"/>
 <geom size=".1 .1 .2" type="box" quat="2 0 1 0" mass="0"/></body></body></worldbody></mujoco>"""
 """Orientations in all forms of the format, and a mesh of a class."""
 
+ALIGNED = """<mujoco><compiler alignfree="true"/><worldbody><geom type="plane" size="3 3 .1"/>
+<body euler="10 20 30"><freejoint/>
+<inertial pos=".1 .02 .03" mass="1" fullinertia=".03 .02 .04 .001 .002 -.003"/>
+<geom type="box" size=".1 .2 .3" pos=".1 0 0"/></body><body pos="2 0 0"><freejoint align="false"/>
+<geom size=".1" pos=".1 0 0"/><body><joint range="-9 9"/><geom size=".1" mass="1"/></body></body>
+</worldbody></mujoco>"""
+"""A free body whose frame the compiler moves to its principal axes, and one that it leaves."""
+
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 SCENES = {
-    "classes": CLASSES, "places": PLACES, "frames": FRAMES, "drives": DRIVES, "limits": LIMITS,
-    "connect": CONNECT, "weld": WELD, "pair": PAIR,
+    "classes": CLASSES, "places": PLACES, "frames": FRAMES, "aligned": ALIGNED, "drives": DRIVES,
+    "limits": LIMITS, "connect": CONNECT, "weld": WELD, "pair": PAIR,
     **{f"touch {dimension}": scene for dimension, scene in TOUCH.items()},
 }  # fmt: skip
 
@@ -119,8 +129,8 @@ MISREAD = {
     "products of inertia": (FRAMES, ".002 -.003", ".002 -.003001", "fullinertia of inertial #1"),
     "axes that are not orthogonal": (FRAMES, "-1 1 .3", "-1 1 .4", "quat of body #1"),
     "orientation of a class": (FRAMES, '"0 1 0 0"', '"0 1 0 .001"', "quat of geom #0"),
-    "axis of a shape": (FRAMES, '"1 2 .5"', '"1 2 .50001"', "quat of geom #1"),
-    "length of a quaternion": (FRAMES, '"2 0 1 0"', '"1 0 1 0"', "quat of geom #2"),
+    "axis of a shape": (FRAMES, '"1 2 .5"', '"1 2 .50001"', "quat of geom #2"),
+    "length of a quaternion": (FRAMES, '"2 0 1 0"', '"1 0 1 0"', "quat of geom #3"),
     "scale of a class of meshes": (FRAMES, '"2 1 1"', '"1 2 1"', "scale of mesh #0"),
     "inertias of shapes": (
         PLACES,

@@ -219,7 +219,7 @@ class StatedLaws:
     def _frame_rows(self) -> Iterator[_Row]:
         """Yield places of bodies and shapes outside of <frame>, and scales of meshes."""
         for b, element in enumerate(self._elements["body"]):
-            if _is_in_body(element):
+            if _is_in_body(element) and not self._is_aligned(element):
                 yield ("place of body", b), Chain([element]), self._frame(Chain([element]))
         files = (mesh for mesh in self._source.root.findall("asset/mesh") if mesh.get("file"))
         meshes = {mesh.get("name") or Path(mesh.get("file")).stem: mesh for mesh in files}
@@ -227,12 +227,25 @@ class StatedLaws:
             chain = self._chain(element)
             # A primitive with a mesh is fitted to it.
             fitted = chain.states("mesh") and chain.word("type") not in ("mesh", "sdf")
-            if _is_in_body(element) and not (fitted or chain.states("fromto")):
+            moved = fitted or chain.states("fromto") or self._is_aligned(element.parent)
+            if _is_in_body(element) and not moved:
                 yield ("place of geom", g), chain, self._frame(chain)
             mesh = meshes.pop(chain.word("mesh"), None)
-            if mesh is not None and not fitted:
-                scaled = self._chain(mesh)
+            scaled = Chain([]) if mesh is None or fitted else self._chain(mesh)
+            if scaled.elements and not (scaled.states("refpos") or scaled.states("refquat")):
                 yield ("mesh of geom", g), scaled, {"scale": scaled.numbers("scale", (1, 1, 1))}
+
+    def _is_aligned(self, body: XmlElement | None) -> bool:
+        """Return whether a compiler aligns a free body with its principal axes of inertia."""
+        automatic = self._source.stated("compiler", "alignfree", "false")
+        for element in () if body is None else body:
+            if element.tag in JOINTS:
+                chain = self._chain(element)
+                free = element.tag == "freejoint" or chain.word("type") == "free"
+                align = chain.word("align", "auto")
+                if free and "true" in (align, automatic if align == "auto" else ""):
+                    return True
+        return False
 
     def _frame(self, chain: Chain) -> dict[str, Values]:
         return {"pos": chain.numbers("pos", ZERO), "quat": orientation(chain, self._source)}
@@ -242,6 +255,8 @@ class StatedLaws:
         if changed or self._source.stated("compiler", "inertiafromgeom") == "true":
             return
         for b, element in enumerate(self._elements["body"]):
+            if self._is_aligned(element):
+                continue
             for inertial in element.findall("inertial"):
                 chain = Chain([inertial])
                 values = {"mass": chain.numbers("mass", [0.0]), "pos": chain.numbers("pos", ZERO)}
