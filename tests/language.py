@@ -24,15 +24,10 @@ MOST_WORDS = 25  # of a sentence
 MOST_CELL_WORDS = 15
 MOST_HELP_WORDS = 12
 
-CODE = ("harness", "reference", "physics_crosscheck", "benchmarks", "campaigns", "soak")
-# Texts of inputs for parsers, and their names, by which `python -m soak.corpus --only` selects.
-PAYLOADS = tuple(
-    f"soak/corpus/{name}.py"
-    for name in (
-        "arguments", "baselines", "dependencies", "frames", "mjcf", "pytest_plugin", "spaces",
-        "systems", "urdf", "verdicts",
-    )
-)  # fmt: skip
+CODE = ("harness", "reference", "physics_crosscheck", "benchmarks", "campaigns", "soak", "tests")
+PAYLOADS = "soak/corpus/", "tests/"
+"""Folders whose texts are inputs for parsers, and expected outputs."""
+
 DOCS = ("docs/**/*.md", "README.md", "examples/*.ipynb")
 PAGES = (*DOCS, "*.md", "campaigns/**/*.md", "soak/**/*.md")
 
@@ -253,9 +248,9 @@ def messages() -> tuple[Text, ...]:
 
 
 def _strings() -> Iterator[Text]:
-    """Yield the strings of code, except payloads."""
+    """Yield the strings of code, except inputs and expected outputs."""
     for path, nodes in trees():
-        if str(path.relative_to(ROOT)) not in PAYLOADS:
+        if not str(path.relative_to(ROOT)).startswith(PAYLOADS):
             yield from (Text(path, line, text) for line, text in literals(nodes))
 
 
@@ -414,11 +409,11 @@ def identifiers() -> Iterator[Offence]:
 
 
 def class_names() -> Iterator[Offence]:
-    """Yield classes of harness and reference whose name is used before."""
+    """Yield classes, except those of tests, whose name is used before."""
     places: defaultdict[str, list[str]] = defaultdict(list)
     for path, nodes in trees():
         for node in nodes:
-            if isinstance(node, ast.ClassDef):
+            if isinstance(node, ast.ClassDef) and room(path).partition("/")[0] != "tests":
                 places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
     for name, (first, *more) in places.items():
         yield from (Offence(name, place, f"{name}, as in {first}") for place in more)

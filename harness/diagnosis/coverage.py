@@ -387,10 +387,10 @@ def summarized(numbers: Sequence[CountedNumber], purposes: Mapping[str, str]) ->
     for number in numbers:
         if number.effect is NumberEffect.MOTION:
             counts["motion"] += 1
-        elif number.bound:
-            counts["audit"] += 1
         elif number.effect in (NumberEffect.FRAMES, NumberEffect.SHAPES):
             counts["frames"] += 1
+        elif number.bound:
+            counts["audit"] += 1
         else:
             why = (
                 reason_of(number.path, purposes)

@@ -99,11 +99,10 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file.write_text(MJCF)
     counted = count_robot(model_task(prepare_tree(file), "mujoco"))
     counts = {one.reason: one.count for one in counted.untested}
-    # Along the axis of the joint above: the site; signs of two axes.
-    assert counted.frames == 3 + 2
-    # As compiled: two contact parameters and an anchor that act at no state, a body and two shapes
-    # along the axis of their joint.
-    assert counted.audit == 3 + 3
+    # Along the axis of the joint above: the body, two geoms; the site; signs of two axes.
+    assert counted.frames == 6 + 2
+    # As compiled: two contact parameters and an anchor that act at no state.
+    assert counted.audit == 3
     assert counts == {
         "visual geometry": 3 + 4,
         "joint limits": 2,
