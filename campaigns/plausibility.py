@@ -6,9 +6,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import random
-import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -108,18 +108,24 @@ def _repeats(rows: Sequence[Row], row: Row) -> int:
     return sum((one["file"], one["kind"]) == (row["file"], row["kind"]) for one in before)
 
 
-def main(arguments: Sequence[str]) -> None:
+def main(given: Sequence[str] | None = None) -> None:
     """Write the advice and print the table, or print a sample."""
-    if arguments[0] == "--sample":
-        results = json.loads(Path(arguments[2]).read_text(encoding="utf-8"))
-        for i, row in enumerate(sample(results, int(arguments[1])), start=1):
+    parser = argparse.ArgumentParser(prog="python -m campaigns.plausibility", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--sample", type=int, help="print this many findings of OUT.json")
+    parser.add_argument("out", type=Path, metavar="OUT.json")
+    parser.add_argument("collections", nargs="*", metavar="NAME=FOLDER")
+    chosen = parser.parse_args(given)
+    if chosen.sample:
+        results = json.loads(chosen.out.read_text(encoding="utf-8"))
+        for i, row in enumerate(sample(results, chosen.sample), start=1):
             print(f"{i}. [{row['kind']}] {row['line']}: {row['message']}")
         return
-    pairs = (argument.partition("=") for argument in arguments[1:])
+    pairs = (argument.partition("=") for argument in chosen.collections)
     results = measure({name: Path(folder) for name, _, folder in pairs})
-    Path(arguments[0]).write_text(json.dumps(results, indent=1), encoding="utf-8")
+    chosen.out.write_text(json.dumps(results, indent=1), encoding="utf-8")
     print("\n".join(table(results)))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
