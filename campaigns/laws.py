@@ -319,12 +319,13 @@ NOT_DYNAMIC = re.compile(
 GROUPS = {
     "equalities": r".*/equality/.*|.*@(polycoef|anchor|relpose|torquescale)",
     "dry friction": r".*@(frictionloss|solreffriction|solimpfriction)",
-    "limits of joints and tendons": r".*/(joint|fixed|spatial|tendon)@(\w*limit|range|margin)",
-    "limits of drives": r".*@(ctrl|force|act|actuatorfrc|length)range",
+    "limits of joints and tendons": r".*/(joint|fixed|spatial|tendon)@(\w*limit|range|margin)"
+    r"|.*/limit@(lower|upper)",
+    "limits of drives": r".*@(ctrl|force|act|actuatorfrc|length)range|.*/limit@(effort|velocity)",
     "drives": r".*/actuator/.*|.*@(kp|kv|gear|\w+prm|dampratio|timeconst)",
     "contact parameters": r".*/(geom|pair)@(friction|sol\w+|condim|margin|gap|priority|con\w+)"
-    r"|.*@(impratio|o_\w+)",
-    "shapes": r".*/(geom|mesh|hfield|vertex)@.*",
+    r"|.*@(impratio|o_\w+)|.*/contact/\w+@value",
+    "shapes": r".*/(geom|mesh|hfield|vertex)@.*|.*/collision/.*",
     "sites": r".*/site@.*",
     "bodies, joints and forces": r".*",
 }
@@ -336,7 +337,7 @@ def kind_of(path: str) -> str:
     return path.rpartition("/")[2]
 
 
-def count_tested(paths: Iterable[Path]) -> None:
+def count_tested(paths: Iterable[Path], engine: str, *, floating: bool) -> None:
     """Print the tested share of the numbers that dynamics may depend on, by kind.
 
     An overwritten default, or the position of a joint along its axis, has no effect at all.
@@ -345,7 +346,7 @@ def count_tested(paths: Iterable[Path]) -> None:
     for path in paths:
         began = time.process_time()
         try:
-            task = model_task(prepare_tree(path), "mujoco")
+            task = model_task(prepare_tree(path, floating=floating), engine)
             counted = counted_numbers(task, robot_numbers(path, task.spec.settings))
         except (FileError, RobotError) as error:
             print(f"{path.name}: {str(error)[:100]}")
@@ -390,7 +391,7 @@ def main() -> None:
     parser.add_argument("what", choices=("files", "faults", "acting", "tested"))
     parser.add_argument("paths", nargs="*", type=Path)
     parser.add_argument("--floating", action="store_true", help="free the root link of URDFs")
-    parser.add_argument("--engine", default="", help="engine for `files`, such as mjx or drake")
+    parser.add_argument("--engine", default="", help="engine, such as mjx or drake")
     parser.add_argument("--each", type=int, default=4, help="numbers per attribute [4]")
     parser.add_argument("--kind", action="append", help="attribute whose numbers are changed [all]")
     parser.add_argument("--seed", type=int, default=1)
@@ -398,7 +399,7 @@ def main() -> None:
     if options.what == "files":
         print(dict(compare_files(options.paths, options.engine, floating=options.floating)))
     elif options.what == "tested":
-        count_tested(options.paths)
+        count_tested(options.paths, options.engine or "mujoco", floating=options.floating)
     elif options.what == "acting":
         count_acting(options.paths, floating=options.floating)
     else:

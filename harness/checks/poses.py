@@ -228,6 +228,10 @@ errors are differences in the last digits of a number.
 """
 
 
+MESH = 1.0
+"""Size of the meshes that adapters load in place of files, m."""
+
+
 @dataclass(frozen=True)
 class PoseFinding:
     """Frames with the same pose error.
@@ -349,11 +353,11 @@ def _check_bodies(
     shapes = [one for one in target.placed if one.name in model.shapes]
     tree = with_shapes(target.tree, shapes)
     unchecked = tuple(name for name in target.tree.frames if name not in engine_names)
+    engine_names |= {one.name: one.name for one in shapes}
     if not engine_names:
         return PoseCheck(
             Poses(unchecked=unchecked, note="the engine does not report the poses of its bodies")
         )
-    engine_names |= {one.name: one.name for one in shapes}
     targets = tuple(
         FrameTarget(name=name, place=place, offset=np.zeros(3), axes=np.eye(3), where="")
         for name, place in engine_names.items()
@@ -366,7 +370,8 @@ def _check_bodies(
         tuple(range(len(targets))),
     )
     q, points = target.samples.start[:, : len(target.names)], [False] * len(targets)
-    check = _compared(frames, target.system.coordinates, points, q, unchecked)
+    extent = MESH * any(one.kind == "mesh" for one in shapes)
+    check = _compared(frames, target.system.coordinates, points, q, unchecked, extent)
     return _with_sizes(check, shapes, model.shapes)
 
 
@@ -386,11 +391,13 @@ def _with_sizes(
     rows = {row.name: row for row in check.record.frames}
     findings = list(check.findings)
     for shape in shapes:
-        off = _size_error(shape.size, sizes[shape.name])
-        if off > RESOLUTION * max(map(abs, shape.size), default=0.0):
+        measured = sizes[shape.name]
+        expected = shape.scale if shape.kind == "mesh" and measured else shape.size
+        off = _size_error(expected, measured)
+        if off > RESOLUTION * max(map(abs, expected), default=0.0):
             far = max(rows[shape.name].position or 0.0, off)
             rows[shape.name] = replace_fields(rows[shape.name], position=number(far), agrees=False)
-            findings.append(_size_finding(shape, sizes[shape.name], off))
+            findings.append(_size_finding(shape, expected, measured, off))
     names = {shape.name for shape in shapes}
     kept = tuple(row for row in rows.values() if row.name not in names or not row.agrees)
     record = replace_fields(check.record, frames=kept, shapes=len(shapes))
@@ -404,10 +411,13 @@ def _size_error(expected: Sequence[float], measured: Sequence[float]) -> float:
     return float(np.max(np.abs(np.subtract(expected, measured)), initial=0.0))
 
 
-def _size_finding(shape: PlacedShape, measured: Sequence[float], off: float) -> PoseFinding:
-    sizes = (" ".join(f"{x:.12g}" for x in size) for size in (shape.size, measured))
-    message = "{}: its size is {} in the file and {} in the engine".format(shape.name, *sizes)
-    largest = max(map(abs, shape.size), default=0.0)
+def _size_finding(
+    shape: PlacedShape, expected: Sequence[float], measured: Sequence[float], off: float
+) -> PoseFinding:
+    sizes = (" ".join(f"{x:.12g}" for x in size) for size in (expected, measured))
+    word = "scale" if shape.kind == "mesh" else "size"
+    message = "{}: its {} is {} in the file and {} in the engine".format(shape.name, word, *sizes)
+    largest = max(map(abs, expected), default=0.0)
     share = off / largest if largest and np.isfinite(off) else 1.0
     return PoseFinding((shape.name,), message, off, RESOLUTION / share, is_size=True)
 
@@ -423,11 +433,15 @@ def _compared(
     points: Sequence[bool],
     q: Array,
     unchecked: tuple[str, ...],
+    extent: float = 0.0,
 ) -> PoseCheck:
-    """Compare every mapped frame at positions q, (K, n); a point has no rotation."""
+    """Compare every mapped frame at positions q, (K, n); a point has no rotation.
+
+    Engines compute frames from distances of up to `extent`, m, besides those between bodies.
+    """
     z = frames.coordinates.forward(q)
     expected, measured = frames.expected(q), frames.measured(z)
-    length = frames.length(z)
+    length = frames.length(z) + extent
     uncertainty = frames.uncertainty(q, length)
     far, turned = expected.miss(measured)
     turned[:, np.flatnonzero(points)] = 0.0

@@ -214,10 +214,8 @@ def _check_laws(
     if laws.laws.uncovered:
         check = WholeStepCheck.skipped(laws.laws.uncovered)
     else:
-        covered = tuple(
-            format_omission(Omission(what=what, count=count, where=()))
-            for what, count in compiled.besides
-        )
+        besides = (Omission(what=what, count=count, where=()) for what, count in compiled.besides)
+        covered = tuple(map(format_omission, besides))
         comparison = LawComparison(laws, model)
         check = _check(comparison, covered, resolution, steps)
     return _with_reading(check, reading)
@@ -243,14 +241,18 @@ def _check_rules(
 ) -> WholeStepCheck:
     """Compare steps by impulses, or by near-rigid limits."""
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
+    parts: tuple[str, ...] = LIMITS if isinstance(rules, NearRigidRules) else IMPULSES
+    if robot.floats:  # others meet no floor
+        parts += CONTACTS
+    covered = tuple(format_omission(one) for one in robot.left_out if one.what in parts)
     if isinstance(rules, NearRigidRules):
         limited = near_rigid_model(robot, rules)
         if limited is not None:
-            return _check(LawComparison(limited, model), IMPULSES[:1], resolution, steps)
+            return _check(LawComparison(limited, model), covered, resolution, steps)
     else:
         laws = impulse_model(robot, rules)
         if laws is not None:
-            return _check(ImpulseComparison(laws, model), IMPULSES, resolution, steps)
+            return _check(ImpulseComparison(laws, model), covered, resolution, steps)
     return WholeStepCheck.skipped()
 
 
@@ -308,8 +310,14 @@ def _acting_forces(sample: Evaluated[S]) -> int:
 SHOWN = ("contacts", "limits", "drives at a limit", "motors at a limit")
 """Forces that a picture marks."""
 
-IMPULSES = ("limits of position", "limits of effort", "collision geometry")
+LIMITS = ("limits of position",)
+"""Parts of a file that only steps with near-rigid limits compare."""
+
+IMPULSES = ("limits of position", "limits of effort")
 """Parts of a file that only steps by impulses compare."""
+
+CONTACTS = ("collision geometry", "<contact> of <link>")
+"""Parts that these compare of a robot on a floor."""
 
 
 def _acted(evaluated: Sequence[Evaluated[S]]) -> Mapping[str, int]:

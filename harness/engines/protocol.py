@@ -318,7 +318,9 @@ class LoadedModel(ABC):
 
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
-        """Shapes and sites, as `kind:name`, each with its size in the order of the format, m."""
+        """Shapes and sites, as `kind:name`, each with its size in the order of the format, m, or
+        with the scale of a mesh.
+        """
         return {}
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:

@@ -50,13 +50,15 @@ def _shapes(name: str, link: XmlElement, file: Path) -> Iterator[PlacedShape]:
         size = None if form is None else _size(form)
         if form is None or place is None or size is None:
             continue
+        stated = next(filter(None, map(element.find, ("origin", "pose"))), element)
         yield PlacedShape(
             name=f"{element.tag}:{name}#{index}",
             body=name,
             place=place,
             size=size,
             file=file,
-            line=element.place[1] or 0,
+            line=stated.place[1] or 0,
+            size_place=(file, form.place[1] or 0),
             kind=form.tag,
             visual=element.tag == "visual",
             mesh=form.get("filename") or form.findtext("uri").strip(),

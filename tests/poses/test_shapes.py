@@ -73,6 +73,34 @@ def test_a_moved_or_scaled_shape_differs_at_its_line(
     assert [one.line for one in case.locations] == [line]
 
 
+def test_bodies_without_names_have_poses_and_shapes(tmp_path: Path) -> None:
+    """Passed unseen: a wrong size in a file whose only body has no name."""
+    path = tmp_path / "arm.xml"
+    sound = """<mujoco><worldbody><body pos="0 0 1"><joint axis="0 1 0"/>
+    <inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/><geom size="0.1"/>
+    </body></worldbody></mujoco>"""
+    path.write_text(sound)
+    target = prepare_tree(path, states=4)
+    for old, new, place in (
+        ('"0 0 1"', '"0 0 1.0001"', "body:body_1"),
+        ('"0.1"', '"0.1001"', "geom:#0"),
+    ):
+        path.write_text(sound.replace(old, new))
+        case = run_case(model_task(target, "mujoco"))
+        assert case.outcome is Outcome.DIFFERS
+        assert place in case.reason
+
+
+def test_shapes_almost_in_the_frame_of_their_body_agree(tmp_path: Path) -> None:
+    """Reported as elsewhere: MuJoCo takes a frame turned by 4e-7 for that of the body."""
+    nearly = 'pos="0 0 0.2" euler="0 0 8e-7"'
+    case = case_after(tmp_path, 'pos="0 0 0.2" euler="0.1 0 0"', nearly)
+    assert "geom:#3 (geom:#3)" in case.reason
+    path = tmp_path / "arm.xml"
+    case = run_case(model_task(prepare_tree(path, states=4), "mujoco"))
+    assert case.outcome is Outcome.AGREES
+
+
 def test_numbers_of_shapes_count_as_tested_by_poses(tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(MJCF)

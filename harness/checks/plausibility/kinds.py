@@ -201,12 +201,13 @@ def mesh_in_millimetres(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advi
     if density > MIN_DENSITY / 100:
         return None
     mesh = next(shape for shape in body.shapes if shape.kind == "mesh")
+    file, line = mesh.size_place or (mesh.file, mesh.line)
     return Advice(
         kind="mesh unit",
         subject=(body.name,),
         message=f"{_named(body)} of {body.inertia.mass:.3g} kg is {hull.diagonal:.3g} m "
         f"long, {density:.1g} kg/m^3: its mesh is in millimetres. Scale it by 0.001",
-        line=SourceLine(file=str(mesh.file), line=mesh.line or None),
+        line=SourceLine(file=str(file), line=line or None),
         expected=0.001,
         actual=1.0,
         excess=MIN_DENSITY / density,

@@ -69,10 +69,11 @@ def _literals(rows: Sequence[Mutation], width: int, columns: int) -> Iterator[st
     for location, marks in groupby(rows, lambda r: r.location):
         faults = {row.name: row for row in marks}
         first = next(iter(faults.values())).first_caught
-        seen = "untested" if first is None else f"{first:.0e}"
+        # Zero: no slope predicts it, as for shapes.
+        seen = "untested" if first is None else f"{first:.0e}" if first else ""
         if narrow:
             marked = ", ".join(f"{name} {MARKS[row.verdict]}" for name, row in faults.items())
-            result = seen if first is None else f"detected from {seen}; {marked}"
+            result = f"detected from {seen}; {marked}" if first else seen or marked
             yield f"  {location}: {result}"
             continue
         cells = "".join(
@@ -97,7 +98,7 @@ def _mistakes(rows: Sequence[Mutation], columns: int) -> Iterator[str]:
     for name in names:
         mine = [row for row in rows if row.name == name]
         counts = [sum(row.verdict is verdict for row in mine) for verdict in HEADS]
-        shares = [row.first_caught for row in mine if row.first_caught is not None]
+        shares = [row.first_caught for row in mine if row.first_caught]
         worst = f"  {max(shares):.0e}" if shares else ""
         if narrow:
             parts = zip(counts, HEADS.values(), strict=True)

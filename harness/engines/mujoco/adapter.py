@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -113,6 +114,9 @@ class PoseEvaluator:
             for i in range(count)
             if (name := named(i).name)
         }
+        for i in range(1, model.nbody):
+            if not model.body(i).name:
+                self._rows.setdefault(f"{body}:body_{i}", (*kinds[body][2:], i))
         for kind in ("geom", "site"):
             count, _, *fields = kinds[kind]
             for i in range(count):
@@ -139,18 +143,36 @@ class PoseEvaluator:
 
         wanted = [self._rows[place] for place in places]
         origins, turns = np.empty((len(z), len(wanted), 3)), np.empty((len(z), len(wanted), 3, 3))
-        for k, qpos in enumerate(z):
-            self._data.qpos[:] = qpos
-            mujoco.mj_kinematics(self._model, self._data)
-            for f, (positions_field, turn, i) in enumerate(wanted):
-                origins[k, f] = getattr(self._data, positions_field)[i]
-                turns[k, f] = getattr(self._data, turn)[i].reshape(3, 3)
+        with _own_frames(self._model):
+            for k, qpos in enumerate(z):
+                self._data.qpos[:] = qpos
+                mujoco.mj_kinematics(self._model, self._data)
+                for f, (positions_field, turn, i) in enumerate(wanted):
+                    origins[k, f] = getattr(self._data, positions_field)[i]
+                    turns[k, f] = getattr(self._data, turn)[i].reshape(3, 3)
         for f, (field, _, i) in enumerate(wanted):
             if field == "geom_xpos" and i in self._meshes:
                 origin, quaternion = self._meshes[i]
                 origins[:, f] += turns[:, f] @ origin
                 turns[:, f] = turns[:, f] @ from_quaternion(quaternion)
         return origins, turns
+
+
+@contextmanager
+def _own_frames(model: Any) -> Iterator[None]:
+    """Compute the frames of shapes and sites as they are compiled.
+
+    MuJoCo takes those within 1e-6 of a body's frame for that frame, as `rounded_frames` says.
+    """
+    flags = model.geom_sameframe, model.site_sameframe
+    kept = [each.copy() for each in flags]
+    try:
+        for each in flags:
+            each[:] = 0
+        yield
+    finally:
+        for each, before in zip(flags, kept, strict=True):
+            each[:] = before
 
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}

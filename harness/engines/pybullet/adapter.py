@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,11 @@ from physics_crosscheck.harness.engines.pybullet.settings import (
     scale_cause,
     scaled_inertias,
 )
+from physics_crosscheck.harness.engines.pybullet.shapes import (
+    LinkShape,
+    link_shapes,
+    simple_shapes,
+)
 from physics_crosscheck.harness.engines.pybullet.stepper import (
     BodyStepper,
     add_floor,
@@ -80,6 +86,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     bare_links,
     followers_of,
     temporary_urdf,
+    without_shapes,
     without_visuals,
 )
 from physics_crosscheck.harness.engines.urdf_sidecar import (
@@ -212,6 +219,7 @@ class PybulletEngine(Engine):
         "whole step: limits, motors, contacts; not balls, SDF, MJCF (own inertias)",
     )
     preferred = (".urdf",)
+    places = (".urdf",)
     default_settings_note = "1/240 s and no gravity"
     massless_link_default = "1 kg"
     takes_springs = (".urdf",)
@@ -310,7 +318,7 @@ class PybulletModel(LoadedModel):
         )
         self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
-        self._body = self._load_file()
+        self._body = self._load_file(self._changes)
         # Inertias of collision shapes are unrelated to the file's.
         uses_file_inertias = self._setting("inertia_from_file")
         self._lost = lost_inertias(robot, held_inertias(self._body)) if uses_file_inertias else {}
@@ -333,17 +341,17 @@ class PybulletModel(LoadedModel):
         held = followers_of(spec.settings, self.path)
         self._gears = [self._gear(mimic) for mimic in kept_mimics(file.mimics, held)]
 
-    def _load_file(self) -> int:
+    def _load_file(self, changes: Sequence[Change], flags: int = 0) -> int:
         import pybullet as p
 
         spec, file, _ = self._declared
         # Without the flag PyBullet computes inertias from the collision shapes.
-        flags = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
+        flags |= p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
         # Visual shapes do not affect the motion and take 95 % of the loading time.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
         try:
             with (
-                temporary_urdf(file.document.root, spec.path, self._changes) as path,
+                temporary_urdf(file.document.root, spec.path, changes) as path,
                 collect_printed_errors() as messages,
             ):
                 fixed = int(not self._setting("floating"))
@@ -397,10 +405,38 @@ class PybulletModel(LoadedModel):
         self._ensure_loaded()
         return tuple(link_places(self._body))
 
+    @cached_property
+    def _shapes(self) -> Mapping[str, LinkShape]:
+        """Collision shapes of a second body, which is removed; none if PyBullet can't load it."""
+        import pybullet as p
+
+        self._ensure_loaded()
+        kept = (one for one in self._changes if one is not without_shapes)
+        changes = (*kept, without_visuals, simple_shapes)
+        try:
+            body = self._load_file(changes, p.URDF_USE_IMPLICIT_CYLINDER)
+        except EngineError:
+            return {}  # whole steps name the reason
+        shapes = link_shapes(body, self._declared[1].document.root)
+        p.removeBody(body)
+        return shapes
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[float, ...]]:
+        """Collision shapes with their half sizes."""
+        return {name: shape.size for name, shape in self._shapes.items()}
+
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return poses by PyBullet's forward kinematics, without a step."""
+        shapes = [self._shapes[one] if one.startswith("collision:") else None for one in places]
+        links = [one.link if one else place for one, place in zip(shapes, places, strict=True)]
         self._ensure_loaded()
-        return self.stepper.poses(places, z)
+        origins, turns = self.stepper.poses(links, z)
+        for i, shape in enumerate(shapes):
+            if shape is not None:
+                origins[:, i] += turns[:, i] @ shape.frame.origin
+                turns[:, i] = turns[:, i] @ shape.frame.rotation
+        return origins, turns
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Return order 1 for every input."""

@@ -12,6 +12,8 @@ from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 
+import numpy as np
+
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.tree import GRAVITY
@@ -24,12 +26,15 @@ from physics_crosscheck.harness.documents.urdf import (
     read_urdf,
 )
 from physics_crosscheck.harness.modelfiles.build_tree import couplings, enforceable
+from physics_crosscheck.harness.modelfiles.link_shapes import placed_in
 from physics_crosscheck.harness.modelfiles.numbers import (
+    NUDGE,
     Number,
     numerals,
     set_temporarily,
     with_values,
 )
+from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.modelfiles.urdf.read import bodies_of, singles
 from physics_crosscheck.reference.mechanism.assemble import assembled, with_masses
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -42,6 +47,12 @@ _RELEVANT = re.compile(
 
 _LOADS = re.compile(r"robot/link/inertial/.*")
 """Numbers that affect no more of it than masses, centers and inertias."""
+
+
+_SHAPES = re.compile(
+    r"robot/link/collision/(origin@(xyz|rpy)|geometry/(box|sphere|cylinder|capsule|mesh)@\w+)"
+)
+"""Numbers on which collision shapes depend."""
 
 
 class UrdfNumbers:
@@ -145,8 +156,17 @@ class UrdfNumbers:
         return frozenset()
 
     def placing(self, candidates: Collection[int]) -> Collection[int]:
-        """Return nothing: no engine shows the shapes."""
-        return ()
+        """Return those on which the frame or the size of a collision shape depends."""
+        shapes = (i for i in candidates if _SHAPES.fullmatch(self.numerals[i].path))
+        return frozenset(i for i in shapes if self._places_shape(i))
+
+    def _places_shape(self, index: int) -> bool:
+        number, owner = self.numerals[index], self._owner(index)
+        links = {name: one for name, one in self._file.links.items() if one.element is owner}
+        before = placed_in(links, self._document.path)
+        with ExitStack() as restored:
+            set_temporarily(number, number.value + NUDGE * number.scale, restored)
+            return any(map(_differ, before, placed_in(links, self._document.path)))
 
     def engine_variants(self) -> tuple[tuple[str, Tree], ...]:
         """Return nothing: no engine compiles the file."""
@@ -165,3 +185,9 @@ def _owner(element: XmlElement) -> XmlElement | None:
     while element.parent is not None and element.parent.parent is not None:
         element = element.parent
     return None if element.parent is None else element
+
+
+def _differ(first: PlacedShape, second: PlacedShape) -> bool:
+    """Return whether two shapes differ in frame, size or scale."""
+    same = map(np.array_equal, first.place, second.place)
+    return (first.size, first.scale) != (second.size, second.scale) or not all(same)

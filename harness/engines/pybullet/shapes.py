@@ -1,0 +1,98 @@
+"""Collision shapes of a loaded URDF: their frames in the links, and their sizes, as PyBullet reads
+them.
+
+They are read from a copy in which a cube of `pybullet_data` replaces each mesh: meshes take longer
+to load than the rest, and their files may be missing. PyBullet reports the numbers of a cylinder
+only with `URDF_USE_IMPLICIT_CYLINDER`; without the flag it is a polyhedron with 32 sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.pybullet.base import real_first
+from physics_crosscheck.harness.engines.pybullet.stepper import link_places
+from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+
+Numbers = Sequence[float]
+
+_SIZES: Mapping[str, Callable[[Numbers], tuple[float, ...]]] = MappingProxyType(
+    {
+        "box": lambda edges: tuple(edge / 2 for edge in edges),
+        "sphere": lambda radii: (radii[0],),
+        "cylinder": lambda sizes: (sizes[1], sizes[0] / 2),
+        "capsule": lambda sizes: (sizes[1], sizes[0] / 2),
+        "mesh": tuple,
+    }
+)
+"""Half sizes of each form, m, or a mesh's scale, from the numbers that PyBullet reports."""
+
+
+class LinkShape(NamedTuple):
+    """A collision shape: the place of its link, its frame in the link, and its half sizes,
+    m, or a mesh's scale.
+    """
+
+    link: str
+    frame: Place
+    size: tuple[float, ...]
+
+
+def simple_shapes(robot: XmlElement) -> None:
+    """Replace meshes by cubes, and remove the forms that have no size here."""
+    import pybullet_data
+
+    cube = str(Path(pybullet_data.getDataPath()) / "cube.obj")
+    for link in robot.findall("link"):
+        for shape in link.findall("collision"):
+            form = shape.find("geometry/*")
+            if form is None or form.tag not in _SIZES:
+                link.remove(shape)
+            elif form.tag == "mesh":
+                form.set("filename", cube)
+
+
+def link_shapes(body: int, robot: XmlElement) -> Mapping[str, LinkShape]:
+    """Return the collision shapes of a body with `simple_shapes`, by `collision:link#index`.
+
+    The index counts all shapes of the link in the file, visual ones first.
+
+    Args:
+        body: PyBullet's index.
+        robot: the file as it was.
+    """
+    import pybullet as p
+
+    by_name = {link.get("name", ""): link for link in robot.findall("link")}
+    shapes = {}
+    for place, index in link_places(body).items():
+        link = by_name.get(place.removeprefix("link:"))
+        if link is None:
+            continue
+        # PyBullet reports frames in the principal axes of the link.
+        inertial = _place(*p.getDynamicsInfo(body, index)[3:5])
+        rows = p.getCollisionShapeData(body, index)
+        for (name, form), row in zip(_forms(link), rows, strict=True):
+            frame = inertial.compose(_place(*row[5:7]))
+            shapes[name] = LinkShape(link=place, frame=frame, size=_SIZES[form](row[3]))
+    return shapes
+
+
+def _forms(link: XmlElement) -> Iterator[tuple[str, str]]:
+    """Yield the name and the form of each shape that `simple_shapes` keeps."""
+    first = len(link.findall("visual"))
+    for index, shape in enumerate(link.findall("collision"), start=first):
+        form = shape.find("geometry/*")
+        if form is not None and form.tag in _SIZES:
+            yield f"collision:{link.get('name', '')}#{index}", form.tag
+
+
+def _place(origin: Numbers, quaternion: Numbers) -> Place:
+    return Place(from_quaternion(real_first(quaternion)), np.array(origin))
