@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
@@ -370,8 +371,9 @@ def _check_bodies(
         tuple(range(len(targets))),
     )
     q, points = target.samples.start[:, : len(target.names)], [False] * len(targets)
+    owners = {one.name: one.body for one in shapes}
     extent = MESH * any(one.kind == "mesh" for one in shapes)
-    check = _compared(frames, target.system.coordinates, points, q, unchecked, extent)
+    check = _compared(frames, target.system.coordinates, points, q, unchecked, owners, extent)
     return _with_sizes(check, shapes, model.shapes)
 
 
@@ -433,11 +435,13 @@ def _compared(
     points: Sequence[bool],
     q: Array,
     unchecked: tuple[str, ...],
+    owners: Mapping[str, str | None] = MappingProxyType({}),
     extent: float = 0.0,
 ) -> PoseCheck:
     """Compare every mapped frame at positions q, (K, n); a point has no rotation.
 
-    Engines compute frames from distances of up to `extent`, m, besides those between bodies.
+    Shapes that move with their owners are not named beside these. Engines compute frames from
+    distances of up to `extent`, m, besides those between bodies.
     """
     z = frames.coordinates.forward(q)
     expected, measured = frames.expected(q), frames.measured(z)
@@ -474,7 +478,9 @@ def _compared(
         miss = Miss.select(f, expected, measured, flipped, point=points[f], uncertainty=uncertainty)
         alike.setdefault(kind_of(miss), []).append(f)
     findings = []
-    for kind, group in alike.items():
+    for kind, members in alike.items():
+        moved = {rows[f].name for f in members}
+        group = [f for f in members if owners.get(rows[f].name) not in moved]
         worst = q[int(np.argmax((far + turned)[:, group].max(axis=1)))]
         message = _sentence([rows[f] for f in group], kind, _place(coordinates, worst), near)
         apart = far[:, group].max() / near[0] if near[0] else 0.0, turned[:, group].max() / near[1]
@@ -510,7 +516,8 @@ def _place(coordinates: Sequence[Coordinate], q: Array) -> str:
 
 def _sentence(group: Sequence[FramePose], kind: str, place: str, near: tuple[float, float]) -> str:
     """Describe the common error of some frames; omit parts smaller than `near`, m and rad."""
-    names = ", ".join(f"{one.name} ({one.place})" for one in group)
+    places = (f" ({one.place})" if one.place != one.name else "" for one in group)
+    names = ", ".join(one.name + place for one, place in zip(group, places, strict=True))
     far = max(one.position or 0.0 for one in group)
     angle = max(one.rotation or 0.0 for one in group)
     off = [f"{far:.3g} m"] if far > near[0] else []

@@ -196,7 +196,13 @@ def _set(setting: str, names: Names, system: System) -> None:
     names[name] = sp.sqrt(expression) if match[2] else expression
 
 
+_HUGE = re.compile(r"(?<![\w.])[\d._]+e[+-]?[\d_]{4,}", re.IGNORECASE)
+"""Numbers whose digits sympy would write out, for minutes."""
+
+
 def _parsed(text: str, names: Names) -> sp.Expr:
+    if huge := _HUGE.search(text):
+        raise ValueError(f"{huge[0]} has an exponent of four digits or more; use at most three")
     _check_size(ast.parse(text.strip(), mode="eval").body)
     expression = parse_expr(text, local_dict=names, global_dict=_FUNCTIONS)
     if not isinstance(expression, sp.Expr):

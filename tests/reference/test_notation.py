@@ -22,6 +22,7 @@ def refused(text: str) -> str:
 @pytest.mark.parametrize("text", [
     "theta'' = 9**9**9", "theta'' = (9**64)**64", "theta'' = theta^(10^9)", "theta'' = 9**(-9**9)",
     f"theta'' = {'*'.join(['theta'] * (MAX_DEGREE + 1))}",
+    "theta'' = 1e999992", "theta'' = 2*1.5E-99_9992 + theta",
 ])  # fmt: skip
 def test_powers_that_keep_a_worker_busy_are_refused(text: str) -> None:
     assert "exponent" in refused(text) or "too large to compute" in refused(text)

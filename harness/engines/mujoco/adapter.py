@@ -162,7 +162,8 @@ class PoseEvaluator:
 def _own_frames(model: Any) -> Iterator[None]:
     """Compute the frames of shapes and sites as they are compiled.
 
-    MuJoCo takes those within 1e-6 of a body's frame for that frame, as `rounded_frames` says.
+    MuJoCo takes those within 1e-6 of a body's frame for that frame, like inertial frames: see
+    `rounded_frames`.
     """
     flags = model.geom_sameframe, model.site_sameframe
     kept = [each.copy() for each in flags]
