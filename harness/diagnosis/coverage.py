@@ -12,6 +12,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.diagnosis.law_problem import AnyLawProblem, law_problem
@@ -435,7 +436,9 @@ def count_robot(task: TreeTask) -> Coverage:
     numbers = robot_numbers(task.file, task.spec.settings)
     if numbers.unread:
         return Coverage(note="; ".join(numbers.unread))
-    return summarized(counted_numbers(task, numbers), engines()[task.engine].non_physical)
+    counted = counted_numbers(task, numbers)
+    coverage = summarized(counted, engines()[task.engine].non_physical)
+    return replace_fields(coverage, engine=task.engine)
 
 
 def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:

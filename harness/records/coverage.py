@@ -33,6 +33,7 @@ class Coverage(Record, frozen=True, kw_only=True):
         untested: All other numbers, by reason.
         note: Reason if the numbers were not counted; empty otherwise.
         left_out: Features of the file that are not compared, such as `dry friction of 7 joints`.
+        engine: Engine whose checks are counted, once for all engines of a robot file.
     """
 
     numbers: Count = 0
@@ -42,6 +43,7 @@ class Coverage(Record, frozen=True, kw_only=True):
     untested: tuple[Untested, ...] = ()
     note: str = ""
     left_out: tuple[str, ...] = ()
+    engine: str = ""
 
     @property
     def seen(self) -> int:

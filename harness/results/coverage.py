@@ -59,7 +59,7 @@ def coverage_line(model: Model, *, examples: bool = False) -> str:
     parts = []
     if model.coverage is not None:
         if model.coverage.numbers or model.coverage.note:
-            parts.append(numbers_seen(model.coverage, examples))
+            parts.append(numbers_seen(model.coverage, examples, model.engine))
         if model.coverage.left_out:
             parts.append(f"not compared: {', '.join(model.coverage.left_out)}")
     if model.poses is not None:
@@ -70,8 +70,11 @@ def coverage_line(model: Model, *, examples: bool = False) -> str:
     return "; ".join(parts)
 
 
-def numbers_seen(coverage: Coverage, examples: bool) -> str:
-    """Return how many numbers each kind of test covered, and why the others are untested."""
+def numbers_seen(coverage: Coverage, examples: bool, engine: str) -> str:
+    """Return how many numbers each kind of test covered, and why the others are untested.
+
+    Name the engine whose checks are counted, unless it is this one.
+    """
     if coverage.note:
         return f"numbers not counted: {coverage.note}"
     by: Mapping[str, int] = {
@@ -79,6 +82,7 @@ def numbers_seen(coverage: Coverage, examples: bool) -> str:
     }  # fmt: skip
     counts_text = ", ".join(f"{count} by {what}" for what, count in by.items() if count)
     line = f"{coverage.seen} of {counted(coverage.numbers, 'number')} tested"
+    line += f" in {coverage.engine}" if coverage.engine not in ("", engine) else ""
     line += f" ({counts_text})" if counts_text else ""
     untested = [
         f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,19 @@ SDF = """<sdf version="1.9"><model name="swing"><link name="rod"><inertial>
 <joint name="hinge" type="revolute"><parent>world</parent><child>rod</child><axis><xyz>0 1 0</xyz>
 <dynamics><friction>0.1</friction></dynamics></axis></joint></model></sdf>
 """
+
+
+def test_numbers_are_counted_in_the_engine_that_shows_the_shapes(place: Path) -> None:
+    """Lost: the radius, if the numbers are counted in the engine that comes first."""
+    path = place / "robots" / "arm.urdf"
+    ball = '<link name="{}"><collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    path.write_text(re.sub('<link name="(\\w+)">', lambda link: ball.format(link[1]), ARM))
+    engines = ("--engine", "mujoco", "--engine", "pinocchio", "--engine", "pybullet")
+    crosscheck("run", path, *engines, "--out", place / "out", cwd=place)
+    models = json.loads((place / "out" / "results.json").read_text())["models"]
+    assert {model["coverage"]["engine"] for model in models} == {"pybullet"}
+    untested = [one["reason"] for one in models[0]["coverage"].get("untested", ())]
+    assert "collision shapes" not in untested
 
 
 def test_derive_prints_the_same_equation_of_a_robot_in_each_format(place: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
@@ -180,6 +181,14 @@ def test_line_lists_tested_and_untested_numbers() -> None:
     )
     assert "untested: 8 (visual geometry: geom@rgba, site@size, ...)" in coverage_line(
         record, examples=True
+    )
+
+
+def test_line_names_the_engine_whose_checks_are_counted() -> None:
+    counted = replace_fields(COVERAGE, engine="other")
+    assert coverage_line(model(coverage=counted)).startswith("23 of 31 numbers tested in other (")
+    assert coverage_line(model(engine="other", coverage=counted)).startswith(
+        "23 of 31 numbers tested ("
     )
 
 
