@@ -38,7 +38,12 @@ def robot_system(robot: Robot) -> TreeSystem:
     if robot.tree is None:
         raise RobotError("; ".join(map(str, robot.obstacles)), robot.obstacles)
     if not robot.tree.links:
-        raise RobotError(f"{robot.file}: it has no joint that moves, so there is nothing to check")
+        # Only a URDF's root can be freed, and none named `world`.
+        can_float = robot.file.suffix == ".urdf" and "world" not in {
+            one.name for one in robot.parts
+        }
+        remedy = "free its root with --floating" if can_float else "add a joint"
+        raise RobotError(f"{robot.file}: it has no joint that moves; {remedy}")
     return tree_system(
         name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
     )

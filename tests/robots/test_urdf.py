@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from tests.robots.files import BODY, inertial, joint, last, left_out, link, read, read_text, tree_of
@@ -149,6 +150,14 @@ def test_floating_link_of_a_fixed_root_starts_at_the_world_origin(tmp_path: Path
     case = run_case(model_task(prepare_tree(robot.file, states=8), "mujoco"))
     assert (case.outcome, case.reason) == (Outcome.AGREES, "")
     assert read(tmp_path, link("a"), link("b"), joint("j", "a", "b"), floating=True).floats
+
+
+@pytest.mark.parametrize(("name", "remedy"), [
+    ("block", "free its root with --floating"), ("world", "add a joint"),
+])  # fmt: skip
+def test_file_without_a_moving_joint_has_a_remedy(tmp_path: Path, name: str, remedy: str) -> None:
+    with pytest.raises(RobotError, match=f"no joint that moves; {remedy}"):
+        robot_system(read(tmp_path, link(name)))
 
 
 def test_a_root_link_named_world_never_floats(tmp_path: Path) -> None:
