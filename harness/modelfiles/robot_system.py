@@ -39,9 +39,8 @@ def robot_system(robot: Robot) -> TreeSystem:
         raise RobotError("; ".join(map(str, robot.obstacles)), robot.obstacles)
     if not robot.tree.links:
         # Only a URDF's root can be freed, and none named `world`.
-        can_float = robot.file.suffix == ".urdf" and "world" not in {
-            one.name for one in robot.parts
-        }
+        names = {one.name for one in robot.parts}
+        can_float = robot.file.suffix == ".urdf" and "world" not in names
         remedy = "free its root with --floating" if can_float else "add a joint"
         raise RobotError(f"{robot.file}: it has no joint that moves; {remedy}")
     return tree_system(
