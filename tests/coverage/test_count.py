@@ -22,6 +22,7 @@ from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.poses import FramePose, Poses
+from physics_crosscheck.harness.render.html import overview
 from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines
 from tests.poses.arm import SWING
 
@@ -187,9 +188,10 @@ def test_line_lists_tested_and_untested_numbers() -> None:
 def test_line_names_the_engine_whose_checks_are_counted() -> None:
     counted = replace_fields(COVERAGE, engine="other")
     assert coverage_line(model(coverage=counted)).startswith("23 of 31 numbers tested in other (")
-    assert coverage_line(model(engine="other", coverage=counted)).startswith(
-        "23 of 31 numbers tested ("
-    )
+    other = model(engine="other", coverage=counted)
+    assert coverage_line(other).startswith("23 of 31 numbers tested (")
+    (row,) = overview.tested_numbers([model(coverage=counted), other])
+    assert row.engine == "other"
 
 
 def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:

@@ -112,7 +112,7 @@ def tested_numbers(models: Iterable[Model]) -> tuple[TestedNumbers, ...]:
         coverage, key = model.coverage, (model.folder, model.model)
         if coverage is None or not coverage.numbers:
             continue
-        if key not in best or coverage.seen > best[key][1].seen:
+        if key not in best or _rank(model, coverage) > _rank(*best[key]):
             best[key] = model, coverage
     rows = sorted(best.values(), key=lambda row: row[1].seen / row[1].numbers)
     return tuple(
@@ -127,6 +127,11 @@ def tested_numbers(models: Iterable[Model]) -> tuple[TestedNumbers, ...]:
         )
         for model, coverage in rows[:MAX_FILES]
     )
+
+
+def _rank(model: Model, coverage: Coverage) -> tuple[int, bool]:
+    """Rank a model by its tested numbers, then by whether its own engine's checks count."""
+    return coverage.seen, coverage.engine == model.engine
 
 
 def issue_views(
