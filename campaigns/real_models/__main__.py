@@ -64,7 +64,7 @@ def arguments() -> argparse.Namespace:
         "--no-causes", action="store_true", help="skip the diagnosis of differences"
     )
     parser.add_argument(
-        "--told", action="store_true", help="print only the tables of stored results"
+        "--tables", action="store_true", help="print only the tables of stored results"
     )
     return parser.parse_args()
 
@@ -83,7 +83,7 @@ def main() -> None:
     files = list(dict.fromkeys(files))
     done = dict(read_entries(options.kept))
     pending = [file for file in files if not is_done(file, done.get(str(file)), options.again)]
-    pending = [] if options.told else pending
+    pending = [] if options.tables else pending
     began, count = time.perf_counter(), 0
 
     def report(entry: FileEntry) -> None:

@@ -241,9 +241,9 @@ def _check_rules(
 ) -> WholeStepCheck:
     """Compare steps by impulses, or by near-rigid limits."""
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
-    parts: tuple[str, ...] = LIMITS if isinstance(rules, NearRigidRules) else IMPULSES
-    if robot.floats:  # others meet no floor
-        parts += CONTACTS
+    parts = LIMITS
+    if isinstance(rules, ImpulseRules):
+        parts += (*EFFORTS, *(CONTACTS if robot.floats else ()))  # a fixed root meets no floor
     covered = tuple(format_omission(one) for one in robot.left_out if one.what in parts)
     if isinstance(rules, NearRigidRules):
         limited = near_rigid_model(robot, rules)
@@ -310,14 +310,14 @@ def _acting_forces(sample: Evaluated[S]) -> int:
 SHOWN = ("contacts", "limits", "drives at a limit", "motors at a limit")
 """Forces that a picture marks."""
 
-LIMITS = ("limits of position",)
-"""Parts of a file that only steps with near-rigid limits compare."""
+LIMITS: tuple[str, ...] = ("limits of position",)
+"""Parts of a URDF that only whole steps compare."""
 
-IMPULSES = ("limits of position", "limits of effort")
-"""Parts of a file that only steps by impulses compare."""
+EFFORTS = ("limits of effort",)
+"""Further parts that steps by impulses compare."""
 
 CONTACTS = ("collision geometry", "<contact> of <link>")
-"""Parts that these compare of a robot on a floor."""
+"""Further parts that these compare of a robot on a floor."""
 
 
 def _acted(evaluated: Sequence[Evaluated[S]]) -> Mapping[str, int]:

@@ -19,8 +19,9 @@ from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, has_shape_inertia
 from physics_crosscheck.harness.engines.mjcf_inertias import is_aligned
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 
-POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
+POSE = ("pos", *ORIENTATIONS)
 
 TOUCHES = ("contype", "conaffinity")
 """Attributes by which geoms collide."""

@@ -106,9 +106,14 @@ def is_aligned(source: MjcfSource, joint: MjcfJoint) -> bool:
 
     It does so if the body has no other joint and no child bodies.
     """
-    if joint.kind != FREE or joint.body.find("body") is not None:
+    return joint.kind == FREE and aligns(source, joint.body, joint.element)
+
+
+def aligns(source: MjcfSource, body: XmlElement, joint: XmlElement) -> bool:
+    """Return whether a free joint aligns its body."""
+    if body.find("body") is not None:
         return False
-    mode = joint.element.get("align", "auto")
+    mode = joint.get("align", "auto")
     if mode == "auto":
         mode = source.stated("compiler", "alignfree", "false")
     return mode == "true"

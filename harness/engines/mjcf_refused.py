@@ -13,7 +13,7 @@ from physics_crosscheck.harness.engines.mjcf_defaults import (
 )
 from physics_crosscheck.harness.engines.mjcf_inertias import GEOMS_ALONE, Reason
 from physics_crosscheck.harness.engines.mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
-from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, MjcfSource
 
 FLUID_OPTIONS = ("density", "viscosity", "wind")
 
@@ -24,7 +24,7 @@ PARTS = ("body", "joint", "freejoint", "inertial")
 
 MACROS = ("frame", "replicate", "composite", "flexcomp", "attach")
 
-TURNS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
+TURNS = {key: len(identity) for key, identity in ORIENTATIONS.items()}
 """Attributes for orientations, and how many numbers each takes."""
 
 COUNTS: Mapping[str, Mapping[str, int]] = {

@@ -18,6 +18,15 @@ OPTIONS: Mapping[str, tuple[str, object]] = {
 }
 """Settings, the attributes of `<option>` that state them, and their defaults."""
 
+ORIENTATIONS: Mapping[str, tuple[float, ...]] = {
+    "quat": (1, 0, 0, 0),
+    "axisangle": (0, 0, 1, 0),
+    "euler": (0, 0, 0),
+    "xyaxes": (1, 0, 0, 0, 1, 0),
+    "zaxis": (0, 0, 1),
+}
+"""Attributes that state an orientation, with the identity."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MjcfSource:

@@ -143,38 +143,23 @@ def argument_entries() -> Iterator[CorpusEntry]:
             codes=(1, 2, 3),
             match="crosscheck",
         )
-    yield CorpusEntry(
-        name="arguments/an out folder that is a file",
-        build=_write_extra_files,
-        codes=(2, 3),
-        command=(
-            "run",
-            "@hostile",
-            "--out",
-            "@hostile/system.py",
-            "--jobs",
-            "1",
-            "--baseline",
-            "@baseline",
-        ),
-        match=r"system\.py",
-    )
-    yield CorpusEntry(
-        name="arguments/an out folder below a file",
-        build=_write_extra_files,
-        codes=(2, 3),
-        command=(
-            "run",
-            "@hostile",
-            "--out",
-            "@hostile/system.py/out",
-            "--jobs",
-            "1",
-            "--baseline",
-            "@baseline",
-        ),
-        match=r"system\.py",
-    )
+    for place, out in {"that is": "system.py", "below": "system.py/out"}.items():
+        yield CorpusEntry(
+            name=f"arguments/an out folder {place} a file",
+            build=_write_extra_files,
+            codes=(2, 3),
+            command=(
+                "run",
+                "@hostile",
+                "--out",
+                f"@hostile/{out}",
+                "--jobs",
+                "1",
+                "--baseline",
+                "@baseline",
+            ),
+            match=r"system\.py",
+        )
     yield CorpusEntry(
         name="arguments/a folder twice",
         build=append_text(SYSTEM_FILE, "\n"),

@@ -122,27 +122,14 @@ def baseline_entries() -> Iterator[CorpusEntry]:
                 codes=(2, 3),
                 match=_NAMED,
             )
-    yield CorpusEntry(
-        name="baseline/gate, a file",
-        build=_write_file_for_folder,
-        command=_GATE,
-        codes=(2, 3),
-        match="baseline",
-    )
-    yield CorpusEntry(
-        name="baseline/run, a file",
-        build=_write_file_for_folder,
-        command=_RUN,
-        codes=(2, 3),
-        match="baseline",
-    )
-    yield CorpusEntry(
-        name="baseline/accept into a file",
-        build=_write_file_for_folder,
-        command=ACCEPT,
-        codes=(2, 3),
-        match="baseline",
-    )
+    for name, arguments in (("gate,", _GATE), ("run,", _RUN), ("accept into", ACCEPT)):
+        yield CorpusEntry(
+            name=f"baseline/{name} a file",
+            build=_write_file_for_folder,
+            command=arguments,
+            codes=(2, 3),
+            match="baseline",
+        )
     broken = replace_text(MJCF_FILE, ("<worldbody>", "<worldbody"))
     yield CorpusEntry(
         name="baseline/accept what fails",

@@ -13,7 +13,7 @@ from tests.faults.known_folder import environment
 
 
 def completions(line: str, here: Path) -> list[str]:
-    output = here / "told"
+    output = here / "completed"
     subprocess.run(
         [sys.executable, "-m", "physics_crosscheck"],
         cwd=here,

@@ -80,7 +80,7 @@ def test_accepted_audit_finding_passes_until_it_changes(
     repository.edit("space.py", "SPARE = 1.5", "SPARE = 1.3")
     fixed = repository.gate("pymunk")
     assert fixed.passes
-    repository.accept("mended", result=fixed)
+    repository.accept("repaired", result=fixed)
     assert not read_baseline(repository.baseline)[SYSTEM].audits
 
 

@@ -12,6 +12,7 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
+from tests.poses.edited import case_of_edited
 
 TETRAHEDRON = "0 0 0  0.3 0 0  0 0.2 0  0 0 0.1"
 MJCF = f"""<mujoco><compiler angle="radian"/>
@@ -34,12 +35,7 @@ MJCF = f"""<mujoco><compiler angle="radian"/>
 
 def case_after(folder: Path, old: str, new: str) -> Case:
     """Compare the edited file in MuJoCo with the equations of the original."""
-    path = folder / "arm.xml"
-    path.write_text(MJCF)
-    target = prepare_tree(path, states=4)
-    assert MJCF.count(old) == 1
-    path.write_text(MJCF.replace(old, new))
-    return run_case(model_task(target, "mujoco"))
+    return case_of_edited(folder / "arm.xml", MJCF, old, new, "mujoco")
 
 
 def test_shapes_and_sites_agree(tmp_path: Path) -> None:
@@ -75,18 +71,14 @@ def test_a_moved_or_scaled_shape_differs_at_its_line(
 
 def test_bodies_without_names_have_poses_and_shapes(tmp_path: Path) -> None:
     """Lost: a wrong size in a file whose only body has no name."""
-    path = tmp_path / "arm.xml"
     sound = """<mujoco><worldbody><body pos="0 0 1"><joint axis="0 1 0"/>
     <inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/><geom size="0.1"/>
     </body></worldbody></mujoco>"""
-    path.write_text(sound)
-    target = prepare_tree(path, states=4)
     for old, new, place in (
         ('"0 0 1"', '"0 0 1.0001"', "body_1 (body:body_1): off by"),  # its shape goes with it
         ('"0.1"', '"0.1001"', "geom:#0: its size"),
     ):
-        path.write_text(sound.replace(old, new))
-        case = run_case(model_task(target, "mujoco"))
+        case = case_of_edited(tmp_path / "arm.xml", sound, old, new, "mujoco")
         assert case.outcome is Outcome.DIFFERS
         assert case.reason.startswith(place)
 

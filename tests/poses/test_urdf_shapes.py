@@ -12,6 +12,7 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
+from tests.poses.edited import case_of_edited
 
 URDF = """<robot name="arm">
 <link name="base"><visual><geometry><box size="1 1 1"/></geometry></visual>
@@ -37,12 +38,7 @@ URDF = """<robot name="arm">
 
 def case_after(folder: Path, old: str, new: str) -> Case:
     """Compare the edited file in PyBullet with the equations of the original."""
-    path = folder / "arm.urdf"
-    path.write_text(URDF)
-    target = prepare_tree(path, states=4)
-    assert URDF.count(old) == 1
-    path.write_text(URDF.replace(old, new))
-    return run_case(model_task(target, "pybullet"))
+    return case_of_edited(folder / "arm.urdf", URDF, old, new, "pybullet")
 
 
 def test_shapes_agree(tmp_path: Path) -> None:

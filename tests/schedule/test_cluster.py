@@ -208,7 +208,7 @@ def until(holds: Callable[[], object]) -> None:
 
 
 def test_running_tasks_and_copies_end_with_the_run(cluster: Loopback, tmp_path: Path) -> None:
-    pid_file, sent = tmp_path / "told", tmp_path / "kept.txt"
+    pid_file, sent = tmp_path / "pid", tmp_path / "kept.txt"
     sent.write_text("kept")
     with executor(scheduler=cluster.address, files=lambda: [sent], engines=ENGINE) as pool:
         copy = Path(*outcomes(pool, (where, sent))[0])

@@ -330,7 +330,7 @@ def test_process_state_is_restored_after_each_task(tmp_path: Path) -> None:
 def test_forked_process_starts_its_own_workers(workers: Workers, tmp_path: Path) -> None:
     """Start a new server, because the parent's is not a child and cannot be waited for."""
     assert workers.outcome(workers.submit(square, 4)) == 16
-    result = tmp_path / "told"
+    result = tmp_path / "result"
     child = os.fork()
     if child == 0:
         try:

@@ -12,13 +12,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_defaults import MAIN
-from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, MjcfSource
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    Array,
+    about_axis,
+    cross,
+    to_quaternion,
+)
 
 Value = float | str
 Values = tuple[Value, ...]
@@ -147,44 +152,41 @@ def radians(source: MjcfSource) -> float:
     return 1.0 if source.stated("compiler", "angle") == "radian" else math.pi / 180
 
 
-ORIENTATIONS: Mapping[str, Sequence[float]] = {
-    "quat": (1, 0, 0, 0),
-    "axisangle": (0, 0, 1, 0),
-    "euler": (0, 0, 0),
-    "xyaxes": (1, 0, 0, 0, 1, 0),
-    "zaxis": (0, 0, 1),
-}
-"""Attributes that state an orientation, with the identity."""
-
-
 def orientation(chain: Chain, source: MjcfSource) -> tuple[float, ...]:
     """Return the orientation of an element as a unit quaternion (w, x, y, z)."""
     others = ORIENTATIONS.keys() - {"quat"}
     stated = (others & one.attributes.keys() for one in reversed(chain.elements))
     key = next((key for keys in stated for key in keys), "quat")  # others overrule quaternions
     numbers = np.array(chain.numbers(key, ORIENTATIONS[key]), dtype=float)
+    if key == "quat":
+        return tuple((numbers / np.linalg.norm(numbers)).tolist())
     if key == "axisangle":
-        axis = numbers[:3] / np.linalg.norm(numbers[:3])
-        turn = Rotation.from_rotvec(numbers[3] * radians(source) * axis)
+        turn = _about(numbers[:3], numbers[3] * radians(source))
     elif key == "euler":
+        turn = np.eye(3)
         sequence = source.stated("compiler", "eulerseq", "xyz")
-        # A lower-case letter is an axis that turns with the element, which scipy writes upper-case.
-        turn = Rotation.from_euler(sequence.swapcase(), numbers * radians(source))
+        for letter, angle in zip(sequence, numbers * radians(source), strict=True):
+            step = _about(np.eye(3)["xyz".index(letter.lower())], angle)
+            # A lower-case letter is an axis that turns with the element.
+            turn = turn @ step if letter.islower() else step @ turn
     elif key == "xyaxes":
         x, y = numbers[:3] / np.linalg.norm(numbers[:3]), numbers[3:]
         y = y - (x @ y) * x
         y = y / np.linalg.norm(y)
-        turn = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=1))
-    elif key == "zaxis":
-        turn = _to_axis(numbers)
+        turn = np.stack([x, y, cross(x, y)], axis=1)
     else:
-        turn = Rotation.from_quat(np.roll(numbers, -1))  # scipy has the scalar last
-    return tuple(np.roll(turn.as_quat(), 1).tolist())
+        turn = _to_axis(numbers)
+    return to_quaternion(turn)
 
 
-def _to_axis(axis: NDArray[np.float64]) -> Rotation:
+def _about(axis: Array, angle: float) -> Array:
+    """Return the rotation about an axis of any length."""
+    return about_axis(axis / np.linalg.norm(axis), np.array(angle), DOUBLES)
+
+
+def _to_axis(axis: Array) -> Array:
     """Return the smallest rotation that turns the z axis to another one."""
-    normal = np.cross((0.0, 0.0, 1.0), axis)
+    normal = cross(np.array([0.0, 0.0, 1.0]), axis)
     sine = float(np.linalg.norm(normal))
-    normal = normal / sine if sine else np.array([1.0, 0.0, 0.0])
-    return Rotation.from_rotvec(math.atan2(sine, axis[2]) * normal)
+    normal = normal if sine else np.array([1.0, 0.0, 0.0])
+    return _about(normal, math.atan2(sine, axis[2]))

@@ -13,9 +13,9 @@ from functools import cached_property
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
+from physics_crosscheck.harness.engines.mjcf_inertias import aligns
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, read_source_mjcf
 from physics_crosscheck.harness.modelfiles.mjcf.classes import (
-    ORIENTATIONS,
     Chain,
     StatedClasses,
     StatedPlace,
@@ -237,15 +237,13 @@ class StatedLaws:
 
     def _is_aligned(self, body: XmlElement | None) -> bool:
         """Return whether a compiler aligns a free body with its principal axes of inertia."""
-        automatic = self._source.stated("compiler", "alignfree", "false")
-        for element in () if body is None else body:
-            if element.tag in JOINTS:
-                chain = self._chain(element)
-                free = element.tag == "freejoint" or chain.word("type") == "free"
-                align = chain.word("align", "auto")
-                if free and "true" in (align, automatic if align == "auto" else ""):
-                    return True
-        return False
+        if body is None:
+            return False
+        joints = (one for one in body if one.tag in JOINTS)
+        return any(self._is_free(one) and aligns(self._source, body, one) for one in joints)
+
+    def _is_free(self, joint: XmlElement) -> bool:
+        return joint.tag == "freejoint" or self._chain(joint).word("type") == "free"
 
     def _frame(self, chain: Chain) -> dict[str, Values]:
         return {"pos": chain.numbers("pos", ZERO), "quat": orientation(chain, self._source)}

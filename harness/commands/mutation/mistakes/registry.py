@@ -17,6 +17,7 @@ from physics_crosscheck.harness.commands.mutation.mistakes.mistake import (
 )
 from physics_crosscheck.harness.commands.mutation.mistakes.rests import moved_rest, radian, rests
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR, at_constants, bindings
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
@@ -50,7 +51,6 @@ UP = 1.0
 """Height by which a base is raised, metres; gravity is the same at any height."""
 
 _QUARTER = "1.5707963267948966"
-_ORIENTED = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
 
 
 def bases(subject: Subject) -> Iterator[Mistake]:
@@ -67,7 +67,7 @@ def bases(subject: Subject) -> Iterator[Mistake]:
         raised = Attribute(element.start, key, f"{x!r} {y!r} {z + UP!r}")
         yield Mistake("base moved", where, Edit(attributes=(raised,)), audit_words="moved by")
     if not any(map(float, element.attributes.get("rpy", "0").split())) and not any(
-        one in element.attributes for one in _ORIENTED
+        one in element.attributes for one in ORIENTATIONS
     ):
         edit = Edit(attributes=(Attribute(element.start, *turned),))
         yield Mistake("plane of motion turned", where, edit, audit_words="turned")
