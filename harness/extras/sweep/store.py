@@ -249,7 +249,9 @@ _SECONDS = ("engine_seconds", "reference_seconds", "loading_seconds", "seconds")
 def _flat_rows(path: Path) -> list[dict[str, Any]]:
     pyarrow = arrow()
     try:
-        rows: list[dict[str, Any]] = pyarrow.parquet.read_table(path).to_pylist()
+        # `read_table` closes the file later, in a thread of its own.
+        with pyarrow.parquet.ParquetFile(path) as file:
+            rows: list[dict[str, Any]] = file.read().to_pylist()
     except (OSError, ValueError, pyarrow.ArrowException) as error:
         raise RowsError(path, f"can't be read ({' '.join(str(error).split())})") from None
     return rows
