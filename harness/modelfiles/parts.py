@@ -141,7 +141,8 @@ def _walk(model: Path) -> tuple[dict[Path, bool], int]:
         for path in level:
             names = _names_in(path)
             for folder in (b / n for n in names.folders for b in (path.parent, model.parent)):
-                folders.setdefault(os.path.realpath(folder), folder)
+                if os.path.isdir(folder):
+                    folders.setdefault(os.path.realpath(folder), folder)
             named += [(path.parent, name, part) for name, part in names.files.items()]
         # All names again: a part's folders apply to the names in all others.
         level = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -118,6 +119,15 @@ def test_recursive_include_terminates(folder: Path) -> None:
 def test_every_quoted_word_of_an_unparsable_file_counts(folder: Path, text: str) -> None:
     # Engines accept more than this parser: a missed name would hide a change.
     assert named(folder, text) == {"../shared/a.stl"}
+
+
+def test_thousands_of_words_are_searched_in_linear_time(tmp_path: Path) -> None:
+    words = " ".join(f'w{i}="v{i}"' for i in range(3000))
+    (tmp_path / "m.xml").write_text(f" <?xml version='1.0'?><mujoco file='' {words}/>")
+    (tmp_path / "v7").touch()
+    began = time.process_time()
+    assert named_files(tmp_path / "m.xml") == (tmp_path / "v7",)
+    assert time.process_time() - began < 5
 
 
 def test_words_of_a_rejected_file_with_a_dtd_count(folder: Path) -> None:
