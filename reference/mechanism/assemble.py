@@ -99,24 +99,79 @@ def assembled(
     )
 
 
-def with_masses(tree: Tree, bodies: Mapping[str, RigidBody], changed: Collection[str]) -> Tree:
-    """Return an assembled tree, without a fluid, for other masses and inertias of some bodies.
+def with_bodies(tree: Tree, bodies: Mapping[str, RigidBody], changed: Collection[str]) -> Tree:
+    """Return an assembled tree for other numbers of some bodies and of their joints.
 
     Args:
-        tree: the tree.
-        bodies: all bodies by their names; none of them is lifted.
+        tree: the tree, without a fluid.
+        bodies: all bodies by their names, parents first; none of them is lifted. Parents, and names
+            and kinds of joints, are those of the tree.
         changed: names of those that differ.
     """
-    links = list(tree.links)
-    for index in {tree.frames[name][0] for name in changed} - {WORLD}:
+    links, frames = list(tree.links), dict(tree.frames)
+    joints = {link.name: i for i, link in enumerate(links)}
+    moved, loaded = set[str](), set[int]()
+    for name, body in bodies.items():
+        if name not in changed and body.parent not in moved:
+            continue
+        within, place = (WORLD, IDENTITY) if body.parent is None else frames[body.parent]
+        place = place.compose(body.place)
+        for joint in body.joints:
+            link, within = _link(joint, within, place), joints[joint.name]
+            links[within] = _carrying(link, _inertia(links[within]))
+            place = _after(joint)
+        loaded.add(within)
+        if not all(map(np.array_equal, place, frames[name][1])):
+            frames[name] = within, place
+            moved.add(name)
+    for index in loaded - {WORLD}:
         inertia = NO_INERTIA
-        for name, (within, place) in tree.frames.items():
+        for name, (within, place) in frames.items():
             if within == index:
                 inertia = _welded(inertia, bodies[name].spatial_inertia, place) or inertia
-        links[index] = replace(
-            links[index], mass=inertia.mass, center=inertia.center, inertia=inertia.inertia
-        )
-    return replace(tree, links=tuple(links))
+        links[index] = _carrying(links[index], inertia)
+    # Equal frames stay the same object.
+    return replace(tree, links=tuple(links), frames=frames if moved else tree.frames)
+
+
+def _inertia(link: TreeLink) -> SpatialInertia:
+    return SpatialInertia(link.mass, link.center, link.inertia)
+
+
+def _carrying(link: TreeLink, inertia: SpatialInertia) -> TreeLink:
+    """Return a link with another inertia."""
+    return replace(link, mass=inertia.mass, center=inertia.center, inertia=inertia.inertia)
+
+
+def _link(joint: Joint, within: int, place: Place) -> TreeLink:
+    """Return the massless link of a joint of a body, whose frame is given in the link before it."""
+    origin, axis = place.transform(np.array(joint.at, dtype=float)), joint.direction
+    rotation = place.rotation
+    if joint.kind == "hinge" and joint.zero:
+        rotation = rotation @ about_axis(axis, np.array(-joint.zero), DOUBLES)
+    elif joint.kind == "slide" and joint.zero:
+        origin = origin - rotation @ axis * joint.zero
+    linear = joint.single and not joint.nonlinear
+    return TreeLink(
+        name=joint.name,
+        parent=within,
+        position=origin,
+        rotation=rotation,
+        kind=joint.kind,
+        axis=axis,
+        mass=0.0,
+        center=np.zeros(3),
+        inertia=np.zeros((3, 3)),
+        armature=float(joint.armature),
+        damping=0.0 if joint.single and not linear else _only(powers(joint.damping)),
+        stiffness=_only(powers(joint.stiffness)) if linear else 0.0,
+        rest=(float(joint.rest),),
+    )
+
+
+def _after(joint: Joint) -> Place:
+    """Return the frame of a body in the link of its joint."""
+    return Place(np.eye(3), -np.array(joint.at, dtype=float))
 
 
 def _welded(inertia: SpatialInertia, added: SpatialInertia, place: Place) -> SpatialInertia | None:
@@ -184,12 +239,6 @@ class _Builder:
         """Add a joint; return its link and the body's frame in that link."""
         if joint.name in self._joints:
             raise TreeError(f"two joints have the name {joint.name!r}")
-        anchor = np.array(joint.at, dtype=float)
-        origin, rotation, axis = place.transform(anchor), place.rotation, joint.direction
-        if joint.kind == "hinge" and joint.zero:
-            rotation = rotation @ about_axis(axis, np.array(-joint.zero), DOUBLES)
-        elif joint.kind == "slide" and joint.zero:
-            origin = origin - rotation @ axis * joint.zero
         index = self._joints[joint.name] = len(self._links)
         damping, stiffness = powers(joint.damping), powers(joint.stiffness)
         if joint.nonlinear and joint.single:
@@ -197,30 +246,14 @@ class _Builder:
                 TreeForce(name=joint.name, joints=((index, 1.0),), stiffness=stiffness,
                          damping=damping, rest=(joint.rest, joint.rest))
             )  # fmt: skip
-        self._links.append(
-            TreeLink(
-                name=joint.name,
-                parent=within,
-                position=origin,
-                rotation=rotation,
-                kind=joint.kind,
-                axis=axis,
-                mass=0.0,
-                center=np.zeros(3),
-                inertia=np.zeros((3, 3)),
-                armature=float(joint.armature),
-                damping=0.0 if joint.nonlinear and joint.single else _only(damping),
-                stiffness=_only(stiffness) if joint.single and not joint.nonlinear else 0.0,
-                rest=(float(joint.rest),),
-            )
-        )
+        self._links.append(_link(joint, within, place))
         self._inertias.append(NO_INERTIA)
         self._lifts.append(NO_INERTIA)
         if not joint.single and (powers(joint.stiffness) or len(damping) > 1):
             self.bushings.append(_bushing(joint, index))
         bounds = (joint.limits if joint.single else None) or (-np.inf, np.inf)
         self.bounds += [bounds] * VELOCITIES[joint.kind]
-        return index, Place(np.eye(3), -anchor)
+        return index, _after(joint)
 
     def whole(self) -> Iterator[TreeLink]:
         """Yield the links with their total masses."""

@@ -23,8 +23,12 @@ URDF = "\n".join(
         link("one"),
         joint("b", "one", "two", '<dynamics damping="0.5"/><limit effort="7"/>', "revolute"),
         link("two").replace('value="2"', "value='3.5'"),
-        joint("c", "two", "welded", '<origin xyz="0.5 0 0"/>', "fixed"),
+        joint("c", "two", "welded", '<origin xyz="0.5 0 0" rpy="0 0 0"/>', "fixed"),
         link("welded"),
+        joint("d", "welded", "three", '<origin xyz="0 0.1 0" rpy="0 0 0.2"/>'),
+        link("three"),
+        joint("e", "three", "tip", '<origin xyz="0 0 0.3"/>', "fixed"),
+        link("tip"),
         '<gazebo reference="b"><springStiffness> 4 </springStiffness></gazebo>',
         "</robot>",
     ]
@@ -40,6 +44,11 @@ def by_address(numbers: Numbers) -> dict[str, int]:
 def same(tree: Tree | None, other: Tree | None) -> bool:
     assert tree is not None
     assert other is not None
+    if tree.frames.keys() != other.frames.keys():
+        return False
+    places = ((tree.frames[name], other.frames[name]) for name in tree.frames)
+    if not all(a == b and all(map(np.array_equal, c, d)) for (a, c), (b, d) in places):
+        return False
     return all(
         np.array_equal(getattr(a, name), getattr(b, name))
         for a, b in zip(tree.links, other.links, strict=True)
@@ -52,6 +61,8 @@ def same(tree: Tree | None, other: Tree | None) -> bool:
     "joint[a]/origin@xyz[2]", "joint[a]/origin@rpy[0]", "joint[a]/axis@xyz[0]",
     "link[two]/inertial/mass@value", "link[one]/inertial/inertia@ixy",
     "link[welded]/inertial/origin@xyz[0]",
+    "joint[c]/origin@xyz[1]", "joint[c]/origin@rpy[2]", "joint[d]/origin@rpy[2]",
+    "joint[e]/origin@xyz[2]", "link[tip]/inertial/mass@value",
     "joint[b]/dynamics@damping", "gazebo[b]/springStiffness",
 ])  # fmt: skip
 def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path, address: str) -> None:

@@ -35,8 +35,9 @@ from physics_crosscheck.harness.modelfiles.numbers import (
     with_values,
 )
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
-from physics_crosscheck.harness.modelfiles.urdf.read import bodies_of, singles
-from physics_crosscheck.reference.mechanism.assemble import assembled, with_masses
+from physics_crosscheck.harness.modelfiles.urdf.read import bodies_of, body_of, singles
+from physics_crosscheck.reference.mechanism.assemble import assembled, with_bodies
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 _RELEVANT = re.compile(
@@ -45,9 +46,8 @@ _RELEVANT = re.compile(
 )
 """Numbers that affect a tree."""
 
-_LOADS = re.compile(r"robot/link/inertial/.*")
-"""Numbers that affect no more of it than masses, centers and inertias."""
-
+_BODIES = re.compile(r"robot/(link/inertial/.*|joint/(origin|axis)@.*|joint/dynamics@damping)")
+"""Numbers that affect one body of it and its joint."""
 
 _SHAPES = re.compile(
     r"robot/link/collision/(origin@(xyz|rpy)|geometry/(box|sphere|cylinder|capsule|mesh)@\w+)"
@@ -89,21 +89,32 @@ class UrdfNumbers:
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
         nominal = self._nominal
-        if nominal is None or not all(_LOADS.fullmatch(self.numerals[i].path) for i in values):
+        if nominal is None or not all(_BODIES.fullmatch(self.numerals[i].path) for i in values):
             return self._built(values)
         if not values:
             return nominal
         with self.changed(values, coupled=True, tree=nominal) as changed:
             if changed is None:
                 return None
-            links = changed[0].links
-            names = {owner.get("name") for i in values if (owner := self._owner(i))}
-            return with_masses(nominal, {name: links[name].body for name in links}, names)
+            file, joints = changed[0], {one.child: one for one in changed[0].joints.values()}
+            others = {}
+            for element in filter(None, map(self._owner, values)):
+                name = element.get("name")
+                link = file.joints[name].child if element.tag == "joint" else name
+                if link in self._bodies:
+                    joint = joints.get(link)
+                    others[link] = body_of(file, link, joint, self.floats, self._held)
+            return with_bodies(nominal, {**self._bodies, **others}, others)
 
     @cached_property
     def _nominal(self) -> Tree | None:
         """The tree of the file as it is."""
         return self._built({})
+
+    @cached_property
+    def _bodies(self) -> Mapping[str, RigidBody]:
+        """The bodies of the file as it is, by their links."""
+        return {body.name: body for body in bodies_of(self._file, self.floats, self._held)}
 
     def _built(self, values: Mapping[int, float]) -> Tree | None:
         with self.changed(values, coupled=True) as changed:

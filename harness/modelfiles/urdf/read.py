@@ -220,22 +220,31 @@ def _bodies(file: UrdfFile, floating: bool, still: Collection[str]) -> Iterator[
     below: dict[str, list[UrdfJoint]] = {}
     for joint in file.joints.values():
         below.setdefault(joint.parent, []).append(joint)
-    free = (Joint(name=file.base, kind="free"),)
-    yield replace(file.links[file.root].body, joints=free if floating else ())
+    yield body_of(file, file.root, None, floating, still)
     waiting = list(reversed(below.get(file.root, [])))
     while waiting:
         joint = waiting.pop()
-        moves = joint.kind is not None and joint.name not in still
-        # A free body next to a fixed root counts from the world, as in engines.
-        loose = moves and joint.kind == "free" and joint.parent == file.root and not floating
-        yield replace(
-            file.links[joint.child].body,
-            parent=joint.parent,
-            position=ZERO if loose else joint.origin,
-            rpy=ZERO if loose else joint.rpy,
-            joints=(_joint(joint, file.springs),) if moves else (),
-        )
+        yield body_of(file, joint.child, joint, floating, still)
         waiting += reversed(below.get(joint.child, []))
+
+
+def body_of(
+    file: UrdfFile, link: str, joint: UrdfJoint | None, floating: bool, still: Collection[str]
+) -> RigidBody:
+    """Return a link as a body, on its joint; arguments as in `bodies_of`."""
+    body = file.links[link].body
+    if joint is None:
+        return replace(body, joints=(Joint(name=file.base, kind="free"),) if floating else ())
+    moves = joint.kind is not None and joint.name not in still
+    # A free body next to a fixed root counts from the world, as in engines.
+    loose = moves and joint.kind == "free" and joint.parent == file.root and not floating
+    return replace(
+        body,
+        parent=joint.parent,
+        position=ZERO if loose else joint.origin,
+        rpy=ZERO if loose else joint.rpy,
+        joints=(_joint(joint, file.springs),) if moves else (),
+    )
 
 
 def _joint(joint: UrdfJoint, springs: Mapping[str, tuple[float, float]]) -> Joint:
