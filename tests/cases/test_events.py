@@ -82,7 +82,7 @@ def copy_of(name: str, folder: Path, file: str, old: str, new: str) -> Path:
     return copy
 
 
-def test_a_bouncing_ball_agrees(bounce: Path) -> None:
+def test_bouncing_ball_agrees(bounce: Path) -> None:
     assert outcomes(bounce, "pymunk") == {"AGREES"}
 
 
@@ -90,7 +90,7 @@ def test_a_bouncing_ball_agrees(bounce: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["ball_train", "buffered_cart", "filtered_motor", "saturated_servo", "soft_landing"]
 )
-def test_a_built_in_motion_with_events_agrees(name: str) -> None:
+def test_built_in_motion_with_events_agrees(name: str) -> None:
     """Judge quick ones; `make test-engines` judges all.
 
     The first scenario runs in every engine, the others in the first engine.
@@ -130,7 +130,7 @@ def test_impact_that_depends_on_its_time_within_a_step_is_unresolved() -> None:
     assert case.verdict.largest_uncertainty == pytest.approx(0.092, rel=0.05)
 
 
-def test_a_rebound_that_vanishes_with_the_step_differs(bounce: Path) -> None:
+def test_rebound_that_vanishes_with_the_step_differs(bounce: Path) -> None:
     (case,) = cases(bounce, "pybullet")
     assert case.outcome.value == "DIFFERS"
     assert "z_dot is -0.000" in case.reason
@@ -153,7 +153,7 @@ def test_fault_of_a_millionth_is_detected(
     assert "DIFFERS" in outcomes(copy_of(name, tmp_path, file, old, new), engine)
 
 
-def test_the_cause_of_a_wrong_restitution_is_named(bounce: Path, tmp_path: Path) -> None:
+def test_cause_of_a_wrong_restitution_is_named(bounce: Path, tmp_path: Path) -> None:
     changed = tmp_path / "bouncing_ball"
     shutil.copytree(bounce, changed)
     text = (changed / "space.py").read_text()

@@ -74,7 +74,7 @@ def kuka(tmp_path_factory: pytest.TempPathFactory) -> PreparedTree:
     ("pinocchio", 'damping="0.5"', 'damping="0.500001"'),
     ("mujoco", 'xyz="0.0003 0.059 0.042"', 'xyz="0.0003 0.0590001 0.042"'),
 ])  # fmt: skip
-def test_a_number_off_by_a_millionth_differs(
+def test_number_off_by_a_millionth_differs(
     kuka: PreparedTree, tmp_path: Path, engine: str, old: str, new: str
 ) -> None:
     text = kuka.place.read_text()
@@ -506,7 +506,7 @@ def test_time_step_longer_than_the_motion_is_reported() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_line_reports_the_error_of_a_motion(tmp_path: Path) -> None:
+def test_command_line_reports_the_error_of_a_motion(tmp_path: Path) -> None:
     file = str(DATA / "cartpole.urdf")
     refused = crosscheck(tmp_path, file, "--motion", "0")
     assert refused.returncode == 2

@@ -283,7 +283,7 @@ def failed(engine: WrongEngine) -> list[str]:
     return [check.name for check in checked(engine) if not check.passed]
 
 
-def test_the_engine_without_mistakes_passes() -> None:
+def test_engine_without_mistakes_passes() -> None:
     assert failed(WrongEngine()) == []
 
 
@@ -292,7 +292,7 @@ def test_every_check_has_a_wrong_engine() -> None:
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_mistake_fails_only_its_check(name: str) -> None:
+def test_mistake_fails_only_its_check(name: str) -> None:
     assert failed(WRONG[name]) == [name]
 
 
@@ -307,7 +307,7 @@ def test_other_mistakes_fail_too(model: type[Wrong], name: str) -> None:
     assert name in failed(WrongEngine(model))
 
 
-def test_an_engine_that_raises_is_reported() -> None:
+def test_engine_that_raises_is_reported() -> None:
     class Raises(Wrong):
         def before(self, q: Array, force: Force) -> Force:
             raise ZeroDivisionError("an engine's own")
@@ -317,7 +317,7 @@ def test_an_engine_that_raises_is_reported() -> None:
     assert "it ended in ZeroDivisionError: an engine's own" in messages
 
 
-def test_the_command_lists_each_check_of_an_engine(capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_lists_each_check_of_an_engine(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(Namespace(conformance="known")) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "euler.known"
@@ -325,11 +325,11 @@ def test_the_command_lists_each_check_of_an_engine(capsys: pytest.CaptureFixture
     assert len(lines) == 3 * (1 + len(CHECKS))
 
 
-def test_the_command_exits_with_1_if_a_check_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_exits_with_1_if_a_check_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "engines", lambda: {"wrong": WrongEngine(ClaimsTwo)})
     assert command.main(Namespace(conformance="wrong")) == 1
 
 
-def test_the_command_lists_installed_engines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_lists_installed_engines(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(Namespace(conformance="nothing")) == 2
     assert "engine 'nothing' is not installed. Installed: " in capsys.readouterr().err

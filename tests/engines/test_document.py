@@ -43,7 +43,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("installed")
-def test_the_example_adapter_conforms() -> None:
+def test_example_adapter_conforms() -> None:
     assert sum(bool(line.strip()) for line in block("python").splitlines()) <= 40
     (checks,) = conform_samples(engines()["toy"]).values()
     assert len(checks) == len(CHECKS)
@@ -51,7 +51,7 @@ def test_the_example_adapter_conforms() -> None:
 
 
 @pytest.mark.usefixtures("installed")
-def test_the_example_adapter_runs_a_folder_and_detects_a_wrong_number(tmp_path: Path) -> None:
+def test_example_adapter_runs_a_folder_and_detects_a_wrong_number(tmp_path: Path) -> None:
     folder = tmp_path / "oscillator"
     folder.mkdir()
     (folder / "system.py").write_text(SYSTEM)
@@ -65,7 +65,7 @@ def test_the_example_adapter_runs_a_folder_and_detects_a_wrong_number(tmp_path: 
     assert outcomes == {"good": Outcome.AGREES, "off": Outcome.DIFFERS}
 
 
-def test_the_tables_list_every_hook_of_the_protocol() -> None:
+def test_tables_list_every_hook_of_the_protocol() -> None:
     _, _, tables = PAGE.partition("## Required members")
     rows = [line for line in tables.splitlines() if line.startswith("|")]
     documented = {word for row in rows for word in re.findall(r"\w+", row.split("|")[1])}

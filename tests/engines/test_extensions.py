@@ -60,7 +60,7 @@ def test_gazebo_springs_act_towards_their_rest_position(pairing: Pairing, tmp_pa
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_sidecars_spring_and_damper_act_on_a_combination_of_joints(
+def test_sidecars_spring_and_damper_act_on_a_combination_of_joints(
     pairing: Pairing, tmp_path: Path
 ) -> None:
     spring = Spring({"q1": -2.0, "q2": 1.0}, 30.0, 4.0, 0.1)
@@ -79,7 +79,7 @@ def test_two_springs_on_one_joint_add_up(pairing: Pairing, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("pairing", [p for p in ON_URDF if p.integrator != "RK4"], ids=str)
-def test_a_mimic_joint_follows_its_leader_and_brings_its_inertia(
+def test_mimic_joint_follows_its_leader_and_brings_its_inertia(
     pairing: Pairing, tmp_path: Path
 ) -> None:
     mimic = '<mimic joint="q1" multiplier="3"/>'

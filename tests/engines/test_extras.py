@@ -76,7 +76,7 @@ def test_settings_of_a_missing_engine_require_its_name(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("absent")
-def test_a_model_without_installed_engines_is_absent(folder: Path) -> None:
+def test_model_without_installed_engines_is_absent(folder: Path) -> None:
     _write(folder, '["pinocchio"]')
     results = check(folder)
     assert {case.outcome for case in results.cases} == {Outcome.ABSENT}
@@ -84,13 +84,13 @@ def test_a_model_without_installed_engines_is_absent(folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("absent")
-def test_a_requested_missing_engine_is_an_error_with_its_install_command() -> None:
+def test_requested_missing_engine_is_an_error_with_its_install_command() -> None:
     with pytest.raises(FolderError, match=r"pip install 'physics-crosscheck\[pinocchio\]'"):
         check_engines(["pinocchio"])
 
 
 @pytest.mark.usefixtures("absent")
-def test_the_list_of_engines_shows_install_commands(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_of_engines_shows_install_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["engines"]) == 0
     output = capsys.readouterr().out
     assert "pinocchio  not installed " in output
@@ -98,7 +98,7 @@ def test_the_list_of_engines_shows_install_commands(capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.usefixtures("absent")
-def test_a_gate_keeps_accepted_results_of_missing_engines(tmp_path: Path) -> None:
+def test_gate_keeps_accepted_results_of_missing_engines(tmp_path: Path) -> None:
     names = ("pinocchio", "mujoco", "pybullet")
     state = survey([], GateOptions(baseline=tmp_path))
     assert [name for name in names if not state.includes(name)] == ["pinocchio"]
@@ -114,7 +114,7 @@ def test_default_engines_are_not_extras() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("absent")
-def test_a_run_reports_missing_engines_once(
+def test_run_reports_missing_engines_once(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder.parent)

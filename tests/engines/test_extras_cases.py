@@ -15,7 +15,7 @@ from tests.installed.documents import ROOT, check_shown, commands
 CROSSCHECK = f'crosscheck() {{ {shlex.quote(sys.executable)} -m physics_crosscheck "$@"; }}\n'
 
 
-def test_a_constraint_that_drake_ignores_is_reported_as_on_the_page(tmp_path: Path) -> None:
+def test_constraint_that_drake_ignores_is_reported_as_on_the_page(tmp_path: Path) -> None:
     need("drake")
     shutil.copy(ROOT / "docs" / "cases" / "fingers.urdf", tmp_path)
     _, excepted = commands((ROOT / "docs" / "cases.md").read_text())

@@ -116,7 +116,7 @@ def test_other_rules_of_limits_are_detected(tmp_path: Path, name: str, value: fl
     assert problem.of_model(engine).judge(1e-9).outcome is Outcome.DIFFERS
 
 
-def test_a_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:
+def test_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:
     """Catch a diagnosis that does not try the numbers of near-rigid limits."""
     problem = problem_of(tmp_path)
     wrong = tmp_path / "wrong.urdf"
@@ -127,7 +127,7 @@ def test_a_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:
     assert "limit@upper" in str(cause)
 
 
-def test_a_lost_limit_is_named(tmp_path: Path) -> None:
+def test_lost_limit_is_named(tmp_path: Path) -> None:
     """Catch a diagnosis without the mistakes of near-rigid limits."""
     problem = problem_of(tmp_path)
     name = "the limit of joint shoulder is ignored"

@@ -27,9 +27,7 @@ STILL = np.zeros((1, 1))
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_the_file_sets_step_gravity_and_zero_unless_the_sidecar_does(
-    name: str, tmp_path: Path
-) -> None:
+def test_file_sets_step_gravity_and_zero_unless_the_sidecar_does(name: str, tmp_path: Path) -> None:
     bodies = ARM.replace(hinge(), hinge(more='ref="0.4"'))
     path = write(tmp_path, bodies, '<option timestep="0.003" gravity="0 0 -5"/>')
     model = mjcf(name, path)
@@ -43,7 +41,7 @@ def test_the_file_sets_step_gravity_and_zero_unless_the_sidecar_does(
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_a_flag_disables_gravity(name: str, tmp_path: Path) -> None:
+def test_flag_disables_gravity(name: str, tmp_path: Path) -> None:
     path = write(tmp_path, ARM, '<option><flag gravity="disable"/></option>')
     model = mjcf(name, path)
     assert model.gravity == (0.0, 0.0, 0.0)
@@ -158,7 +156,7 @@ def test_included_files_are_read_and_their_lines_reported(name: str, tmp_path: P
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_the_last_compiler_counts_and_later_defaults_keep_earlier_classes(
+def test_last_compiler_counts_and_later_defaults_keep_earlier_classes(
     name: str, tmp_path: Path
 ) -> None:
     (tmp_path / "part.xml").write_text(
@@ -185,7 +183,7 @@ def test_the_last_compiler_counts_and_later_defaults_keep_earlier_classes(
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
 @pytest.mark.parametrize("flag", ["spring", "damper", "actuation", "gravity", "constraint"])
-def test_a_flag_disables_its_feature(name: str, flag: str, tmp_path: Path) -> None:
+def test_flag_disables_its_feature(name: str, flag: str, tmp_path: Path) -> None:
     extra = (
         f'<option><flag {flag}="disable"/></option>'
         + TENDON.format('stiffness="3" damping="0.4"')
@@ -254,7 +252,7 @@ def test_meshes_without_a_compiler_are_rejected_by_line(name: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_a_body_without_mass_and_inertia_is_massless(name: str, tmp_path: Path) -> None:
+def test_body_without_mass_and_inertia_is_massless(name: str, tmp_path: Path) -> None:
     nothing = '<inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/><geom size="0.3"/>'
     path = write(tmp_path, f'{TWO}<body pos="1 0 0">{nothing}</body>')
     assert off(mjcf(name, path), mjcf("mujoco", path)) < 1e-14
@@ -295,7 +293,7 @@ def test_drake_steps_include_gravity_compensation(tmp_path: Path) -> None:
     ('<freejoint name="f" align="false"/>', 'alignfree="true"', "", False),
     ('<freejoint name="f" align="true"/>', "", f'<body pos="0 0 1">{INERTIAL}</body>', False),
 ])  # fmt: skip
-def test_a_free_body_is_aligned_with_its_inertia_as_in_mujoco(
+def test_free_body_is_aligned_with_its_inertia_as_in_mujoco(
     name: str, joint: str, compiler: str, child: str, aligned: bool, tmp_path: Path
 ) -> None:
     geom = '<geom type="box" size="0.1 0.2 0.3" pos="0.1 0.2 0.3" euler="0.4 0.5 0.6"/>'
@@ -360,14 +358,14 @@ def test_actuators_act_at_constant_controls(name: str, motor: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_an_actuator_with_a_state_is_rejected(name: str, tmp_path: Path) -> None:
+def test_actuator_with_a_state_is_rejected(name: str, tmp_path: Path) -> None:
     extra = '<actuator><general joint="j" dyntype="filter" dynprm="1"/></actuator>'
     with pytest.raises(EngineError, match="an actuator with a state"):
         mjcf(name, write(tmp_path, ARM, extra), {"smooth": True})
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_a_held_joint_stays_at_its_initial_position(name: str, tmp_path: Path) -> None:
+def test_held_joint_stays_at_its_initial_position(name: str, tmp_path: Path) -> None:
     bodies = TWO.replace(hinge("k"), hinge("k", 'ref="0.3" stiffness="7"'))
     path = write(tmp_path, bodies, TENDON.format('stiffness="3" springlength="0"') + "</tendon>")
     model = mjcf(name, path, {"held": ["k"]})
@@ -380,7 +378,7 @@ def test_a_held_joint_stays_at_its_initial_position(name: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_a_floating_body_has_the_same_coordinates_as_in_mujoco(name: str, tmp_path: Path) -> None:
+def test_floating_body_has_the_same_coordinates_as_in_mujoco(name: str, tmp_path: Path) -> None:
     bodies = (
         f'<body><joint name="s" type="slide" axis="1 0 0"/>{AWAY}</body>'
         f'<body pos="1 2 3" euler="0.3 -0.4 0.5"><freejoint name="f"/>{AWAY}'
@@ -419,7 +417,7 @@ def test_friction_is_ignored_and_reported(name: str, tmp_path: Path) -> None:
     assert off(model, mjcf("mujoco", write(tmp_path, ARM))) < 1e-14
 
 
-def test_a_setting_restores_pinocchio_without_damping(tmp_path: Path) -> None:
+def test_setting_restores_pinocchio_without_damping(tmp_path: Path) -> None:
     path = write(tmp_path, ARM.replace(hinge(), hinge(more='damping="0.3"')))
     mujoco = mjcf("mujoco", path)
     assert off(mjcf("pinocchio", path), mujoco) < 1e-14
@@ -428,7 +426,7 @@ def test_a_setting_restores_pinocchio_without_damping(tmp_path: Path) -> None:
     assert list(model.corrective_settings.values()) == [{"damping": True}]
 
 
-def test_a_setting_restores_drake_without_armature(tmp_path: Path) -> None:
+def test_setting_restores_drake_without_armature(tmp_path: Path) -> None:
     path = write(tmp_path, TWO.replace(hinge("k"), hinge("k", 'armature="0.3"')))
     mujoco = mjcf("mujoco", path)
     assert off(mjcf("pinocchio", path), mujoco) < 1e-14
@@ -438,7 +436,7 @@ def test_a_setting_restores_drake_without_armature(tmp_path: Path) -> None:
     assert list(model.corrective_settings.values()) == [{"armature": True}]
 
 
-def test_a_setting_restores_pinocchio_with_only_the_first_root(tmp_path: Path) -> None:
+def test_setting_restores_pinocchio_with_only_the_first_root(tmp_path: Path) -> None:
     path = write(tmp_path, ARM + ARM.replace('"j"', '"k"'))
     assert mjcf("pinocchio", path).coordinates == ("j", "k")
     model = mjcf("pinocchio", path, {"all_roots": False})
@@ -446,7 +444,7 @@ def test_a_setting_restores_pinocchio_with_only_the_first_root(tmp_path: Path) -
     assert list(model.corrective_settings.values()) == [{"all_roots": True}]
 
 
-def test_a_setting_restores_pinocchio_with_visual_only_geoms(tmp_path: Path) -> None:
+def test_setting_restores_pinocchio_with_visual_only_geoms(tmp_path: Path) -> None:
     geoms = (
         '<geom type="sphere" size="0.1" pos="0 0 0.5"/>'
         '<geom type="box" size="0.1 0.2 0.3" pos="0.2 0 0" contype="0" conaffinity="0"/>'

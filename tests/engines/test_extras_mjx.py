@@ -28,7 +28,7 @@ def load(path: Path, engine: str = "mjx", **settings: object) -> LoadedModel:
     return engines()[engine].load(ModelSpec(path, settings=settings))
 
 
-def test_the_adapter_conforms(tmp_path: Path) -> None:
+def test_adapter_conforms(tmp_path: Path) -> None:
     need("mjx")
     sample = engines()["mjx"].samples()[0]
     path = tmp_path / sample.file

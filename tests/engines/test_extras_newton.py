@@ -29,7 +29,7 @@ def mjcf(
     return engines()["newton"].load(ModelSpec(path, settings=settings or {}))
 
 
-def test_the_adapter_conforms() -> None:
+def test_adapter_conforms() -> None:
     need("newton")
     results = conform_samples(engines()["newton"])
     assert len(results) == 2
@@ -62,7 +62,7 @@ def test_limits_of_a_continuous_joint_act_and_are_reported(tmp_path: Path) -> No
     assert any("is continuous" in one.message for one in model.remarks(still, still))
 
 
-def test_a_mimic_is_constrained_through_the_mass_matrix(tmp_path: Path) -> None:
+def test_mimic_is_constrained_through_the_mass_matrix(tmp_path: Path) -> None:
     model = load("newton", urdf(extra=MIMIC), tmp_path)
     push = np.ones((1, 1000, 2)) * [0.004, 0.0]
     z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 1000, push, 1000)
@@ -100,7 +100,7 @@ def test_joints_without_inertia_or_of_other_types_are_rejected(tmp_path: Path) -
         load("newton", urdf(kind="floating"), tmp_path)
 
 
-def test_an_mjcf_sets_step_gravity_and_zero(tmp_path: Path) -> None:
+def test_mjcf_sets_step_gravity_and_zero(tmp_path: Path) -> None:
     joint = HINGE.format('ref="0.4"')
     options = '<option timestep="0.003" gravity="0 0 -5"/>'
     model = mjcf(tmp_path, f"<body>{joint}{INERTIAL}</body>", options)

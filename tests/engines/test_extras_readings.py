@@ -99,7 +99,7 @@ def test_gazebo_springs_act(name: str, tmp_path: Path) -> None:
     ("dart", {}, 1e-2, 1.0),
     ("idyntree", {}, 1e-13, 0.2), ("idyntree", {"hold_mimics": False}, 0.41, 1.0),
 ])  # fmt: skip
-def test_a_mimic_is_ignored_constrained_or_a_servo(
+def test_mimic_is_ignored_constrained_or_a_servo(
     name: str, settings: dict[str, object], off: float, led: float, tmp_path: Path
 ) -> None:
     model = load(name, urdf(extra=MIMIC), tmp_path, settings=settings)
@@ -118,7 +118,7 @@ def test_a_mimic_is_ignored_constrained_or_a_servo(
 
 
 @pytest.mark.parametrize(("ratio", "holds"), [(0.5, True), (1.0, True), (2.0, False)])
-def test_a_dart_coupler_is_stable_only_for_slow_followers(
+def test_dart_coupler_is_stable_only_for_slow_followers(
     ratio: float, holds: bool, tmp_path: Path
 ) -> None:
     text = urdf(extra=MIMIC.replace('"2"', f'"{ratio}"'))
@@ -131,7 +131,7 @@ def test_a_dart_coupler_is_stable_only_for_slow_followers(
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_a_disabled_mimic_is_ignored(name: str, tmp_path: Path) -> None:
+def test_disabled_mimic_is_ignored(name: str, tmp_path: Path) -> None:
     model = load(name, urdf(extra=MIMIC), tmp_path, settings={"couplings": False})
     push = np.ones((1, 10, 2)) * [0.0, 0.01]
     z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 10, push, 10)
@@ -140,7 +140,7 @@ def test_a_disabled_mimic_is_ignored(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", EXTRAS)
-def test_a_long_axis_is_normalized(name: str, tmp_path: Path) -> None:
+def test_long_axis_is_normalized(name: str, tmp_path: Path) -> None:
     _, once = moved(load(name, urdf(body=BELOW), tmp_path, 9.81), 0.5, 0.0, 0.01)
     _, twice = moved(load(name, urdf(body=BELOW, axis="0 2 0"), tmp_path, 9.81), 0.5, 0.0, 0.01)
     assert twice == pytest.approx(once, rel=1e-12)
@@ -168,7 +168,7 @@ def test_dart_gives_a_massless_fixed_link_one_kilogram_by_default(
     '<inertial><mass value="0"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
     "</inertial>",
 ], ids=["no triangle", "moments without mass"])  # fmt: skip
-def test_an_inertia_that_drake_replaces_by_a_ball_is_rejected(
+def test_inertia_that_drake_replaces_by_a_ball_is_rejected(
     name: str, refused: bool, body: str, tmp_path: Path
 ) -> None:
     text = urdf(extra=WELDED.format(body))
@@ -215,7 +215,7 @@ def test_idyntree_drops_inertia_of_massless_links_unless_set(
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "dart"])
-def test_an_error_quotes_the_output_of_the_parser(name: str, tmp_path: Path) -> None:
+def test_error_quotes_the_output_of_the_parser(name: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="is of type REVOLUTE but it does not specify limits"):
         load(name, urdf(kind="revolute"), tmp_path)
 
@@ -273,7 +273,7 @@ def test_products_of_inertia_lose_no_digits(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", EXTRAS)
 @pytest.mark.parametrize("root", ["g", "world"])
-def test_the_root_link_may_be_anywhere_in_the_file(name: str, root: str, tmp_path: Path) -> None:
+def test_root_link_may_be_anywhere_in_the_file(name: str, root: str, tmp_path: Path) -> None:
     ground = f'<link name="g">{BODY}</link>'
     text = urdf(body=BELOW)
     assert ground in text
@@ -296,7 +296,7 @@ def test_frames_match_the_file(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("number", "place"), [
     ('value="1"', 'mass value="1 "'), ('iyy="0.01"', 'inertia iyy="0.01 "'),
 ])  # fmt: skip
-def test_an_inertial_dropped_for_a_trailing_blank_is_a_cause_with_its_line(
+def test_inertial_dropped_for_a_trailing_blank_is_a_cause_with_its_line(
     name: str, number: str, place: str, tmp_path: Path
 ) -> None:
     def with_body(old: str, new: str) -> str:
@@ -323,7 +323,7 @@ def test_an_inertial_dropped_for_a_trailing_blank_is_a_cause_with_its_line(
     '<dynamics damping="0.3 "/>', '<limit lower="-1" upper="1 " effort="1" velocity="1"/>',
     '<limit lower="-1" upper="1" effort="1&#9;" velocity="1"/>',
 ])  # fmt: skip
-def test_a_joint_with_a_trailing_blank_is_rejected_unless_trimmed(
+def test_joint_with_a_trailing_blank_is_rejected_unless_trimmed(
     name: str, part: str, tmp_path: Path
 ) -> None:
     with pytest.raises(EngineError, match=r"\.urdf:\d+: <\w+ \w+=.* has a space after the number"):
@@ -333,7 +333,7 @@ def test_a_joint_with_a_trailing_blank_is_rejected_unless_trimmed(
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "sapien"])
-def test_a_negative_mass_without_a_body_is_rejected_by_line(name: str, tmp_path: Path) -> None:
+def test_negative_mass_without_a_body_is_rejected_by_line(name: str, tmp_path: Path) -> None:
     below = BODY.replace('value="1"', 'value="-1"')
     with pytest.raises(EngineError, match=r"\.urdf:\d+: the mass of link 'a' is below zero, -1 kg"):
         load(name, urdf(body=below), tmp_path)

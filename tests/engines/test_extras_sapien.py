@@ -23,7 +23,7 @@ POINT = BELOW.replace("0.01", "0")
 """A mass of 1 kg without moments, 1 m below its link."""
 
 
-def test_the_adapter_conforms() -> None:
+def test_adapter_conforms() -> None:
     need("sapien")
     (checks,) = conform_samples(engines()["sapien"]).values()
     assert len(checks) == len(CHECKS)
@@ -60,7 +60,7 @@ def test_friction_of_the_file_is_ignored_and_default_friction_is_a_cause(tmp_pat
         assert [one.address for one in remarks] == [f"sidecar:settings.{key}"]
 
 
-def test_a_setting_bounds_speeds(tmp_path: Path) -> None:
+def test_setting_bounds_speeds(tmp_path: Path) -> None:
     free = load("sapien", urdf(body=BELOW), tmp_path)
     bounded = load("sapien", urdf(body=BELOW), tmp_path, settings={"bounded_speeds": True})
     assert moved(free, 0.0, 150.0, 0.01)[1] == pytest.approx(150.0, rel=1e-4)
@@ -82,7 +82,7 @@ def test_limits_act_and_a_continuous_joint_keeps_turning(tmp_path: Path) -> None
     )
 
 
-def test_a_mimic_is_a_spring_and_is_reported(tmp_path: Path) -> None:
+def test_mimic_is_a_spring_and_is_reported(tmp_path: Path) -> None:
     model = load("sapien", urdf(extra=MIMIC), tmp_path)
     still = np.zeros((1, 2))
     assert any("spring of 1e5" in one.message for one in model.remarks(still, still))
@@ -90,7 +90,7 @@ def test_a_mimic_is_a_spring_and_is_reported(tmp_path: Path) -> None:
     assert not any("spring of 1e5" in one.message for one in uncoupled.remarks(still, still))
 
 
-def test_a_point_mass_is_dropped_by_default(tmp_path: Path) -> None:
+def test_point_mass_is_dropped_by_default(tmp_path: Path) -> None:
     model = load("sapien", urdf(body=POINT), tmp_path, 9.81)
     inertia = 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H)
     assert inertia == pytest.approx(1e-6, rel=1e-3)
@@ -101,7 +101,7 @@ def test_a_point_mass_is_dropped_by_default(tmp_path: Path) -> None:
     assert corrected.corrective_settings == {}
 
 
-def test_a_fixed_link_without_an_inertial_is_nearly_massless(tmp_path: Path) -> None:
+def test_fixed_link_without_an_inertial_is_nearly_massless(tmp_path: Path) -> None:
     model = load("sapien", urdf(extra=WELDED.format("")), tmp_path)
     assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=3e-4)
     assert model.corrective_settings == {}
@@ -110,7 +110,7 @@ def test_a_fixed_link_without_an_inertial_is_nearly_massless(tmp_path: Path) -> 
     assert 1 / (moved(heavy, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(inertia, rel=1e-4)
 
 
-def test_a_link_without_an_inertial_has_the_mass_of_its_collision_shapes(tmp_path: Path) -> None:
+def test_link_without_an_inertial_has_the_mass_of_its_collision_shapes(tmp_path: Path) -> None:
     box = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
     model = load("sapien", urdf(body=box), tmp_path)
     inertia = 1000 * 0.1**3 * 2 * 0.1**2 / 12
@@ -121,7 +121,7 @@ def test_a_link_without_an_inertial_has_the_mass_of_its_collision_shapes(tmp_pat
     assert 1 / (moved(both, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=1e-4)
 
 
-def test_a_floating_root_moves_as_in_mujoco(tmp_path: Path) -> None:
+def test_floating_root_moves_as_in_mujoco(tmp_path: Path) -> None:
     model = load("sapien", TUMBLING, tmp_path, settings={"floating": True})
     assert len(model.coordinates) == 7
     start, rates = np.zeros((1, 7)), np.array([[0.1, 0.2, 0.3, 1.0, -0.5, 0.7, 0.4]])
@@ -174,7 +174,7 @@ def test_invalid_inertias_and_solvers_are_rejected(tmp_path: Path) -> None:
         ("-0.7515", Outcome.DIFFERS),
     ],
 )
-def test_a_built_in_model_agrees_and_a_wrong_length_differs(
+def test_built_in_model_agrees_and_a_wrong_length_differs(
     length: str, outcome: Outcome, tmp_path: Path
 ) -> None:
     need("sapien")

@@ -97,7 +97,7 @@ def test_dart_ignores_rotations_of_inertials_unless_set(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "falls"), [("drake", True), ("dart", False)])
-def test_a_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path: Path) -> None:
+def test_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path: Path) -> None:
     sdf = text(link="<gravity>false</gravity>")
     expected = Outcome.DIFFERS if falls else Outcome.AGREES
     assert outcome(name, sdf, tmp_path) is expected
@@ -110,7 +110,7 @@ def test_a_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path:
 
 @pytest.mark.parametrize("stepping", ["sap", "tamsi", "continuous"])
 @pytest.mark.parametrize("held", [True, False])
-def test_a_setting_compensates_gravity_of_a_link_in_drake(
+def test_setting_compensates_gravity_of_a_link_in_drake(
     stepping: str, held: bool, tmp_path: Path
 ) -> None:
     sdf = text(link="<gravity>false</gravity>")
@@ -161,7 +161,7 @@ FOLLOWER = (
 @pytest.mark.parametrize(("name", "stepping", "held"), [
     ("drake", "sap", True), ("drake", "tamsi", False),
 ])  # fmt: skip
-def test_a_mimic_is_written_in_drakes_syntax(
+def test_mimic_is_written_in_drakes_syntax(
     name: str, stepping: str, held: bool, tmp_path: Path
 ) -> None:
     sdf = text(version="1.11", extra=FOLLOWER)
@@ -175,7 +175,7 @@ def test_a_mimic_is_written_in_drakes_syntax(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_file_sets_step_and_gravity_unless_the_sidecar_does(name: str, tmp_path: Path) -> None:
+def test_file_sets_step_and_gravity_unless_the_sidecar_does(name: str, tmp_path: Path) -> None:
     need(name)
     path = tmp_path / "m.sdf"
     world = "<gravity>0 0 -3</gravity><physics type='ode'><max_step_size>0.005</max_step_size>"
@@ -235,7 +235,7 @@ def diagnosed(folder: Path, engine: str) -> Cause:
 @pytest.mark.parametrize(("address", "value"), [
     ("link[pendulum]/inertial/mass", "0.47"), ("link[pendulum]/inertial/pose[2]", "-0.77"),
 ])  # fmt: skip
-def test_a_wrong_number_is_named_with_its_line(address: str, value: str, tmp_path: Path) -> None:
+def test_wrong_number_is_named_with_its_line(address: str, value: str, tmp_path: Path) -> None:
     need("dart")
     folder = tmp_path / "simple_pendulum"
     folder.mkdir()
@@ -295,7 +295,7 @@ def test_dart_ignores_an_automatic_inertia_that_drake_computes(sdf: str, tmp_pat
     assert outcome("dart", sdf, tmp_path, **remedy) is Outcome.AGREES
 
 
-def test_an_automatic_ball_of_water_is_a_valid_inertia_in_drake(tmp_path: Path) -> None:
+def test_automatic_ball_of_water_is_a_valid_inertia_in_drake(tmp_path: Path) -> None:
     ball = "<collision name='c'><pose>0 0 1 0 0 0</pose><geometry><sphere/></geometry></collision>"
     sdf = (
         text().replace("<inertial>", '<inertial auto="true">').replace("</link>", ball + "</link>")
@@ -316,7 +316,7 @@ def test_dart_assumes_other_moments_of_a_mass_without_inertia(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_model_of_a_world_is_selected_by_name(name: str, tmp_path: Path) -> None:
+def test_model_of_a_world_is_selected_by_name(name: str, tmp_path: Path) -> None:
     inner = text().split("\n", 1)[1].removesuffix("</sdf>")
     ground = "<model name='g'><static>1</static><link name='l'/></model>"
     other = "<model name='n'><link name='free'/></model>"

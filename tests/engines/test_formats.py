@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
     return known_folder(tmp_path / "oscillator", {"good": ""})
 
 
-def test_an_engine_declares_the_syntax_of_its_format(folder: Path) -> None:
+def test_engine_declares_the_syntax_of_its_format(folder: Path) -> None:
     file = folder / "good.known"
     (number,) = find(file, [STIFFNESS]).values()
     assert number.value == 47.0
@@ -68,7 +68,7 @@ def test_without_declared_syntax_only_equations_have_hypotheses(
     assert np.all([candidate.hypothesis.size > 0 for candidate in tried])
 
 
-def test_a_model_file_without_a_sidecar_is_reported(folder: Path) -> None:
+def test_model_file_without_a_sidecar_is_reported(folder: Path) -> None:
     (folder / "forgotten.known").write_text((folder / "good.known").read_text())
     unread = [one for one in model_files(folder) if isinstance(one, UnreadModel)]
     assert [one.model for one in unread] == ["forgotten.known"]
@@ -76,6 +76,6 @@ def test_a_model_file_without_a_sidecar_is_reported(folder: Path) -> None:
     assert folder_files(folder).broken == (f"{folder / 'forgotten.known'}: has no sidecar",)
 
 
-def test_a_spring_is_a_number_or_a_polynomial() -> None:
+def test_spring_is_a_number_or_a_polynomial() -> None:
     assert spring_terms(5.0, 0.0) == 5.0
     assert spring_terms(5.0, np.zeros(3)) == [5.0, 0.0, 0.0]

@@ -61,7 +61,7 @@ def messages(model: LoadedModel) -> list[str]:
         (("</mujoco>", "<custom>" * 300), ":7: refused: more than 300 nested"),
     ],
 )
-def test_an_invalid_model_is_rejected_in_one_line(
+def test_invalid_model_is_rejected_in_one_line(
     change: tuple[str, str], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(EngineError) as caught:
@@ -71,7 +71,7 @@ def test_an_invalid_model_is_rejected_in_one_line(
     assert os.listdir(tmp_path) == ["model.xml"]
 
 
-def test_a_dtd_or_a_pipe_in_an_include_is_rejected(tmp_path: Path) -> None:
+def test_dtd_or_a_pipe_in_an_include_is_rejected(tmp_path: Path) -> None:
     other = tmp_path / "other.txt"
     other.write_text("<!DOCTYPE mujoco>\n<mujoco/>\n")
     change = ("<worldbody>", '<include file="other.txt"/>\n<worldbody>')
@@ -122,7 +122,7 @@ def test_mujoco_warnings_are_recorded_without_a_log_file(tmp_path: Path) -> None
     assert os.listdir(tmp_path) == ["model.xml"]
 
 
-def test_an_error_in_a_rollout_names_the_file(tmp_path: Path) -> None:
+def test_error_in_a_rollout_names_the_file(tmp_path: Path) -> None:
     start = np.ones((1, 1))
     with pytest.raises(EngineError, match=r"model.xml: MuJoCo raises ValueError"):
         load(tmp_path).rollout(start, start, 0.002, 5, np.ones((1, 7, 3)), 5)
@@ -138,14 +138,14 @@ def test_actuators_without_controls_are_rejected(tmp_path: Path) -> None:
         load(tmp_path, "</mujoco>", SERVO + "</mujoco>")
 
 
-def test_an_actuator_pushes_at_its_control_up_to_its_limit(tmp_path: Path) -> None:
+def test_actuator_pushes_at_its_control_up_to_its_limit(tmp_path: Path) -> None:
     model = load(tmp_path, "</mujoco>", SERVO + "</mujoco>", controls=[0.1])
     z = np.array([[0.0], [-0.5]])
     _, w = model.rollout(z, np.zeros_like(z), 1e-3, 1, None, 1)
     np.testing.assert_allclose(w[:, 0, 0], [6e-3, (10 + 3 * 0.5) * 1e-3], rtol=1e-14)
 
 
-def test_the_state_of_an_actuator_is_the_velocity_of_a_coordinate(tmp_path: Path) -> None:
+def test_state_of_an_actuator_is_the_velocity_of_a_coordinate(tmp_path: Path) -> None:
     model = load(tmp_path, "</mujoco>", FILTER + "</mujoco>", controls=[3.0])
     assert model.coordinates == ("q", "motor.act")
     h, n = 1e-3, 50
@@ -158,7 +158,7 @@ def test_the_state_of_an_actuator_is_the_velocity_of_a_coordinate(tmp_path: Path
     assert w[0, 0, 0] == pytest.approx(2 * 1.0 * h, rel=1e-13)  # the state at the step's start
 
 
-def test_a_force_on_the_state_of_an_actuator_is_rejected(tmp_path: Path) -> None:
+def test_force_on_the_state_of_an_actuator_is_rejected(tmp_path: Path) -> None:
     model = load(tmp_path, "</mujoco>", FILTER + "</mujoco>", controls=[3.0])
     zero = np.zeros((1, 2))
     with pytest.raises(EngineError, match=r"inputs can't act on motor\.act"):

@@ -73,12 +73,12 @@ def test_hooks_are_declared_and_not_looked_up_by_name() -> None:
     assert files == []
 
 
-def test_the_known_answer_engine_is_not_built_in() -> None:
+def test_known_answer_engine_is_not_built_in() -> None:
     built_in = (HOME / "registry.py").read_text()
     assert "known_answer" not in built_in
 
 
-def test_the_preferred_engine_of_a_format_comes_first() -> None:
+def test_preferred_engine_of_a_format_comes_first() -> None:
     everyones = ["pybullet", "mujoco"]
     extras = ["pinocchio", "drake", "dart", "newton", "mjx", "idyntree", "sapien"]
     assert [engine.name for engine in engines_reading(".urdf")] == [*everyones, *extras]

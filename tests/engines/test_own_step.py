@@ -72,7 +72,7 @@ CUSTOM_STEPS = [
 
 
 @pytest.mark.parametrize("options", CUSTOM_STEPS, ids=["subclass", "post-step", "attribute"])
-def test_a_custom_step_runs(options: dict[str, str], tmp_path: Path) -> None:
+def test_custom_step_runs(options: dict[str, str], tmp_path: Path) -> None:
     model = load(tmp_path, **options)
     assert speeds(model) == [4.0, 2.0, 1.0]
     assert speeds(model) == [4.0, 2.0, 1.0]
@@ -80,7 +80,7 @@ def test_a_custom_step_runs(options: dict[str, str], tmp_path: Path) -> None:
     assert any("own step" in remark.message for remark in model.remarks(z, z))
 
 
-def test_a_post_step_callback_of_build_runs_once(tmp_path: Path) -> None:
+def test_post_step_callback_of_build_runs_once(tmp_path: Path) -> None:
     once = 'space.add_post_step_callback(halve, "key", body)'
     model = load(tmp_path, before=AFTER, inside=once)
     for _ in range(2):
@@ -97,13 +97,13 @@ def test_inputs_act_in_every_substep(tmp_path: Path) -> None:
     assert speeds(model, force=by_state) == pytest.approx(expected)
 
 
-def test_a_step_that_ignores_inputs_is_rejected(tmp_path: Path) -> None:
+def test_step_that_ignores_inputs_is_rejected(tmp_path: Path) -> None:
     model = load(tmp_path, inside="space.step = lambda dt: None")
     with pytest.raises(EngineError, match=r"space.py: .*super\(\).step"):
         speeds(model, force=np.ones((1, 3, 3)))
 
 
-def test_an_error_in_a_callback_is_reported_with_its_line(tmp_path: Path) -> None:
+def test_error_in_a_callback_is_reported_with_its_line(tmp_path: Path) -> None:
     before = "def wrong(body, gravity, damping, dt):\n    raise ValueError('of no\\nuse')\n"
     with pytest.raises(EngineError, match=r"space.py:4: a callback fails: of no use"):
         load(tmp_path, before=before, inside="body.velocity_func = wrong")
@@ -119,7 +119,7 @@ def test_exceptions_that_end_a_process_only_fail_the_build(error: str, tmp_path:
         load(tmp_path, before=f"raise {error}")
 
 
-def test_a_custom_step_conforms(tmp_path: Path) -> None:
+def test_custom_step_conforms(tmp_path: Path) -> None:
     path = tmp_path / "space.py"
     text = SCRIPT.format(before=SUBCLASS.replace("0.5", "1.0"), space="Half", inside="pass")
     path.write_text(text)

@@ -22,14 +22,14 @@ FOLDER = Path(__file__).parents[2] / "docs" / "engines"
 ENGINES = [kind() for kind in BUILT_IN]
 
 
-def test_the_generated_parts_are_current() -> None:
+def test_generated_parts_are_current() -> None:
     rendered = pages(FOLDER)
     assert {path.stem for path in rendered} == {"index", *(engine.name for engine in ENGINES)}
     for path, text in rendered.items():
         assert path.read_text() == text, "python -m physics_crosscheck.harness.engines.pages ..."
 
 
-def test_a_page_without_markers_is_rejected() -> None:
+def test_page_without_markers_is_rejected() -> None:
     with pytest.raises(ValueError, match="no part between"):
         renewed("# Engine\n", "| fact | value |\n")
 
@@ -45,7 +45,7 @@ def test_phrases_are_short_and_every_setting_is_explained(engine: Engine) -> Non
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
-def test_an_engine_matches_its_page(engine: Engine, tmp_path: Path) -> None:
+def test_engine_matches_its_page(engine: Engine, tmp_path: Path) -> None:
     if engine.version() is None:
         pytest.skip(f"{engine.name} is not installed")
     page = phrases(engine)
@@ -62,7 +62,7 @@ def test_an_engine_matches_its_page(engine: Engine, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
-def test_an_engine_accepts_the_listed_settings(engine: Engine, tmp_path: Path) -> None:
+def test_engine_accepts_the_listed_settings(engine: Engine, tmp_path: Path) -> None:
     if engine.version() is None:
         pytest.skip(f"{engine.name} is not installed")
     sample = engine.samples()[0]

@@ -101,7 +101,7 @@ def diagnosis(hinge: PreparedSystem, sidecar: Sidecar) -> Ranking:
     return ranked(model_task(hinge, "pybullet", sidecar))
 
 
-def test_a_correct_file_differs_unless_exact_axes_are_set(
+def test_correct_file_differs_unless_exact_axes_are_set(
     hinge: PreparedSystem, right: Sidecar
 ) -> None:
     for sidecar, outcome in ((right, Outcome.DIFFERS), (exact(right), Outcome.AGREES)):
@@ -114,9 +114,7 @@ def test_a_correct_file_differs_unless_exact_axes_are_set(
 
 
 @pytest.mark.slow
-def test_the_cause_is_an_engine_default_with_its_size(
-    hinge: PreparedSystem, right: Sidecar
-) -> None:
+def test_cause_is_an_engine_default_with_its_size(hinge: PreparedSystem, right: Sidecar) -> None:
     ranking = diagnosis(hinge, right)
     assert ranking.explained
     (cause,) = ranking.fits[0].causes
@@ -127,7 +125,7 @@ def test_the_cause_is_an_engine_default_with_its_size(
 
 
 @pytest.mark.slow
-def test_a_fault_of_a_thousandth_is_named_as_the_cause(
+def test_fault_of_a_thousandth_is_named_as_the_cause(
     hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
     ranking = diagnosis(hinge, wrong(right, {"mass@value": 0.3003}, tmp_path))
@@ -135,9 +133,7 @@ def test_a_fault_of_a_thousandth_is_named_as_the_cause(
     assert [cause.subject for cause in ranking.fits[0].causes] == [(f"{BODY}mass@value",)]
 
 
-def test_the_audit_notes_the_rounding_without_findings(
-    hinge: PreparedSystem, right: Sidecar
-) -> None:
+def test_audit_notes_the_rounding_without_findings(hinge: PreparedSystem, right: Sidecar) -> None:
     findings = audit(hinge, right)
     assert severe(list(findings)) == []
     (remark,) = [
@@ -152,7 +148,7 @@ def test_the_audit_notes_the_rounding_without_findings(
     assert "loss of digits" not in "".join(one.message for one in audit(hinge, exact(right)))
 
 
-def test_the_audit_finds_a_fault_larger_than_the_rounding(
+def test_audit_finds_a_fault_larger_than_the_rounding(
     hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
     findings = audit(hinge, wrong(right, {"inertia@iyy": 0.06006}, tmp_path))
@@ -160,7 +156,7 @@ def test_the_audit_finds_a_fault_larger_than_the_rounding(
     assert "loss of digits" not in messages(findings, "inertia")
 
 
-def test_the_tensor_of_a_flat_body_satisfies_the_triangle_inequality(tmp_path: Path) -> None:
+def test_tensor_of_a_flat_body_satisfies_the_triangle_inequality(tmp_path: Path) -> None:
     flat = URDF
     for key, value in zip(KEYS, ("0.03", "0.05", "0.08", "0.01", "0", "0"), strict=True):
         old = flat.split('body"><inertial>')[1].split(f'{key}="')[1].split('"')[0]

@@ -78,14 +78,14 @@ def test_coordinates_are_named_and_ordered_as_in_the_file(pairing: Pairing, pair
     assert ws[0, 0] == pytest.approx([0.0, 0.3], abs=1e-2)
 
 
-def test_the_step_of_the_file_does_not_change(oscillator: Loaded) -> None:
+def test_step_of_the_file_does_not_change(oscillator: Loaded) -> None:
     assert oscillator.model.step == STEP
     for h in (0.01, 0.0003):
         oscillator.run([[0.1]], [[0.0]], h, 3)
         assert oscillator.model.step == STEP
 
 
-def test_the_integrator_has_a_name(oscillator: Loaded) -> None:
+def test_integrator_has_a_name(oscillator: Loaded) -> None:
     assert isinstance(oscillator.model.integrator, str)
     assert oscillator.model.integrator
 
@@ -121,7 +121,7 @@ def test_repeated_calls_are_bitwise_equal(pair: Loaded) -> None:
     assert_same(pair.run(Q, V, 0.003, 9, pushes(9)), first)
 
 
-def test_a_reordered_or_split_batch_is_bitwise_equal(pair: Loaded) -> None:
+def test_reordered_or_split_batch_is_bitwise_equal(pair: Loaded) -> None:
     force = pushes(9)
     zs, ws = pair.run(Q, V, 0.003, 9, force)
     order = [2, 0, 1]
@@ -131,13 +131,13 @@ def test_a_reordered_or_split_batch_is_bitwise_equal(pair: Loaded) -> None:
         assert_same(pair.run(Q[row], V[row], 0.003, 9, force[row]), (zs[row], ws[row]))
 
 
-def test_a_free_rollout_after_a_forced_one_has_no_force(pair: Loaded) -> None:
+def test_free_rollout_after_a_forced_one_has_no_force(pair: Loaded) -> None:
     free = pair.run(Q, V, 0.003, 9)
     pair.run(Q, V, 0.003, 9, 100 + pushes(9))
     assert_same(pair.run(Q, V, 0.003, 9), free)
 
 
-def test_a_rollout_after_one_with_another_step_is_unchanged(pair: Loaded) -> None:
+def test_rollout_after_one_with_another_step_is_unchanged(pair: Loaded) -> None:
     first = pair.run(Q, V, 0.003, 9)
     pair.run(Q, V, 0.05, 2)
     assert_same(pair.run(Q, V, 0.003, 9), first)
@@ -149,7 +149,7 @@ def blow_up(loaded: Loaded, h: float = 1.0, n: int = 400) -> Motion:
 
 
 @pytest.mark.parametrize(("h", "n"), [(1.0, 400), (0.005, 2000)])
-def test_a_motion_that_blows_up_returns_values_that_are_not_finite(
+def test_motion_that_blows_up_returns_values_that_are_not_finite(
     pairing: Pairing, tmp_path: Path, h: float, n: int
 ) -> None:
     zs, ws = blow_up(pairing.load("stiff", tmp_path), h, n)
@@ -157,7 +157,7 @@ def test_a_motion_that_blows_up_returns_values_that_are_not_finite(
     assert zs.shape == ws.shape == (2, 1, 1)
 
 
-def test_a_rollout_after_one_that_blew_up_is_unchanged(pairing: Pairing, tmp_path: Path) -> None:
+def test_rollout_after_one_that_blew_up_is_unchanged(pairing: Pairing, tmp_path: Path) -> None:
     loaded = pairing.load("stiff", tmp_path)
     start = [[0.1]], [[0.2]], 0.0001, 7
     before = loaded.run(*start)
@@ -166,7 +166,7 @@ def test_a_rollout_after_one_that_blew_up_is_unchanged(pairing: Pairing, tmp_pat
     assert np.isfinite(before[0]).all()
 
 
-def test_a_run_that_blows_up_does_not_change_its_batch(pairing: Pairing, tmp_path: Path) -> None:
+def test_run_that_blows_up_does_not_change_its_batch(pairing: Pairing, tmp_path: Path) -> None:
     loaded = pairing.load("stiff", tmp_path)
     single = loaded.run([[1e-3]], [[0.0]], 0.0005, 60)
     q, v = [[1e-3], [np.nan], [1e-3]], [[0.0], [0.0], [0.0]]
@@ -176,7 +176,7 @@ def test_a_run_that_blows_up_does_not_change_its_batch(pairing: Pairing, tmp_pat
     assert not np.isfinite(zs[1]).any()
 
 
-def test_a_force_held_for_one_step_adds_its_impulse(pairing: Pairing, tmp_path: Path) -> None:
+def test_force_held_for_one_step_adds_its_impulse(pairing: Pairing, tmp_path: Path) -> None:
     loaded = pairing.load("free mass", tmp_path)
     for h in (0.01, 0.003):
         _, ws = loaded.run([[0.0]], [[0.5]], h, 1, np.full((1, 1, 1), 7.0))
@@ -184,7 +184,7 @@ def test_a_force_held_for_one_step_adds_its_impulse(pairing: Pairing, tmp_path: 
 
 
 @pytest.mark.parametrize("step", [0, 3, 5])
-def test_the_force_of_a_step_acts_only_in_that_step(
+def test_force_of_a_step_acts_only_in_that_step(
     pairing: Pairing, tmp_path: Path, step: int
 ) -> None:
     loaded = pairing.load("free mass", tmp_path)
@@ -195,7 +195,7 @@ def test_the_force_of_a_step_acts_only_in_that_step(
     assert ws[0, :, 0] == pytest.approx(expected, rel=1e-12, abs=1e-300)
 
 
-def test_a_force_on_one_coordinate_does_not_act_on_the_other(pair: Loaded) -> None:
+def test_force_on_one_coordinate_does_not_act_on_the_other(pair: Loaded) -> None:
     force = np.zeros((1, 1, 2))
     force[0, 0, 1] = 2.0
     _, ws = pair.run([[0.0, 0.0]], [[0.0, 0.0]], 1e-5, 1, force)
@@ -203,7 +203,7 @@ def test_a_force_on_one_coordinate_does_not_act_on_the_other(pair: Loaded) -> No
     assert ws[0, 0, 1] == pytest.approx(1e-5 * 2.0 / 0.7, rel=1e-3)
 
 
-def test_a_force_by_state_with_a_constant_map_equals_an_array(pair: Loaded) -> None:
+def test_force_by_state_with_a_constant_map_equals_an_array(pair: Loaded) -> None:
     n = 9
     force = pushes(n)
     plain = pair.run(Q, V, 0.003, n, force, every=3)
@@ -221,7 +221,7 @@ def test_a_force_by_state_with_a_constant_map_equals_an_array(pair: Loaded) -> N
     assert plain[0].shape == (3, 3, 2)
 
 
-def test_a_force_by_state_sees_the_state_at_the_start_of_its_step(
+def test_force_by_state_sees_the_state_at_the_start_of_its_step(
     pairing: Pairing, tmp_path: Path
 ) -> None:
     loaded = pairing.load("free mass", tmp_path)
@@ -253,7 +253,7 @@ def closed_form(mechanism: str, q: Values, v: Values, time: float, force: Array)
 
 
 @pytest.mark.parametrize("mechanism", LINEAR)
-def test_the_limit_of_small_steps_is_the_closed_form(
+def test_limit_of_small_steps_is_the_closed_form(
     pairing: Pairing, tmp_path: Path, mechanism: str
 ) -> None:
     loaded = pairing.load(mechanism, tmp_path)
@@ -274,7 +274,7 @@ def test_the_limit_of_small_steps_is_the_closed_form(
 
 
 @pytest.mark.parametrize("swinging", CAN_SWING, ids=str)
-def test_a_pendulum_falls_with_gravity(swinging: Pairing, tmp_path: Path) -> None:
+def test_pendulum_falls_with_gravity(swinging: Pairing, tmp_path: Path) -> None:
     loaded = installed(swinging).load("pendulum", tmp_path)
     h = 1e-5
     _, ws = loaded.run([[1.0]], [[0.0]], h, 1)
@@ -282,7 +282,7 @@ def test_a_pendulum_falls_with_gravity(swinging: Pairing, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("kind", ["none", "constant", "varying"])
-def test_the_claimed_order_is_the_observed_one(oscillator: Loaded, kind: str) -> None:
+def test_claimed_order_is_the_observed_one(oscillator: Loaded, kind: str) -> None:
     time = 0.05
 
     def force(rung: int) -> Array | None:

@@ -13,7 +13,7 @@ SEED = 2025
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pairing", PAIRINGS)
-def test_the_true_error_of_random_linear_systems_is_within_the_uncertainty(
+def test_true_error_of_random_linear_systems_is_within_the_uncertainty(
     pairing: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip(pairing.split()[0])

@@ -104,7 +104,7 @@ def test_gazebo_springs_act(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "off"), [("mujoco", (1e-6, 1e-3)), ("pybullet", (0.0, 1e-12))])
-def test_a_mimic_is_soft_in_mujoco_and_a_gear_in_pybullet(
+def test_mimic_is_soft_in_mujoco_and_a_gear_in_pybullet(
     name: str, off: tuple[float, float], tmp_path: Path
 ) -> None:
     follower = (
@@ -128,7 +128,7 @@ def test_mujoco_normalizes_a_long_axis(name: str, share: float, tmp_path: Path) 
     assert twice / once == pytest.approx(share, rel=0.01)
 
 
-def test_a_setting_normalizes_axes_in_pybullet(tmp_path: Path) -> None:
+def test_setting_normalizes_axes_in_pybullet(tmp_path: Path) -> None:
     path, turned = tmp_path / "long.urdf", []
     for axis, unit in (("0 2 0", True), ("0 1 0", False)):
         path.write_text(urdf(body=BELOW, axis=axis))
@@ -139,7 +139,7 @@ def test_a_setting_normalizes_axes_in_pybullet(tmp_path: Path) -> None:
     assert turned[0] == turned[1]
 
 
-def test_a_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(
+def test_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(
     tmp_path: Path,
 ) -> None:
     with pytest.raises(EngineError, match="mass and inertia"):
@@ -154,7 +154,7 @@ def test_a_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(
 @pytest.mark.parametrize("body", [
     BODY.replace('ixx="0.01"', 'ixx="0.1"'), BODY.replace('value="1"', 'value="-1"'),
 ], ids=["no triangle", "mass below zero"])  # fmt: skip
-def test_an_impossible_body_is_rejected(name: str, body: str, tmp_path: Path) -> None:
+def test_impossible_body_is_rejected(name: str, body: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError):
         load(name, urdf(body=body), tmp_path)
 
@@ -196,7 +196,7 @@ def test_products_of_inertia_lose_digits_in_pybullet(
 
 
 @pytest.mark.parametrize(("name", "touches"), [("mujoco", True), ("pybullet", False)])
-def test_a_fixed_base_touches_its_first_link_in_mujoco(
+def test_fixed_base_touches_its_first_link_in_mujoco(
     name: str, touches: bool, tmp_path: Path
 ) -> None:
     ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
@@ -210,7 +210,7 @@ def test_a_fixed_base_touches_its_first_link_in_mujoco(
         assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0)
 
 
-def test_a_massless_fixed_link_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
+def test_massless_fixed_link_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
     welded = (
         '<link name="tip"/><joint name="w" type="fixed"><parent link="a"/><child link="tip"/>'
         '<origin xyz="1 0 0"/></joint>'
@@ -251,7 +251,7 @@ FLOATING = (
 )
 
 
-def test_a_massless_floating_root_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
+def test_massless_floating_root_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
     """Catch a correction that PyBullet turns into a fixed root, without a reported cause."""
     path = tmp_path / "root.urdf"
     path.write_text(FLOATING.format('\n<link name="root"/>'))
@@ -276,7 +276,7 @@ def test_pybullet_rejects_a_floating_root_of_zero_mass(tmp_path: Path) -> None:
         engines()["pybullet"].load(ModelSpec(path, settings=settings))
 
 
-def test_a_point_mass_moves_in_pybullet_and_is_rejected_by_mujoco(tmp_path: Path) -> None:
+def test_point_mass_moves_in_pybullet_and_is_rejected_by_mujoco(tmp_path: Path) -> None:
     point = BELOW.replace("0.01", "0").replace("0 0 -1", "0 0 -2")
     model = load("pybullet", urdf(body=point), tmp_path)
     assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 4)

@@ -60,7 +60,7 @@ GOOD = {
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS)
-def test_a_missing_file_is_refused(tmp_path: Path, engine: str, ending: str) -> None:
+def test_missing_file_is_refused(tmp_path: Path, engine: str, ending: str) -> None:
     settings = {"step": STEP} if ending == ".py" else SETTINGS
     refused(engine, tmp_path / f"nowhere{ending}", settings)
 
@@ -81,7 +81,7 @@ def test_invalid_utf_8_is_refused(tmp_path: Path, engine: str, ending: str) -> N
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS)
-def test_an_unknown_setting_is_refused_by_name(tmp_path: Path, engine: str, ending: str) -> None:
+def test_unknown_setting_is_refused_by_name(tmp_path: Path, engine: str, ending: str) -> None:
     path = file(tmp_path, f"model{ending}", GOOD[ending])
     settings = {"step": STEP} if ending == ".py" else SETTINGS
     message = refused(engine, path, settings | {"colour": 3})
@@ -90,7 +90,7 @@ def test_an_unknown_setting_is_refused_by_name(tmp_path: Path, engine: str, endi
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS[2:])
-def test_a_step_that_the_format_lacks_is_required(tmp_path: Path, engine: str, ending: str) -> None:
+def test_step_that_the_format_lacks_is_required(tmp_path: Path, engine: str, ending: str) -> None:
     path = file(tmp_path, f"model{ending}", GOOD[ending])
     assert "must set step" in refused(
         engine, path, {"gravity": [0, 0, 0]} if ending == ".urdf" else {}
@@ -102,7 +102,7 @@ def test_gravity_is_required_for_a_urdf_in_pybullet(tmp_path: Path) -> None:
     assert "must set gravity" in refused("pybullet", path, {"step": STEP})
 
 
-def test_an_unknown_integrator_is_refused_by_name(tmp_path: Path) -> None:
+def test_unknown_integrator_is_refused_by_name(tmp_path: Path) -> None:
     path = file(tmp_path, "model.xml", GOOD[".xml"])
     assert "'leapfrog'" in refused("mujoco", path, {"integrator": "leapfrog"})
 
@@ -131,7 +131,7 @@ def test_actuators_are_refused_since_inputs_act_on_joints(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_urdf_without_moving_joints_is_refused(tmp_path: Path, pairing: Pairing) -> None:
+def test_urdf_without_moving_joints_is_refused(tmp_path: Path, pairing: Pairing) -> None:
     path = urdf(tmp_path, link("b", 1), joint("stuck", "fixed", "b"))
     assert "no moving joint" in refused(pairing.engine, path, urdf_settings(pairing))
 
@@ -142,7 +142,7 @@ def test_a_urdf_without_moving_joints_is_refused(tmp_path: Path, pairing: Pairin
     ['<!DOCTYPE robot [<!ENTITY a "b">]>', '<!DOCTYPE robot SYSTEM "http://localhost/x.dtd">',
      '<!DOCTYPE robot [<!ENTITY f SYSTEM "file:///etc/hostname">]>'],
 )  # fmt: skip
-def test_a_urdf_with_a_dtd_or_entities_is_refused(
+def test_urdf_with_a_dtd_or_entities_is_refused(
     tmp_path: Path, pairing: Pairing, head: str
 ) -> None:
     path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), head=head)
@@ -158,7 +158,7 @@ def test_xml_other_than_urdf_is_refused(tmp_path: Path, pairing: Pairing) -> Non
 
 @pytest.mark.parametrize("words", ["stiff", "nan", "1 2"])
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_an_invalid_spring_stiffness_is_refused_by_joint(
+def test_invalid_spring_stiffness_is_refused_by_joint(
     tmp_path: Path, pairing: Pairing, words: str
 ) -> None:
     extra = f'<gazebo reference="q1"><springStiffness>{words}</springStiffness></gazebo>'
@@ -203,7 +203,7 @@ def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path: Path) -> None:
          "    s.add(b)\n    return s, {'b': b}\n", "mass"),
     ],
 )  # fmt: skip
-def test_a_space_that_cannot_be_built_is_refused_with_its_line(
+def test_space_that_cannot_be_built_is_refused_with_its_line(
     tmp_path: Path, text: str, expected: str
 ) -> None:
     assert expected in refused("pymunk", file(tmp_path, "space.py", text), {"step": STEP}).replace(

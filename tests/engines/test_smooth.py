@@ -59,7 +59,7 @@ def loaded(engine: str, tmp_path: Path, **settings: object) -> LoadedModel:
 
 
 @pytest.mark.parametrize("engine", ["mujoco mjcf", "mujoco", "pybullet"])
-def test_a_smooth_pendulum_ignores_limits_and_contacts(engine: str, tmp_path: Path) -> None:
+def test_smooth_pendulum_ignores_limits_and_contacts(engine: str, tmp_path: Path) -> None:
     model = loaded(engine, tmp_path, smooth=True)
     h = 1e-7
     _, v = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), h, 1, None, 1)
@@ -85,7 +85,7 @@ def test_inertias_from_shapes_use_shapes_without_contacts(tmp_path: Path) -> Non
     assert w[0, 0, 0] / 1e-3 == pytest.approx(-9.81 * 0.5 * np.sin(0.8) / inertia, rel=1e-9)
 
 
-def test_the_file_is_not_changed(tmp_path: Path) -> None:
+def test_file_is_not_changed(tmp_path: Path) -> None:
     loaded("pybullet", tmp_path, smooth=True)
     assert (tmp_path / "r.urdf").read_text() == URDF
     assert [path.name for path in tmp_path.iterdir()] == ["r.urdf"]
@@ -108,7 +108,7 @@ BALL = """<robot name="ball"><link name="world"/><link name="guide"><inertial><m
 <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
 
 
-def test_a_floor_applies_friction_without_memory_of_contacts(tmp_path: Path) -> None:
+def test_floor_applies_friction_without_memory_of_contacts(tmp_path: Path) -> None:
     file = tmp_path / "ball.urdf"
     file.write_text(BALL)
     settings = {"step": 0.001, "gravity": [0.0, 0.0, -10.0], "floor": True}

@@ -65,7 +65,7 @@ def tumbled(n: int, span: float = 0.8) -> tuple[Array, Array]:
     return x[0], m[0]
 
 
-def test_a_tumbling_body_has_order_four() -> None:
+def test_tumbling_body_has_order_four() -> None:
     ends = [tumbled(n) for n in (8, 16, 32)]
     fine, _ = tumbled(512)
     errors = [float(np.abs(x - fine).max()) for x, _ in ends]
@@ -73,7 +73,7 @@ def test_a_tumbling_body_has_order_four() -> None:
     assert orders == pytest.approx([4, 4], abs=0.3)
 
 
-def test_a_tumbling_body_conserves_angular_momentum() -> None:
+def test_tumbling_body_conserves_angular_momentum() -> None:
     x, m = tumbled(400)
     start, spin = unit_quaternion(np.array([0.4, -0.9, 1.1])), np.array([0.7, 2.0, -1.3])
     np.testing.assert_allclose(
@@ -108,7 +108,7 @@ def test_coordinates_of_a_free_root_are_returned_as_set() -> None:
     np.testing.assert_allclose(to_state(z, w)[1][3:6], angular_velocity(z[3:6], w[3:6]))
 
 
-def test_a_motion_that_blows_up_does_not_change_its_batch() -> None:
+def test_motion_that_blows_up_does_not_change_its_batch() -> None:
     stepper = RungeKutta(lambda x, m, f: x**3 + f, floats=False)
     q = np.array([[1e200], [0.1], [np.nan]])
     z, w = stepper.rollout(q, 0 * q, 0.1, 4, None, 2)
@@ -181,7 +181,7 @@ URDF = """<robot name="r"><link name="g"/><link name="a"/><link name="b"/>
     ({}, 1, 1), ({"couplings": False}, 1, 0), ({"couplings": ["k"]}, 1, 1),
     ({"couplings": ["other"]}, 1, 0), ({"held": ["j"]}, 0, 1),
 ])  # fmt: skip
-def test_a_sidecar_selects_springs_and_mimics(
+def test_sidecar_selects_springs_and_mimics(
     settings: dict[str, object], springs: int, mimics: int, tmp_path: Path
 ) -> None:
     path = tmp_path / "robot.urdf"

@@ -16,14 +16,14 @@ def distribution(place: Path, name: str, module: str, text: str) -> None:
     (info / "entry_points.txt").write_text(f"[crosscheck.engines]\n{name} = {module}:Engine\n")
 
 
-def test_an_installed_engine_is_registered_by_name() -> None:
+def test_installed_engine_is_registered_by_name() -> None:
     engine = engines()["known"]
     assert engine.version() == "1.0"
     assert engine.formats == (".known",)
     assert list(engines())[:3] == ["mujoco", "pybullet", "pymunk"]
 
 
-def test_an_engine_that_is_installed_later_is_registered(
+def test_engine_that_is_installed_later_is_registered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
@@ -34,7 +34,7 @@ def test_an_engine_that_is_installed_later_is_registered(
     assert "later" in engines()
 
 
-def test_an_entry_point_cannot_replace_a_built_in_engine(
+def test_entry_point_cannot_replace_a_built_in_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = "from physics_crosscheck.harness.engines.known_answer import KnownEngine\n\n\n"
@@ -44,7 +44,7 @@ def test_an_entry_point_cannot_replace_a_built_in_engine(
     assert type(engines()["mujoco"]).__name__ == "MujocoEngine"
 
 
-def test_an_entry_point_without_an_engine_is_reported_by_name(
+def test_entry_point_without_an_engine_is_reported_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     distribution(tmp_path, "duck", "duck_engine", "class Engine:\n    name = 'duck'\n")
@@ -61,7 +61,7 @@ def test_an_entry_point_without_an_engine_is_reported_by_name(
     ("leaving", "raise SystemExit('good bye')\n", "good bye"),
     ("base", "raise BaseException('no')\n", "no"),
 ])  # fmt: skip
-def test_an_entry_point_that_cannot_be_loaded_is_reported_by_name(
+def test_entry_point_that_cannot_be_loaded_is_reported_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str, reason: str
 ) -> None:
     distribution(tmp_path, name, f"{name}_engine", text)

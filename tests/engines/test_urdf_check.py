@@ -153,7 +153,7 @@ def test_no_engine_loads_an_invalid_urdf(name: str, tmp_path: Path) -> None:
     ("name", "ending"),
     [("mujoco", ".xml"), ("mujoco", ".urdf"), ("pybullet", ".urdf"), ("pymunk", ".py")],
 )
-def test_a_named_pipe_is_rejected(name: str, ending: str, tmp_path: Path) -> None:
+def test_named_pipe_is_rejected(name: str, ending: str, tmp_path: Path) -> None:
     pytest.importorskip(name)
     path = tmp_path / f"pipe{ending}"
     os.mkfifo(path)
@@ -195,13 +195,13 @@ def test_ignored_attributes_are_reported(
     assert message in "\n".join(notes(name, GOOD.replace(*change), tmp_path))
 
 
-def test_an_error_quotes_the_reason_of_pybullet(tmp_path: Path) -> None:
+def test_error_quotes_the_reason_of_pybullet(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="REVOLUTE but it does not specify limits"):
         notes("pybullet", GOOD.replace('<limit lower="-1" upper="1" effort="1" velocity="9"/>', ""),
              tmp_path)  # fmt: skip
 
 
-def test_a_fixed_link_whose_inertia_pybullet_zeroes_is_rejected(tmp_path: Path) -> None:
+def test_fixed_link_whose_inertia_pybullet_zeroes_is_rejected(tmp_path: Path) -> None:
     thin = BODY.replace('ixx="0.01"', 'ixx="0.1"')
     fixed = joint("f", "a", "b").replace("continuous", "fixed")
     text = GOOD.replace(*added(f'<link name="b">{thin}</link>{fixed}'))
@@ -210,7 +210,7 @@ def test_a_fixed_link_whose_inertia_pybullet_zeroes_is_rejected(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("mass", ["1", "0"])
-def test_a_zeroed_inertia_is_rejected_for_any_mass(mass: str, tmp_path: Path) -> None:
+def test_zeroed_inertia_is_rejected_for_any_mass(mass: str, tmp_path: Path) -> None:
     """Report zeroed moments of a rotor without mass, because no other message explains them."""
     thin = BODY.replace('ixx="0.01"', 'ixx="0.1"').replace('mass value="1"', f'mass value="{mass}"')
     assert f'mass value="{mass}"' in thin
@@ -227,7 +227,7 @@ def test_all_links_with_zeroed_inertia_are_named(tmp_path: Path) -> None:
         notes("pybullet", text, tmp_path)
 
 
-def test_a_link_without_inertia_is_not_reported_as_zeroed(tmp_path: Path) -> None:
+def test_link_without_inertia_is_not_reported_as_zeroed(tmp_path: Path) -> None:
     none = BODY.replace("0.01", "0")
     assert GOOD.count(BODY) > 1
     head, tail = GOOD.rsplit(BODY, 1)
@@ -235,7 +235,7 @@ def test_a_link_without_inertia_is_not_reported_as_zeroed(tmp_path: Path) -> Non
         notes("pybullet", f"{head}{none}{tail}", tmp_path)
 
 
-def test_a_mimic_with_multiplier_zero_is_rejected(tmp_path: Path) -> None:
+def test_mimic_with_multiplier_zero_is_rejected(tmp_path: Path) -> None:
     follower = joint("k", "g", "b").replace("</joint>", '<mimic joint="j" multiplier="0"/></joint>')
     with pytest.raises(EngineError, match="multiplier 0"):
         notes("pybullet", GOOD.replace(*added(f'<link name="b">{BODY}</link>{follower}')), tmp_path)

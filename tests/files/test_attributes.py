@@ -33,7 +33,7 @@ def change(file: Path, name: str, attribute: str, value: str | None) -> str:
     ).decode()
 
 
-def test_an_attribute_is_added_after_the_others(file: Path) -> None:
+def test_attribute_is_added_after_the_others(file: Path) -> None:
     assert change(file, "x", "armature", "0.1") == TEXT.replace(
         "axis='1 0 0' ", "axis='1 0 0' armature=\"0.1\" "
     )
@@ -62,6 +62,6 @@ def test_several_attributes_are_changed_at_once(file: Path) -> None:
     assert actual == {"x": {"name": "x", "a": "1"}, "y": {"name": "y", "b": '"<&'}}
 
 
-def test_a_byte_where_no_element_starts_is_refused(file: Path) -> None:
+def test_byte_where_no_element_starts_is_refused(file: Path) -> None:
     with pytest.raises(LocationError, match="no element starts at byte 5"):
         with_attributes(file.read_bytes(), file, [Attribute(5, "a", "1")])

@@ -186,7 +186,7 @@ def test_binding_to_a_missing_address_is_refused(drum: System, write: Write) -> 
         bindings(drum, write(("settings.gravity", "settings.gravitas")))
 
 
-def test_a_sidecar_without_bindings_has_none(drum: System, write: Write) -> None:
+def test_sidecar_without_bindings_has_none(drum: System, write: Write) -> None:
     assert bindings(drum, write((SIDECAR[SIDECAR.index("[bindings]") :], ""))) == ()
 
 

@@ -21,7 +21,7 @@ def make_copy() -> XmlElement:
     return read_elements(SourceFile(Path("f.urdf"), TEXT.encode()))[0].copy()
 
 
-def test_an_unchanged_copy_is_the_file() -> None:
+def test_unchanged_copy_is_the_file() -> None:
     assert make_copy().written().decode() == TEXT
     assert make_copy().copy().written().decode() == TEXT
 
@@ -34,7 +34,7 @@ def test_an_unchanged_copy_is_the_file() -> None:
         ("link", "name", None, ' name="l"', ""),
     ],
 )
-def test_a_changed_attribute_changes_only_its_bytes(
+def test_changed_attribute_changes_only_its_bytes(
     tag: str, key: str, value: str | None, before: str, after: str
 ) -> None:
     root = make_copy()
@@ -46,7 +46,7 @@ def test_a_changed_attribute_changes_only_its_bytes(
     assert root.written().decode() == TEXT.replace(before, after)
 
 
-def test_a_removed_child_leaves_its_siblings() -> None:
+def test_removed_child_leaves_its_siblings() -> None:
     root = make_copy()
     root.remove(root.findall("link")[0])
     assert root.written().decode() == TEXT.replace(
@@ -64,7 +64,7 @@ def test_children_are_added_before_the_end_tag_and_into_an_empty_element() -> No
     )
 
 
-def test_an_element_that_moves_keeps_its_bytes() -> None:
+def test_element_that_moves_keeps_its_bytes() -> None:
     root = make_copy()
     link = root.findall("link")[0]
     holder = XmlElement("sdf", {"version": "1.6"})

@@ -21,7 +21,7 @@ NAMES = {"m": m, "r": r, "bob.angle": angle, "left arm.x": arm}
     ("sin(bob.angle) + atan2(m, -r)", sp.sin(angle) + sp.atan2(m, -r)),
     ("left arm.x - 1.2", arm - sp.Rational(6, 5)),
 ])  # fmt: skip
-def test_an_expression_is_read_exactly(text: str, expected: sp.Expr) -> None:
+def test_expression_is_read_exactly(text: str, expected: sp.Expr) -> None:
     assert parse(text, NAMES, "here") == expected
 
 

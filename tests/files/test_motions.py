@@ -85,7 +85,7 @@ def _installed(engine: str) -> None:
 
 
 @pytest.mark.parametrize(("sidecar", "engine"), _cases(ENGINES))
-def test_a_model_and_equations_at_random_constants_agree(
+def test_model_and_equations_at_random_constants_agree(
     sidecar: Sidecar, engine: str, tmp_path: Path
 ) -> None:
     nominal = load_system(sidecar.model.parent)

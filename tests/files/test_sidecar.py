@@ -66,7 +66,7 @@ def test_engine_gets_only_its_own_settings(write: Callable[[str], Path]) -> None
     (("{x1 = 1, x2 = -1}", "['x1', 'x2']"), "joints must map joint names"),
     (("step = 0.002", "step = = 1"), "not TOML"),
 ])  # fmt: skip
-def test_a_wrong_sidecar_is_refused_with_its_file_and_place(
+def test_wrong_sidecar_is_refused_with_its_file_and_place(
     write: Callable[[str], Path], change: tuple[str, str], sentence: str
 ) -> None:
     assert change[0] in GOOD
@@ -76,7 +76,7 @@ def test_a_wrong_sidecar_is_refused_with_its_file_and_place(
     assert str(path) in str(refused.value)
 
 
-def test_a_sidecar_without_its_model_is_refused(tmp_path: Path) -> None:
+def test_sidecar_without_its_model_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gone.urdf.toml"
     path.write_text('engines = ["mujoco"]')
     with pytest.raises(SidecarError, match=r"there is no model file gone\.urdf"):

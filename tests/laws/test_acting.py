@@ -41,7 +41,7 @@ ELLIPTIC, PYRAMIDAL = 'cone="elliptic" impratio="10"', 'cone="pyramidal" imprati
     *((option, geom) for option in (ELLIPTIC, PYRAMIDAL)
       for geom in ('solimp="0.5 0.99 0.0002 0.3 3"', 'solref="-2000 -50" friction="0.9"')),
 ])  # fmt: skip
-def test_the_depth_at_rest_and_the_creep_on_a_slope_are_those_of_the_engine(
+def test_depth_at_rest_and_the_creep_on_a_slope_are_those_of_the_engine(
     option: str, geom: str, tmp_path: Path
 ) -> None:
     """Catch the loss of a pyramid's edges that share the weight, an impedance that depends on the
@@ -69,7 +69,7 @@ LIMIT = """<mujoco><option timestep="{step}" gravity="0 0 0"/><compiler angle="r
 
 
 @pytest.mark.parametrize("reference", ["0.02 1", "0.02 0.3", "0.02 2", "-2000 -30"])
-def test_the_rebound_at_a_limit_is_that_of_the_engine(reference: str, tmp_path: Path) -> None:
+def test_rebound_at_a_limit_is_that_of_the_engine(reference: str, tmp_path: Path) -> None:
     text = LIMIT.format(step=1e-5, reference=reference)
     laws, model, data = loaded(tmp_path, text)
     limit = laws.laws.limits[0]
@@ -102,7 +102,7 @@ def servo(laws: LawModel, kp: float, kv: float, damping: float, implicit: bool) 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 @pytest.mark.parametrize(("kv", "damping"), [(3.0, 1.0), (0.0, 20.0), (40.0, 0.0)])
-def test_the_gain_at_which_the_step_grows_is_that_of_the_engine(
+def test_gain_at_which_the_step_grows_is_that_of_the_engine(
     kv: float, damping: float, integrator: str, tmp_path: Path
 ) -> None:
     for share, grows in ((0.99, False), (1.01, True)):

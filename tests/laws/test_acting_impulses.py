@@ -43,7 +43,7 @@ def test_friction_and_restitution_are_products(tmp_path: Path) -> None:
     assert not [key for key in quantities(spec_of(tmp_path, URDF_ARM)) if "ground" in key[0]]
 
 
-def test_a_fixed_root_meets_the_floor_of_a_setting() -> None:
+def test_fixed_root_meets_the_floor_of_a_setting() -> None:
     """Catch lost rows of a floor, and a link without a shape that has some."""
     file = Path(__file__).parents[2] / "models" / "events" / "stopping_block" / "robot.urdf"
     spec = ModelSpec(file, settings={**SETTINGS, "floor": True})
@@ -53,7 +53,7 @@ def test_a_fixed_root_meets_the_floor_of_a_setting() -> None:
     assert not [one for one, _ in quantities(ModelSpec(file, settings=SETTINGS)) if "ground" in one]
 
 
-def test_a_motor_approaches_its_target_with_its_time_constant(tmp_path: Path) -> None:
+def test_motor_approaches_its_target_with_its_time_constant(tmp_path: Path) -> None:
     """Catch a gain that is not per step, or a step of another size."""
     spec = spec_of(tmp_path, URDF_ARM.replace('effort="7"', 'effort="1e6"'))
     model, table = engines()["pybullet"].load_whole(spec), quantities(spec)
@@ -66,7 +66,7 @@ def test_a_motor_approaches_its_target_with_its_time_constant(tmp_path: Path) ->
     assert table["drive of shoulder", "time constant"] == pytest.approx(time, rel=1e-3)
 
 
-def test_a_limit_rebounds_at_most_by_its_share(tmp_path: Path) -> None:
+def test_limit_rebounds_at_most_by_its_share(tmp_path: Path) -> None:
     """Catch a rebound that the engine exceeds, or never comes near to."""
     spec = spec_of(tmp_path, URDF_ARM)
     model, table = engines()["pybullet"].load_whole(spec), quantities(spec)

@@ -76,7 +76,7 @@ SERVO = {"gains": (40.0,), "bias": "affine", "biases": (0.0, -40.0, -2.0)}
     ([SERVO, {**SERVO, "control": 1}], {"joint_ranges": {0: ((20.0, 100.0), False)}}),
     ([{**SERVO, "force_range": (0.0, 100.0)}], {"joint_ranges": {0: ((-50.0, 20.0), False)}}),
 ])  # fmt: skip
-def test_a_range_on_one_side_of_zero_is_drawn_inside(
+def test_range_on_one_side_of_zero_is_drawn_inside(
     drives: list[dict[str, Any]], laws: dict[str, Any]
 ) -> None:
     """Catch controls that put each drive at its limit if its range starts at zero or beyond."""
@@ -92,13 +92,13 @@ def test_a_range_on_one_side_of_zero_is_drawn_inside(
     assert np.all(np.diff(forces) > 5.0)
 
 
-def test_the_sum_of_drives_on_a_tendon_is_scaled() -> None:
+def test_sum_of_drives_on_a_tendon_is_scaled() -> None:
     """Catch a limit of a sum that is applied to each drive."""
     both = driven({"gains": (1.0,)}, {"gains": (3.0,)}, sums=(((0, 1), (-4.0, 4.0)),))
     assert both.forces == pytest.approx([1.0, 3.0])
 
 
-def test_an_exact_filter_follows_the_exponential() -> None:
+def test_exact_filter_follows_the_exponential() -> None:
     """Catch filters that are exchanged, and a range that is not applied to the state."""
     exact = {"state": 0, "dynamics": "exact filter", "constants": (0.05,)}
     expected = 2.0 + (0.4 - 2.0) * np.exp(-STEP / 0.05)
@@ -110,7 +110,7 @@ def test_an_exact_filter_follows_the_exponential() -> None:
     assert driven({"state": 0, "dynamics": "integrator"}).states[0] == pytest.approx(0.42)
 
 
-def test_a_muscle_has_its_peak_at_its_best_length() -> None:
+def test_muscle_has_its_peak_at_its_best_length() -> None:
     """Catch a muscle's curves that are shifted, and a sign that makes it push."""
     numbers = (0.75, 1.05, -1.0, 200.0, 0.5, 1.6, 1.5, 1.3, 1.2)
     muscle: dict[str, Any] = {
@@ -126,7 +126,7 @@ def test_a_muscle_has_its_peak_at_its_best_length() -> None:
     assert driven(muscle, x=best, v=-2.0).forces[0] == 0.0
 
 
-def test_the_damping_of_a_muscle_is_the_slope_of_its_force() -> None:
+def test_damping_of_a_muscle_is_the_slope_of_its_force() -> None:
     """Catch a slope that an implicit integrator would use with another sign or scale."""
     numbers = (0.75, 1.05, 300.0, 200.0, 0.5, 1.6, 1.5, 1.3, 1.2)
     muscle: dict[str, Any] = {"gain": "muscle", "gains": numbers, "stretch": (0.2, 0.35)}

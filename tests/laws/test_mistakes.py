@@ -93,7 +93,7 @@ QUICK = "dry friction of joint c is ignored"
      for name, text in (*SOFT.items(), *HARD.items())],
 )  # fmt: skip
 @pytest.mark.usefixtures("few_states")
-def test_an_engine_with_a_mistake_is_caught_and_the_mistake_named(name: str, text: str) -> None:
+def test_engine_with_a_mistake_is_caught_and_the_mistake_named(name: str, text: str) -> None:
     """Catch a mistake that no state shows, or that a number or another mistake is blamed for."""
     problem = problem_of(text.replace("{}", ELLIPTIC))
     assert problem.judge(RESOLUTION).outcome is Outcome.AGREES

@@ -80,7 +80,7 @@ HARD_FAULTS = {
 @pytest.mark.parametrize(
     "fault", ["limit", "effort", pytest.param("restitution", marks=pytest.mark.slow)]
 )
-def test_a_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str) -> None:
+def test_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str) -> None:
     """Catch a cause without a line, another number, or another value."""
     pytest.importorskip("pybullet")
     text, right, wrong, address, value = HARD_FAULTS[fault]

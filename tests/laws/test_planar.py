@@ -43,7 +43,7 @@ def checked(tmp_path: Path, text: str, loaded: str = "") -> WholeStepCheck | Non
     )
 
 
-def test_a_ball_follows_its_law(tmp_path: Path) -> None:
+def test_ball_follows_its_law(tmp_path: Path) -> None:
     """Catch a check that compares nothing, or with other numbers."""
     check = checked(tmp_path, BALL)
     assert check is not None
@@ -120,7 +120,7 @@ def test_changed_number_is_detected(
     assert np.any(np.abs(compared.defect) > np.maximum(compared.uncertainty, 1e-9))
 
 
-def test_a_copy_is_compared_with_the_numbers_of_its_source(tmp_path: Path) -> None:
+def test_copy_is_compared_with_the_numbers_of_its_source(tmp_path: Path) -> None:
     """Catch a law that takes the numbers of the file that the engine loads."""
     space, right, wrong = FAULTS["friction"]
     check = checked(tmp_path, space, space.replace(right, wrong, 1))
@@ -128,7 +128,7 @@ def test_a_copy_is_compared_with_the_numbers_of_its_source(tmp_path: Path) -> No
     assert check.record.outcome is Outcome.DIFFERS
 
 
-def test_a_space_of_smooth_joints_alone_is_not_compared(tmp_path: Path) -> None:
+def test_space_of_smooth_joints_alone_is_not_compared(tmp_path: Path) -> None:
     """Catch steps of the built-in systems that their equations cover already."""
     smooth = HEAD + '    space.add(pymunk.PinJoint(ground, body("a", 1, 1, (1, 0))))\n' + TAIL
     assert checked(tmp_path, smooth) is None
@@ -147,7 +147,7 @@ def test_parts_without_a_law_are_named(tmp_path: Path) -> None:
         assert name in check.record.uncovered[0]
 
 
-def test_a_ball_bounces_by_the_product_of_elasticities() -> None:
+def test_ball_bounces_by_the_product_of_elasticities() -> None:
     """Catch friction or restitution that is not the product, and gravity within the bounce."""
     h, g, v = 0.01, 9.81, -2.0
     laws = PlanarLaws(
@@ -172,7 +172,7 @@ def test_a_ball_bounces_by_the_product_of_elasticities() -> None:
     assert after.velocities[1, 0] == pytest.approx(9.0 - 0.3 * impulse / 2.0)
 
 
-def test_a_body_turns_about_its_center_of_mass(tmp_path: Path) -> None:
+def test_body_turns_about_its_center_of_mass(tmp_path: Path) -> None:
     """Catch a start that moves a body when it is turned, and velocities of another point."""
     pytest.importorskip("pymunk")
     file = tmp_path / "space.py"

@@ -14,7 +14,7 @@ T, Z, D = 0.03, 0.7, 0.9
 FLAT = Softness(reference=(T, Z), impedance=(D, D, 0.001, 0.5, 2.0))
 
 
-def test_a_pressed_ball_is_a_damped_spring() -> None:
+def test_pressed_ball_is_a_damped_spring() -> None:
     """Catch wrong stiffness, damping or share of the weight in the normal direction.
 
     Of an inverse weight 1/m: z'' = -(1 - d) g - 2/T z' - z/(T Z)^2 with z = -depth.
@@ -25,7 +25,7 @@ def test_a_pressed_ball_is_a_damped_spring() -> None:
         assert a[5] == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_ball_rests_at_its_depth_and_not_elsewhere() -> None:
+def test_ball_rests_at_its_depth_and_not_elsewhere() -> None:
     """Catch an impedance that does not scale the weight: rest depth (1 - d) g T^2 Z^2."""
     depth = (1 - D) * GRAVITY * T**2 * Z**2
     for model in (ball(FLAT), ball(FLAT, elliptic=False)):
@@ -45,7 +45,7 @@ def test_direct_numbers_equal_a_time_constant_and_a_damping_ratio() -> None:
     assert gains((-1.0, 1.0), full, 0.002, safe=True) == gains((0.02, 1.0), full, 0.002, safe=True)
 
 
-def test_a_body_that_sticks_creeps_down_an_incline() -> None:
+def test_body_that_sticks_creeps_down_an_incline() -> None:
     """Catch a wrong softness of friction: creep (1 - d) g sin(th) T / (2 impratio)."""
     tilt = 0.2
     depth = (1 - D) * GRAVITY * np.cos(tilt) * T**2 * Z**2
@@ -82,7 +82,7 @@ def test_two_surfaces_mix_by_maximum_weight_and_priority() -> None:
     assert mixed.softness == other
 
 
-def test_the_gradient_bounds_the_error_of_any_answer() -> None:
+def test_gradient_bounds_the_error_of_any_answer() -> None:
     """Catch a cost that is not convex in M, or a solution that is not its minimizer."""
     rng = np.random.default_rng(3)
     for elliptic in (True, False):
@@ -101,7 +101,7 @@ def test_the_gradient_bounds_the_error_of_any_answer() -> None:
             assert np.sqrt(gradient @ inverse @ gradient) < 1e-12 * size
 
 
-def test_an_answer_that_is_not_the_minimum_leaves_a_residual(
+def test_answer_that_is_not_the_minimum_leaves_a_residual(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Catch a solution that stops early, and whose error then counts as the engine's."""
@@ -123,7 +123,7 @@ def test_dry_friction_holds_up_to_its_force() -> None:
     assert slides.solve(np.zeros(1))[0] == pytest.approx(4.0 - 3.0 / 2.0, rel=1e-12)
 
 
-def test_the_slope_of_a_cone_is_the_derivative_of_its_force() -> None:
+def test_slope_of_a_cone_is_the_derivative_of_its_force() -> None:
     """Catch a wrong curvature, with which Newton's method would stop before the minimum."""
     rng = np.random.default_rng(5)
     law, _ = on_plane(ball(FLAT), 1e-3, rng.normal(size=6))

@@ -91,7 +91,7 @@ def reading(tmp_path: Path, text: str, loaded: str = "") -> ReadingCheck:
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_a_file_states_what_it_compiles_to(tmp_path: Path, scene: str) -> None:
+def test_file_states_what_it_compiles_to(tmp_path: Path, scene: str) -> None:
     """Catch a rule of the format that is read wrong, and false alarms."""
     check = reading(tmp_path, SCENES[scene].format('integrator="implicitfast"'))
     assert check.misread == ()
@@ -142,7 +142,7 @@ MISREAD = {
 
 
 @pytest.mark.parametrize("fault", MISREAD)
-def test_a_misread_number_is_named_with_its_line(tmp_path: Path, fault: str) -> None:
+def test_misread_number_is_named_with_its_line(tmp_path: Path, fault: str) -> None:
     """Catch a misreading that the compiler's law and the engine share."""
     scene, right, wrong, subject = MISREAD[fault]
     scene = scene.format("")
@@ -155,7 +155,7 @@ def test_a_misread_number_is_named_with_its_line(tmp_path: Path, fault: str) -> 
     assert f"<{tag}" in place or tag in ("options", "joint")
 
 
-def test_a_misreading_that_both_sides_share_differs(
+def test_misreading_that_both_sides_share_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Catch a verdict that trusts the compiler, which the engine and its law share."""

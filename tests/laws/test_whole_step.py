@@ -243,7 +243,7 @@ TURNTABLE = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/>
 </worldbody></mujoco>"""
 
 
-def test_a_contact_on_the_axis_of_a_joint_leaves_no_uncertainty(tmp_path: Path) -> None:
+def test_contact_on_the_axis_of_a_joint_leaves_no_uncertainty(tmp_path: Path) -> None:
     """Catch rounding of an arm that is exactly zero: nothing moves, and the force is 1e16 N."""
     check = checked(tmp_path, TURNTABLE)
     assert check.record.outcome is Outcome.AGREES

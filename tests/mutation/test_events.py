@@ -56,7 +56,7 @@ def test_changed_time_step_agrees() -> None:
     assert after > 1.2 * before
 
 
-def test_a_number_that_moves_an_event_out_of_its_segment_is_named() -> None:
+def test_number_that_moves_an_event_out_of_its_segment_is_named() -> None:
     """Catch fits that begin at the present value, where slopes across events vanish."""
     task, surveyed = survey_task("events/ball_train", "space.py", "pymunk")
     fault = next(one for one in surveyed.faults if (one.location, one.name) == ("DIAMETER", "5 %"))

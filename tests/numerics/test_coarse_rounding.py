@@ -109,7 +109,7 @@ def test_only_companions_show_the_rounding(
 
 
 @pytest.mark.parametrize("errors", [each for each, _ in EVERYWHERE])
-def test_an_engine_without_coarse_rounding_keeps_a_small_uncertainty(
+def test_engine_without_coarse_rounding_keeps_a_small_uncertainty(
     bench: MakeBench, errors: Errors
 ) -> None:
     ratios = errors(bench())

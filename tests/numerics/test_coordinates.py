@@ -72,13 +72,13 @@ def test_forces_go_through_the_transpose(pendulum: System) -> None:
     assert np.array(force.evaluate(z[0], [2.0])) @ w[0] == pytest.approx(2.0 * 1.3, rel=1e-14)
 
 
-def test_an_angle_read_by_atan2_is_taken_near_the_reference(pendulum: System) -> None:
+def test_angle_read_by_atan2_is_taken_near_the_reference(pendulum: System) -> None:
     coords = coordinate_map(pendulum, BOB, NAMES)
     states = np.array([[3.5, 1.0], [-9.0, 1.0], [20.0, 0.0]])
     assert coords.from_engine(*coords.to_engine(states), states) == pytest.approx(states, abs=1e-13)
 
 
-def test_an_angle_is_followed_over_full_turns_away_from_the_reference(
+def test_angle_is_followed_over_full_turns_away_from_the_reference(
     pendulum: System,
 ) -> None:
     coords = coordinate_map(pendulum, BOB, NAMES)
@@ -86,7 +86,7 @@ def test_an_angle_is_followed_over_full_turns_away_from_the_reference(
     assert coords.follow(*coords.to_engine(states), states[0]) == pytest.approx(states, abs=1e-12)
 
 
-def test_the_residual_of_the_map_is_the_constraint_drift(drum: System) -> None:
+def test_residual_of_the_map_is_the_constraint_drift(drum: System) -> None:
     rolling = sidecar({"phi": "x/r"})
     coords = coordinate_map(drum, rolling, ("x", "phi", "theta"))
     z, _ = coords.to_engine(np.array([[0.18, 0.5, 0, 0]]))
@@ -110,7 +110,7 @@ def test_zero_input_gives_no_force(drum: System) -> None:
     ({"slide": "x"}, {"x": "2*slide"}, ("slide", "theta"), r"is not the inverse"),
     ({}, {"y": "x"}, ("x", "theta"), r"\[readback\] y is not a coordinate"),
 ])  # fmt: skip
-def test_an_inconsistent_map_is_rejected_by_name(
+def test_inconsistent_map_is_rejected_by_name(
     drum: System,
     coordinates: dict[str, str],
     readback: dict[str, str],

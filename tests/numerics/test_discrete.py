@@ -57,7 +57,7 @@ def test_other_engines_match_their_step_rule(folder: str, model: str, engine: st
     assert result.error < 1e-10
 
 
-def test_the_matrices_match_mujocos_finite_differences() -> None:
+def test_matrices_match_mujocos_finite_differences() -> None:
     """`mjd_transitionFD` takes one difference of 1e-6, so it has seven digits."""
     base = sidecar("mass_spring_damper", "mujoco.xml")
     result = one_step("mass_spring_damper", base, "mujoco")
@@ -70,13 +70,13 @@ def test_the_matrices_match_mujocos_finite_differences() -> None:
     assert result.b[1, 0] == pytest.approx(model.opt.timestep / (1.3 + 0.9 * model.opt.timestep))
 
 
-def test_a_soft_equality_shows_in_its_step() -> None:
+def test_soft_equality_shows_in_its_step() -> None:
     result = one_step("drum_pendulum", sidecar("drum_pendulum", "mujoco_rolling.xml"), "mujoco")
     assert result.differs
     assert 1e-6 < result.error < 1e-4
 
 
-def test_a_wrong_stiffness_shows(tmp_path: Path) -> None:
+def test_wrong_stiffness_shows(tmp_path: Path) -> None:
     base = sidecar("mass_spring_damper", "mujoco.xml")
     text = base.model.read_text()
     (tmp_path / "mujoco.xml").write_text(text.replace('="47.0"', '="47.00001"'))
@@ -111,7 +111,7 @@ def _a(model: SymplecticEuler) -> Array:
     return np.array([[0.0, 1.0], [-model.stiffness / model.mass, -model.damping / model.mass]])
 
 
-def test_the_matrices_match_the_closed_form(bench: MakeBench) -> None:
+def test_matrices_match_the_closed_form(bench: MakeBench) -> None:
     """v' = v + h (u - k x - c v)/m, x' = x + h v'."""
     model = WithStepRule()
     h, m, c, k = model.step, model.mass, model.damping, model.stiffness
@@ -129,7 +129,7 @@ def test_without_a_rule_the_step_has_no_error(bench: MakeBench) -> None:
     assert not result.differs
 
 
-def test_an_unstable_step_is_reported(tmp_path: Path) -> None:
+def test_unstable_step_is_reported(tmp_path: Path) -> None:
     """Semi-implicit Euler on a spring of 6 rad/s is unstable above dt = 0.33 s."""
     physics = prepared("mass_spring_damper")
     model = sidecar("mass_spring_damper", "mujoco.xml")

@@ -42,7 +42,7 @@ def studied(motion: Motion, folder: Path = BALL) -> StepStudy:
     return study_events(model, coordinates, motion, power=None, amplitude=motion.amplitude)
 
 
-def test_the_dense_motion_jumps_at_each_impact(drop: Motion) -> None:
+def test_dense_motion_jumps_at_each_impact(drop: Motion) -> None:
     first = drop.events[0]
     assert first == pytest.approx(np.sqrt(2 * 0.5 / 9.81), rel=1e-14)
     before, after = drop.states_at(np.array([first - 1e-6, first + 1e-6]))[:, 1]
@@ -88,7 +88,7 @@ def test_runs_with_another_restitution_do_not_converge(drop: Motion, tmp_path: P
         ([np.nan] * 4, None),
     ],
 )
-def test_the_time_of_a_crossing(values: list[float], time: float | None) -> None:
+def test_time_of_a_crossing(values: list[float], time: float | None) -> None:
     actual = crossing(np.arange(4.0), np.array(values))
     assert actual == (None if time is None else pytest.approx(time))
 
@@ -101,7 +101,7 @@ def test_steps_follow_the_largest_error_per_step() -> None:
 
 
 @pytest.mark.parametrize(("per_second", "constant"), [(5.0, 0.0), (0.0, 0.01)])
-def test_an_error_that_falls_with_the_step_is_not_a_difference(
+def test_error_that_falls_with_the_step_is_not_a_difference(
     drop: Motion, monkeypatch: pytest.MonkeyPatch, per_second: float, constant: float
 ) -> None:
     model, coordinates = load(load_system(BALL), read_sidecar(BALL / "space.py.toml"), "pymunk")

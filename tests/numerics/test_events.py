@@ -32,12 +32,12 @@ def drop() -> Segments:
     return solve_events(derive(system), system.scenario("drop"))
 
 
-def test_the_solved_segments_are_accepted(drop: Segments) -> None:
+def test_solved_segments_are_accepted(drop: Segments) -> None:
     check_events(drop, min(ODD_RUNGS))
 
 
 @pytest.mark.parametrize("share", [0.37, 0.501, 0.999, 1.2])
-def test_an_event_off_the_middle_of_a_segment_is_rejected(drop: Segments, share: float) -> None:
+def test_event_off_the_middle_of_a_segment_is_rejected(drop: Segments, share: float) -> None:
     row = 7  # free of events
     planted = float(drop.t[row] + share * drop.lengths[row])
     with pytest.raises(MisplacedEventError, match="coarse steps would agree falsely"):
@@ -50,7 +50,7 @@ def test_every_rung_of_event_segments_is_odd() -> None:
     assert np.all(np.diff(ODD_RUNGS) > 0)
 
 
-def test_an_event_off_the_middle_spoils_only_its_segment() -> None:
+def test_event_off_the_middle_spoils_only_its_segment() -> None:
     apart = np.arange(7) == 3
     rungs, unit = ODD_RUNGS, np.ones(1)
     # A wrong limit of a force: its event is met at another phase of each rung's steps.
@@ -61,7 +61,7 @@ def test_an_event_off_the_middle_spoils_only_its_segment() -> None:
         assert limit.uncertainty[3] > 1e-3
 
 
-def test_a_mode_change_seen_only_by_fine_steps_leaves_no_limit(
+def test_mode_change_seen_only_by_fine_steps_leaves_no_limit(
     drop: Segments, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model, coordinates = load(load_system(BALL), read_sidecar(BALL / "space.py.toml"), "pymunk")

@@ -116,7 +116,7 @@ def compare_oscillator(bench: MakeBench, model: Accelerating) -> AccelerationCom
     return result
 
 
-def test_a_correct_model_agrees_to_the_last_digits(bench: MakeBench) -> None:
+def test_correct_model_agrees_to_the_last_digits(bench: MakeBench) -> None:
     result = compare_oscillator(bench, Accelerating())
     assert result.judgement.outcome is Outcome.AGREES
     assert result.judgement.largest_discrepancy < 1e-14
@@ -129,7 +129,7 @@ def test_a_correct_model_agrees_to_the_last_digits(bench: MakeBench) -> None:
     (Accelerating(stiffness=47.0 * (1 + 1e-10)), "forces by position"),
     (Accelerating(damping=0.9 * (1 + 1e-9)), "forces odd in velocity"),
 ])  # fmt: skip
-def test_a_wrong_number_shows_in_its_term(bench: MakeBench, fault: Accelerating, term: str) -> None:
+def test_wrong_number_shows_in_its_term(bench: MakeBench, fault: Accelerating, term: str) -> None:
     result = compare_oscillator(bench, fault)
     assert result.judgement.outcome is Outcome.DIFFERS
     assert [name for name, size in result.force_errors.items() if size > 1e-12] == [term]
@@ -144,7 +144,7 @@ def test_states_without_accelerations_are_skipped(bench: MakeBench) -> None:
     assert not result.complete
 
 
-def test_an_engine_without_accelerations_gives_no_result(bench: MakeBench) -> None:
+def test_engine_without_accelerations_gives_no_result(bench: MakeBench) -> None:
     rig = bench(SymplecticEuler())
     stepped, states = SteppedEquations(rig.equations), rig.motion.start[:5]
     none = np.zeros((5, 1))

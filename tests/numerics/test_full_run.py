@@ -74,7 +74,7 @@ def test_frequency_and_damping_errors_match_the_difference_equation(
 
 
 @pytest.mark.slow
-def test_a_wrong_frequency_is_reported_as_frequency_error(bench: MakeBench) -> None:
+def test_wrong_frequency_is_reported_as_frequency_error(bench: MakeBench) -> None:
     model = SymplecticEuler(stiffness=STIFFNESS * 1.002, step=1e-4)
     result = decomposed(bench(model, duration=8.0))
     assert result.frequency == pytest.approx(1e-3, rel=0.05)
@@ -82,14 +82,14 @@ def test_a_wrong_frequency_is_reported_as_frequency_error(bench: MakeBench) -> N
     assert abs(result.damping) < 1e-4
 
 
-def test_the_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
+def test_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
     result = study(bench())
     assert result.full_run_check.converges
     assert result.full_run_check.order == pytest.approx(1, abs=0.1)
     assert 1e-3 < result.global_error < 1e-1
 
 
-def test_a_recommended_step_gives_its_target_error(bench: MakeBench) -> None:
+def test_recommended_step_gives_its_target_error(bench: MakeBench) -> None:
     result = study(bench())
     assert result.checked is not None
     target, h, measured = result.checked
@@ -109,7 +109,7 @@ class WrongVelocity(SymplecticEuler):
         return z, w + 15 * h
 
 
-def test_a_recommended_step_gives_its_target_error_in_velocity(bench: MakeBench) -> None:
+def test_recommended_step_gives_its_target_error_in_velocity(bench: MakeBench) -> None:
     rig, plain = bench(WrongVelocity(step=0.002)), bench(SymplecticEuler(step=0.002))
     result = study(rig)
     assert result.global_error == study(plain).global_error
@@ -169,7 +169,7 @@ class Precise(SymplecticEuler):
         return states[..., 0], states[..., 1]
 
 
-def test_a_tiny_error_is_checked_by_coarser_runs(bench: MakeBench) -> None:
+def test_tiny_error_is_checked_by_coarser_runs(bench: MakeBench) -> None:
     result = study(bench(Precise(step=2e-3)), claimed=4)
     assert result.global_error < step_study.TINY_ERROR
     assert min(run.h for run in result.others) == 4e-3
@@ -189,7 +189,7 @@ class Rough(Precise):
         return (z * (1 + 5e-6), w) if h == self.step else (z, w)
 
 
-def test_a_fault_of_the_files_own_step_shows_in_coarser_runs(bench: MakeBench) -> None:
+def test_fault_of_the_files_own_step_shows_in_coarser_runs(bench: MakeBench) -> None:
     result = study(bench(Rough(step=2e-3)), claimed=4)
     assert result.global_error < step_study.TINY_ERROR
     assert not result.full_run_check.predicted
@@ -208,11 +208,11 @@ class Lazy(Precise):
         return z, w
 
 
-def test_a_tiny_error_independent_of_the_step_does_not_converge(bench: MakeBench) -> None:
+def test_tiny_error_independent_of_the_step_does_not_converge(bench: MakeBench) -> None:
     assert not study(bench(Lazy(step=2e-3)), claimed=4).full_run_check.converges
 
 
-def test_an_engine_that_falls_asleep_does_not_converge(bench: MakeBench) -> None:
+def test_engine_that_falls_asleep_does_not_converge(bench: MakeBench) -> None:
     assert not study(bench(Sleepy())).full_run_check.converges
 
 
@@ -238,7 +238,7 @@ def test_memory_below_the_step_error_does_not_converge(bench: MakeBench) -> None
     assert not result.full_run_check.converges
 
 
-def test_a_correct_engine_has_no_residual_as_the_step_falls(bench: MakeBench) -> None:
+def test_correct_engine_has_no_residual_as_the_step_falls(bench: MakeBench) -> None:
     result = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
     assert result.full_run_check.converges
     assert result.full_run_check.residual < 1e-6
@@ -255,13 +255,13 @@ class Leaning(SymplecticEuler):
 
 
 @pytest.mark.slow
-def test_a_constant_error_does_not_converge(bench: MakeBench) -> None:
+def test_constant_error_does_not_converge(bench: MakeBench) -> None:
     result = study(bench(Leaning(step=2e-5)))
     assert not result.full_run_check.converges
     assert result.full_run_check.order < 0.5
 
 
-def test_a_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:
+def test_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:
     result = study(bench(SymplecticEuler(step=2.0)))
     assert not result.full_run_check.converges
     assert result.steps_for == (None, None, None) or result.global_error > 1
@@ -281,7 +281,7 @@ def test_energy_balances_to_the_order_of_the_step_with_input_and_damper(bench: M
     assert imbalance(SymplecticEuler(damping=0.9 * DAMPING), 2e-4) > 10 * fine
 
 
-def test_a_sampled_run_ends_at_its_duration(bench: MakeBench) -> None:
+def test_sampled_run_ends_at_its_duration(bench: MakeBench) -> None:
     rig = bench(duration=3.0)
     run = full_run(rig.model, rig.coordinates, rig.motion, rig.equations.numeric_power, 1e-4)
     assert run.steps == 30000
@@ -312,7 +312,7 @@ class Draining(SymplecticEuler):
 
 
 @pytest.mark.parametrize("drain", [1e-3, 1e-5, -1e-4])
-def test_a_fault_of_the_files_own_step_is_not_predicted_by_finer_steps(
+def test_fault_of_the_files_own_step_is_not_predicted_by_finer_steps(
     bench: MakeBench, drain: float
 ) -> None:
     check = study(bench(Draining(drain=drain))).full_run_check
@@ -321,7 +321,7 @@ def test_a_fault_of_the_files_own_step_is_not_predicted_by_finer_steps(
 
 
 @pytest.mark.parametrize("max_steps", [60_000, 2_000])
-def test_a_fault_of_the_files_own_step_shows_in_two_runs(
+def test_fault_of_the_files_own_step_shows_in_two_runs(
     bench: MakeBench, monkeypatch: pytest.MonkeyPatch, max_steps: int
 ) -> None:
     monkeypatch.setattr(step_study, "MOST_STEPS", max_steps)
@@ -386,7 +386,7 @@ def multiplied(motion: Motion, rate: float) -> Sensitivity:
     )  # fmt: skip
 
 
-def test_a_chaotic_run_converges_until_it_is_unresolved(bench: MakeBench) -> None:
+def test_chaotic_run_converges_until_it_is_unresolved(bench: MakeBench) -> None:
     motion = bench().motion
     size = np.array([0.25])
 
@@ -404,7 +404,7 @@ def test_a_chaotic_run_converges_until_it_is_unresolved(bench: MakeBench) -> Non
     assert 0 < result.until < 1.0
 
 
-def test_an_error_carried_between_steps_is_not_chaos(bench: MakeBench) -> None:
+def test_error_carried_between_steps_is_not_chaos(bench: MakeBench) -> None:
     motion = bench().motion
     size = np.array([0.25])
     runs = runs_of(lambda h, times: (h + 0.003) * 0.25 * times, motion)

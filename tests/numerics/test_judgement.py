@@ -31,7 +31,7 @@ def test_largest_discrepancy_is_reported_with_that_of_the_worst_ratio() -> None:
     assert (result.largest_discrepancy, result.largest_uncertainty) == (1.5e-11, 1.5e-10)
 
 
-def test_an_unresolved_segment_does_not_hide_a_resolved_one() -> None:
+def test_unresolved_segment_does_not_hide_a_resolved_one() -> None:
     defect, uncertainty = make_defects()
     defect[3, 1], uncertainty[0] = 1e-8, np.inf
     result = judge(defect, uncertainty, 1e-9, None)
@@ -44,7 +44,7 @@ def test_an_unresolved_segment_does_not_hide_a_resolved_one() -> None:
 @pytest.mark.parametrize(
     ("worst", "why"), [(1e-7, UnresolvedReason.COARSE), (np.inf, UnresolvedReason.DIVERGES_HERE)]
 )
-def test_an_uncertainty_above_the_resolution_is_unresolved(
+def test_uncertainty_above_the_resolution_is_unresolved(
     worst: float, why: UnresolvedReason
 ) -> None:
     defect, uncertainty = make_defects()
@@ -56,7 +56,7 @@ def test_an_uncertainty_above_the_resolution_is_unresolved(
     assert result.uncertainty == result.largest_uncertainty == worst
 
 
-def test_an_unresolved_reason_makes_the_uncertainty_infinite() -> None:
+def test_unresolved_reason_makes_the_uncertainty_infinite() -> None:
     defect, uncertainty = make_defects()
     defect[0, 0], defect[1, 1] = np.nan, 1e-3
     result = judge(defect, uncertainty, 1e-9, UnresolvedReason.WRONG_ORDER)
@@ -75,7 +75,7 @@ def test_an_unresolved_reason_makes_the_uncertainty_infinite() -> None:
         (1.0, True, True, None),
     ],
 )
-def test_the_most_severe_unresolved_reason_is_reported(
+def test_most_severe_unresolved_reason_is_reported(
     first: float, converges: bool, confirmed: bool, why: UnresolvedReason | None
 ) -> None:
     limit = ExtrapolatedLimit(
@@ -93,7 +93,7 @@ def test_the_most_severe_unresolved_reason_is_reported(
 
 
 @pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])
-def test_a_measurable_defect_below_the_resolution_agrees_and_is_reported(
+def test_measurable_defect_below_the_resolution_agrees_and_is_reported(
     resolution: float, outcome: str
 ) -> None:
     defect, uncertainty = make_defects(1e-13)

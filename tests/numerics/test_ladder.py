@@ -45,12 +45,12 @@ def test_weights_cancel_every_claimed_power_exactly(lead: int, increment: int) -
         assert sum(w * Fraction(1, n**power) for w, n in zip(exact, rungs, strict=True)) == 0
 
 
-def test_the_weights_do_not_amplify_rounding_much() -> None:
+def test_weights_do_not_amplify_rounding_much() -> None:
     sizes = [float(np.sum(np.abs(weights(RUNGS[:m], (1, 1))))) for m in range(2, len(RUNGS) + 1)]
     assert max(sizes) < 60  # doubling to n = 256 would reach the thousands with steps to match
 
 
-def test_the_comment_quotes_the_sums_of_the_weights() -> None:
+def test_comment_quotes_the_sums_of_the_weights() -> None:
     ((eight, nine),) = re.findall(
         r"at ([\d.]+) for eight rungs, ([\d.]+) for nine", Path(ladder_module.__file__).read_text()
     )
@@ -58,7 +58,7 @@ def test_the_comment_quotes_the_sums_of_the_weights() -> None:
         assert described == f"{float(sum(map(abs, exact_weights(RUNGS[:count], 1, 1)))):.1f}"
 
 
-def test_the_decision_for_the_rungs_quotes_the_sums_of_their_weights() -> None:
+def test_decision_for_the_rungs_quotes_the_sums_of_their_weights() -> None:
     text = " ".join((DECISIONS / "0002-prime-rungs.md").read_text().split())
     ((consecutive, below),) = re.findall(r"of 1 to 8 add up to (\d+) .* stay below (\d+)\.", text)
     ours, plain = (
@@ -87,7 +87,7 @@ def ladder(
     ]
 
 
-def test_a_power_series_is_extrapolated_to_its_limit_within_the_uncertainty() -> None:
+def test_power_series_is_extrapolated_to_its_limit_within_the_uncertainty() -> None:
     series = {p: 0.3**p / p for p in range(1, 14)}
     values = ladder(0.7, series, noise=0.3 * EPSILON)
     result = limits(values, RUNGS, (1, 1), UNIT, UNIT)
@@ -100,7 +100,7 @@ def test_a_power_series_is_extrapolated_to_its_limit_within_the_uncertainty() ->
 
 
 @pytest.mark.parametrize("power", [0.5, 1.5, 2.5])
-def test_a_term_between_the_exponents_is_not_hidden(power: float) -> None:
+def test_term_between_the_exponents_is_not_hidden(power: float) -> None:
     # h^1.5, as a switch inside a step leaves it: no weight cancels it.
     values = ladder(0.7, {1: 0.1, power: 1e-3}, noise=0.3 * EPSILON)
     result = limits(values, RUNGS, (1, 1), UNIT, UNIT)
@@ -113,7 +113,7 @@ def test_a_term_between_the_exponents_is_not_hidden(power: float) -> None:
     (1, 1, True), (2, 2, True), (4, 4, True), (2, 1, False), (1, 2, False), (4, 1, False),
     (1, 4, False),
 ])  # fmt: skip
-def test_a_wrong_claim_of_the_order_is_seen(actual: int, claimed: int, confirmed: bool) -> None:
+def test_wrong_claim_of_the_order_is_seen(actual: int, claimed: int, confirmed: bool) -> None:
     series = {actual: 1e-2, actual + 1: 1e-2}
     values = ladder(0.7, series, rungs=RUNGS[:7], noise=0.3 * EPSILON)
     result = limits(values, RUNGS[:7], (claimed, 1), UNIT, UNIT)
@@ -127,14 +127,14 @@ def test_rungs_that_differ_by_rounding_alone_have_no_order() -> None:
     assert confirmed
 
 
-def test_a_ladder_that_wanders_does_not_converge() -> None:
+def test_ladder_that_wanders_does_not_converge() -> None:
     rng = np.random.default_rng(0)
     values = [0.7 + rng.standard_normal((40, 1)) for _ in RUNGS]
     result = limits(values, RUNGS, (1, 1), UNIT, UNIT)
     assert not (result.converges and result.order_confirmed)
 
 
-def test_a_chance_agreement_takes_its_neighbours_uncertainty() -> None:
+def test_chance_agreement_takes_its_neighbours_uncertainty() -> None:
     series = {p: 0.4**p for p in range(1, 10)}
     values = ladder(0.7, series, rungs=RUNGS[:6])
     for value in values:

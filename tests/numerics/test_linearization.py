@@ -28,7 +28,7 @@ def linear(
     return linearize_engine(bench.model, bench.coordinates, point, resolution, thorough)
 
 
-def test_a_correct_engine_matches_taylor_matrices_to_ten_digits(bench: MakeBench) -> None:
+def test_correct_engine_matches_taylor_matrices_to_ten_digits(bench: MakeBench) -> None:
     result = linear(bench())
     assert result.a_error < 1e-10
     assert result.b_error < 1e-10
@@ -39,7 +39,7 @@ def test_a_correct_engine_matches_taylor_matrices_to_ten_digits(bench: MakeBench
 
 
 @pytest.mark.parametrize("fault", [1e-3, 1e-7])
-def test_a_wrong_stiffness_is_seen_in_a_and_not_in_b(bench: MakeBench, fault: float) -> None:
+def test_wrong_stiffness_is_seen_in_a_and_not_in_b(bench: MakeBench, fault: float) -> None:
     result = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))))
     assert result.a_error == pytest.approx(fault, rel=1e-2)
     assert result.b_error < 1e-10
@@ -61,7 +61,7 @@ class Hardening(SymplecticEuler):
         return q[:, None], v[:, None]
 
 
-def test_the_nonlinear_terms_are_extrapolated_away(bench: MakeBench) -> None:
+def test_nonlinear_terms_are_extrapolated_away(bench: MakeBench) -> None:
     result = linear(bench(Hardening()))
     assert result.a_error < 1e-9
 

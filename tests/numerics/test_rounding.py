@@ -48,7 +48,7 @@ def test_rounding_is_observed_at_its_size_and_in_its_component() -> None:
     assert LAST_DIGIT / 2 <= observed[1] <= LAST_DIGIT  # three ends, each off by half a digit
 
 
-def test_a_start_at_zero_shows_the_rounding_of_its_inputs() -> None:
+def test_start_at_zero_shows_the_rounding_of_its_inputs() -> None:
     batch = with_companions(np.zeros((40, 1)), np.zeros((40, 1)))
     smooth = batch.gain[:, None] * np.linspace(0.5, 1.0, 40)[batch.rows, None]
     assert batch.observed_rounding(smooth)[0] < 10 * EPSILON

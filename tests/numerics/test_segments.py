@@ -30,7 +30,7 @@ def verdict(bench: Bench, resolution: float = 1e-9) -> tuple[CaseJudgement, Extr
 
 
 @pytest.mark.parametrize("drive", [0, 6 * Heaviside(t - Rational(13, 10)), sin(5 * t) + t / 3])
-def test_a_correct_engine_agrees_one_digit_below_the_resolution(
+def test_correct_engine_agrees_one_digit_below_the_resolution(
     bench: MakeBench, drive: Expr | int
 ) -> None:
     usual, quick = verdict(bench(drive=drive))
@@ -44,7 +44,7 @@ def test_a_correct_engine_agrees_one_digit_below_the_resolution(
 
 @pytest.mark.parametrize("fault", [1e-6, 1e-8, 1e-10])
 @pytest.mark.parametrize("literal", ["mass", "damping", "stiffness"])
-def test_a_wrong_literal_differs_by_its_fault(bench: MakeBench, literal: str, fault: float) -> None:
+def test_wrong_literal_differs_by_its_fault(bench: MakeBench, literal: str, fault: float) -> None:
     model = SymplecticEuler()
     setattr(model, literal, getattr(model, literal) * (1 + fault))
     result, _ = verdict(bench(model), resolution=min(1e-9, fault / 100))
@@ -54,7 +54,7 @@ def test_a_wrong_literal_differs_by_its_fault(bench: MakeBench, literal: str, fa
     assert "off" in result.reason
 
 
-def test_a_fault_below_the_floor_agrees(bench: MakeBench) -> None:
+def test_fault_below_the_floor_agrees(bench: MakeBench) -> None:
     result, _ = verdict(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + 1e-14))))
     assert result.outcome is Outcome.AGREES
 
@@ -74,7 +74,7 @@ class TwoStages(SymplecticEuler):
         return q[:, None], v[:, None]
 
 
-def test_a_wrong_claimed_order_is_unresolved(bench: MakeBench) -> None:
+def test_wrong_claimed_order_is_unresolved(bench: MakeBench) -> None:
     result, _ = verdict(bench(TwoStages()))
     assert result.outcome is Outcome.UNRESOLVED
     assert "the engine claims 1" in result.reason
@@ -111,7 +111,7 @@ def test_single_precision_is_unresolved_at_nine_digits_but_not_at_four(bench: Ma
     assert verdict(bench(Noisy()), resolution=1e-3)[0].outcome is Outcome.AGREES
 
 
-def test_a_coarse_fault_is_seen_through_single_precision(bench: MakeBench) -> None:
+def test_coarse_fault_is_seen_through_single_precision(bench: MakeBench) -> None:
     result, _ = verdict(bench(Noisy(stiffness=STIFFNESS * 1.05)))
     assert result.outcome is Outcome.DIFFERS
 
@@ -131,7 +131,7 @@ class Stop(SymplecticEuler):
         return q[:, None], v[:, None]
 
 
-def test_an_undeclared_stop_never_agrees(bench: MakeBench) -> None:
+def test_undeclared_stop_never_agrees(bench: MakeBench) -> None:
     result, _ = verdict(bench(Stop()))
     assert result.outcome in (Outcome.DIFFERS, Outcome.UNRESOLVED)
     assert result.discrepancy > 1e-2
@@ -169,7 +169,7 @@ def test_steps_are_counted(bench: MakeBench) -> None:
     assert result.steps == sum(n * batch for _, n, batch in rig.model.calls)
 
 
-def test_the_other_scenarios_bound_the_scale_of_a_fixed_component(bench: MakeBench) -> None:
+def test_other_scenarios_bound_the_scale_of_a_fixed_component(bench: MakeBench) -> None:
     moving, still = bench().motion, bench(duration=1.0).motion
     quiet = replace(still, start=0 * still.start, end=0 * still.end, nodes=0 * still.nodes)
     assert component_scale(quiet, [moving]) == pytest.approx(0.01 * moving.movement)
@@ -203,7 +203,7 @@ class Bursting(SymplecticEuler):
         return np.where(q[:, None] > 0.1, np.nan, z), w
 
 
-def test_a_partial_batch_has_limits_only_of_finite_motions(
+def test_partial_batch_has_limits_only_of_finite_motions(
     bench: MakeBench,
 ) -> None:
     rig = bench(Bursting())
@@ -217,7 +217,7 @@ def test_a_partial_batch_has_limits_only_of_finite_motions(
     assert np.max(limit.uncertainty[~lost]) < 1e-9
 
 
-def test_a_partial_batch_without_finite_motions_is_an_error(bench: MakeBench) -> None:
+def test_partial_batch_without_finite_motions_is_an_error(bench: MakeBench) -> None:
     rig = bench(Bursting())
     whole = rig.motion
     still = replace(whole, start=np.abs(whole.start) + 1)
@@ -225,7 +225,7 @@ def test_a_partial_batch_without_finite_motions_is_an_error(bench: MakeBench) ->
         extrapolate(rig.model, rig.coordinates, still, resolution=1e-9, partial=True)
 
 
-def test_a_batch_without_a_scale_uses_its_range_of_motion(bench: MakeBench) -> None:
+def test_batch_without_a_scale_uses_its_range_of_motion(bench: MakeBench) -> None:
     rig = bench()
     batch = replace(rig.motion, scale=None)
     unscaled = extrapolate(rig.model, rig.coordinates, batch, rungs=RUNGS, partial=True).limit

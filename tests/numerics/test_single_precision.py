@@ -74,7 +74,7 @@ def test_least_weights_amplify_rounding_least() -> None:
     assert sum(map(abs, exact_weights(RUNGS, 1, 1))) > Fraction(59)
 
 
-def test_a_correct_model_agrees_to_single_precision(bench: MakeBench) -> None:
+def test_correct_model_agrees_to_single_precision(bench: MakeBench) -> None:
     rig = bench(Single())
     result, scale = run(rig)
     judgement = judge(result.limit, rig.motion, NAMES, 1, 1e-9)
@@ -85,7 +85,7 @@ def test_a_correct_model_agrees_to_single_precision(bench: MakeBench) -> None:
     assert judgement.largest_uncertainty <= resolvable(result.limit, scale, 1e-9) < 2e-4
 
 
-def test_a_stiffness_off_by_a_thousandth_differs(bench: MakeBench) -> None:
+def test_stiffness_off_by_a_thousandth_differs(bench: MakeBench) -> None:
     rig = bench(Single(stiffness=47.0 * 1.001))
     judgement = judge(run(rig)[0].limit, rig.motion, NAMES, 1, 1e-9)
     assert judgement.outcome is Outcome.DIFFERS

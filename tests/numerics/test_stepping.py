@@ -67,7 +67,7 @@ def stepped(
     ("drum_pendulum", "robot.urdf", "pybullet"),
     ("drum_pendulum", "robot_folded.urdf", "mujoco"),
 ])  # fmt: skip
-def test_the_next_state_matches_the_engines_step_rule(folder: str, model: str, engine: str) -> None:
+def test_next_state_matches_the_engines_step_rule(folder: str, model: str, engine: str) -> None:
     """PyBullet's gear constraint keeps the drum rolling at dt = 2 ms."""
     result = stepped(folder, sidecar(folder, model), engine)
     assert result is not None
@@ -117,7 +117,7 @@ def test_each_mujoco_integrator_matches_its_rule(integrator: str, folder: str) -
     assert result.digits <= FIVE
 
 
-def test_a_soft_equality_shows_in_one_step() -> None:
+def test_soft_equality_shows_in_one_step() -> None:
     result = stepped("drum_pendulum", sidecar("drum_pendulum", "mujoco_rolling.xml"), "mujoco")
     assert result is not None
     assert result.judgement.outcome is Outcome.DIFFERS
@@ -144,7 +144,7 @@ def test_a_soft_equality_shows_in_one_step() -> None:
     ("torsional_disc", "mujoco.xml", "mujoco", "body[disc]/inertial@diaginertia[2]"),
     ("torsional_disc", "robot.urdf", "pybullet", "gazebo[theta]/springStiffness"),
 ])  # fmt: skip
-def test_a_literal_off_by_1e_12_is_detected(
+def test_literal_off_by_1e_12_is_detected(
     tmp_path: Path, folder: str, model: str, engine: str, address: str
 ) -> None:
     """Allow for the 1e-14 kg m² of a point mass in the pendulum's files: 4e-14 of discrepancy."""
@@ -225,7 +225,7 @@ class OneStepOff(SymplecticEuler):
 
 
 @pytest.mark.parametrize(("by", "outcome"), [(0.0, Outcome.AGREES), (1e-9, Outcome.DIFFERS)])
-def test_a_fault_of_the_files_own_step_is_detected(
+def test_fault_of_the_files_own_step_is_detected(
     bench: MakeBench, by: float, outcome: Outcome
 ) -> None:
     rig = bench(OneStepOff(by=by))
@@ -236,7 +236,7 @@ def test_a_fault_of_the_files_own_step_is_detected(
     assert result.judgement.outcome is outcome
 
 
-def test_a_wrong_step_rule_is_detected(bench: MakeBench) -> None:
+def test_wrong_step_rule_is_detected(bench: MakeBench) -> None:
     class Explicit(OneStepOff):
         @property
         def step_rule(self) -> StepRule:
@@ -285,7 +285,7 @@ def test_single_precision_is_not_a_wrong_step_rule(bench: MakeBench) -> None:
     assert result.judgement.largest_discrepancy > 1e-5
 
 
-def test_an_engine_without_a_rule_gives_no_result(bench: MakeBench) -> None:
+def test_engine_without_a_rule_gives_no_result(bench: MakeBench) -> None:
     rig = bench()
     inputs = np.zeros((1, 1))
     start = rig.motion.start[:1]
@@ -293,7 +293,7 @@ def test_an_engine_without_a_rule_gives_no_result(bench: MakeBench) -> None:
     assert step_engine(rig.model, rig.coordinates, stepped_equations, start, inputs, 1e-9) is None
 
 
-def test_a_case_reports_its_next_state_and_its_limit() -> None:
+def test_case_reports_its_next_state_and_its_limit() -> None:
     physics = prepared("drum_pendulum")
     model = sidecar("drum_pendulum", "mujoco_rolling.xml")
     case: Case = run_case(_task(physics, model))
@@ -306,7 +306,7 @@ def _task(physics: PreparedSystem, model: Sidecar) -> SystemTask:
     return model_task(physics, "mujoco", model, scenario=next(iter(physics.motions)))
 
 
-def test_a_thousand_steps_stay_within_rounding() -> None:
+def test_thousand_steps_stay_within_rounding() -> None:
     """Use a linear oscillator, whose differences grow by at most one last digit per step."""
     physics = prepared("mass_spring_damper")
     model, coordinates = load(physics.system, sidecar("mass_spring_damper", "mujoco.xml"), "mujoco")

@@ -57,7 +57,7 @@ def test_shapes_and_sites_agree(tmp_path: Path) -> None:
      "geom:#2: its size is 0.03 0.02 0.01 in the file and 0.03 0.02 0.01000001 in the engine", 3),
     ('size="0.006"', 'size="0.0060001"', "site:grasp: its size is 0.006 in the file", 14),
 ])  # fmt: skip
-def test_a_moved_or_scaled_shape_differs_at_its_line(
+def test_moved_or_scaled_shape_differs_at_its_line(
     old: str, new: str, words: str, line: int, tmp_path: Path
 ) -> None:
     """Lost: an unnamed geom, one in a frame, a class's size, the other end of a capsule, a floor

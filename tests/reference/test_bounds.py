@@ -109,7 +109,7 @@ def test_random_oscillators_stay_within_their_bounds(seed: int) -> None:
     assert max(worst) > 0.05
 
 
-def test_a_motion_through_a_break_of_its_input_stays_within_its_global_bound() -> None:
+def test_motion_through_a_break_of_its_input_stays_within_its_global_bound() -> None:
     force = 2.75 * Heaviside(t - sp.Rational(7, 3))
     system = oscillator(1.3, 0.0, 47.0, force, x=0.3, v=-0.25, duration=20.0)
     motion = solve(derive(system), system.scenarios[0])
@@ -127,7 +127,7 @@ def test_a_motion_through_a_break_of_its_input_stays_within_its_global_bound() -
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_a_pendulum_stays_within_its_global_bound(name: str) -> None:
+def test_pendulum_stays_within_its_global_bound(name: str) -> None:
     motion = solved(*STARTS[name], duration=5.0)
     (span,) = motion.spans
     ratios = []

@@ -209,7 +209,7 @@ def test_fewer_digits_are_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     assert worst > 2 * EPS
 
 
-def test_an_input_without_a_generator_has_no_closed_form() -> None:
+def test_input_without_a_generator_has_no_closed_form() -> None:
     equations = derive(oscillator(1.3, 0.9, 47.0, sin(t**2)))
     linearization = linearize(equations, equations.system.equilibria[0])
     (signal,) = pieces(equations.system, equations.system.scenarios[0])

@@ -314,7 +314,7 @@ def test_energy_balance_detects_a_missing_force(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_mass_matrix_is_symmetric_and_positive(name: str) -> None:
+def test_mass_matrix_is_symmetric_and_positive(name: str) -> None:
     derived = equations_of(name)
     assert derived.mass == derived.mass.T
     states, _ = random_states(derived.system)
@@ -346,7 +346,7 @@ def test_numeric_accelerations_match_the_symbolic_ones(name: str) -> None:
         assert np.max(np.abs(actual - np.array(exact, dtype=float).ravel())) <= 32 * EPS * largest
 
 
-def test_a_moving_constraint_enters_the_equations() -> None:
+def test_moving_constraint_enters_the_equations() -> None:
     """Compare with a bead on a straight wire turning at w: m r'' = m w^2 r (Goldstein, 1.6)."""
     base = oscillator(1.5, 0.0, 2.0)
     x, m = base.coordinates[0], base.constants[0]

@@ -165,13 +165,13 @@ def test_published_equation_gets_its_verdict(
     assert verdict(name, text, states, subject) == expected
 
 
-def test_an_equation_without_inputs_is_compared_without_them() -> None:
+def test_equation_without_inputs_is_compared_without_them() -> None:
     text = "m*x'' + c*x' + k*x = 0"
     assert verdict("mass_spring_damper", text, "motion", "x", driven=False) == AGREES
     assert verdict("mass_spring_damper", text, "motion", "x", driven=True) == DIFFERS
 
 
-def test_a_system_without_inputs_has_its_linear_equations_compared() -> None:
+def test_system_without_inputs_has_its_linear_equations_compared() -> None:
     system = pendulum(0.1, 0.0, 1.0)
     published = row("theta'' + (g/l)*theta = 0", "linear", "hanging")
     equations = derive(dataclasses.replace(system, published=(published,)))
@@ -229,7 +229,7 @@ def test_wrong_quantity_is_detected_in_its_equations(
     assert [check.published.number for check in table if check.verdict == DIFFERS] == numbers
 
 
-def test_the_drum_and_the_rod_together_have_the_kinetic_energy() -> None:
+def test_drum_and_the_rod_together_have_the_kinetic_energy() -> None:
     system = built_in("drum_pendulum")
     parts = {q.name: q.expression for q in system.quantities}
     assert simplify_bounded(parts["T_M"] + parts["T_m"] - system.T) == 0

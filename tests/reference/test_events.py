@@ -57,7 +57,7 @@ def assert_close(values: object, expected: object) -> None:
     np.testing.assert_allclose(np.asarray(values), np.asarray(expected), rtol=DIGITS, atol=DIGITS)
 
 
-def test_a_ball_bounces_at_the_times_of_newtons_restitution() -> None:
+def test_ball_bounces_at_the_times_of_newtons_restitution() -> None:
     _, c = built_in("bouncing_ball")
     impact = np.sqrt(2 * 0.5 / c["g"])
     speed = c["g"] * impact
@@ -65,7 +65,7 @@ def test_a_ball_bounces_at_the_times_of_newtons_restitution() -> None:
     assert_close(motion("bouncing_ball", "drop").events, np.cumsum([impact, *flights]))
 
 
-def test_a_pendulum_reaches_its_limit_at_the_time_of_the_elliptic_integral() -> None:
+def test_pendulum_reaches_its_limit_at_the_time_of_the_elliptic_integral() -> None:
     _, c = built_in("pendulum_stop")
     swing = motion("pendulum_stop", "swing")
     w = mp.sqrt(mp.mpf(c["g"]) / c["l"])
@@ -92,7 +92,7 @@ def test_dry_friction_shortens_each_half_cycle_by_two_deadbands() -> None:
 
 
 @pytest.mark.parametrize("scenario", ["slide", "uphill"])
-def test_a_block_slides_on_an_incline(scenario: str) -> None:
+def test_block_slides_on_an_incline(scenario: str) -> None:
     _, c = built_in("incline_block")
     down = c["g"] * (np.sin(c["th"]) - c["mu"] * np.cos(c["th"]))
     up = c["g"] * (np.sin(c["th"]) + c["mu"] * np.cos(c["th"]))
@@ -107,7 +107,7 @@ def test_a_block_slides_on_an_incline(scenario: str) -> None:
     assert_close(sliding.end[-1], [down * rest**2 / 2 - 2.0**2 / (2 * up), 0, down * rest, 0])
 
 
-def test_a_block_sticks_on_a_flat_slope() -> None:
+def test_block_sticks_on_a_flat_slope() -> None:
     system, _ = built_in("incline_block")
     steep = replace(
         system,
@@ -118,7 +118,7 @@ def test_a_block_sticks_on_a_flat_slope() -> None:
     assert np.all(still.end == 0)
 
 
-def test_a_block_stops_after_its_stopping_distance() -> None:
+def test_block_stops_after_its_stopping_distance() -> None:
     _, c = built_in("stopping_block")
     stop = motion("stopping_block", "stop")
     assert_close(stop.events, [2.0 / (c["mu"] * c["g"])])
@@ -126,7 +126,7 @@ def test_a_block_stops_after_its_stopping_distance() -> None:
 
 
 @pytest.mark.parametrize(("scenario", "spin"), [("skid", 0.0), ("back spin", -30.0)])
-def test_a_ball_skids_until_it_rolls(scenario: str, spin: float) -> None:
+def test_ball_skids_until_it_rolls(scenario: str, spin: float) -> None:
     _, c = built_in("skidding_ball")
     skid = motion("skidding_ball", scenario)
     slip = 1.0 - c["R"] * spin
@@ -135,7 +135,7 @@ def test_a_ball_skids_until_it_rolls(scenario: str, spin: float) -> None:
     assert_close(skid.end[-1][[3, 5]], [speed, speed / c["R"]])
 
 
-def test_a_ball_rolls_down_a_slope() -> None:
+def test_ball_rolls_down_a_slope() -> None:
     _, c = built_in("slope_ball")
     rolling = motion("slope_ball", "roll")
     a = 5 / 7 * c["g"] * np.sin(c["th"])
@@ -143,7 +143,7 @@ def test_a_ball_rolls_down_a_slope() -> None:
     assert_close(rolling.end[-1][[0, 3, 5]], [a / 2, a, a / c["R"]])
 
 
-def test_a_ball_slides_down_a_steep_slope() -> None:
+def test_ball_slides_down_a_steep_slope() -> None:
     system, c = built_in("slope_ball")
     smooth = replace(
         system,
@@ -155,7 +155,7 @@ def test_a_ball_slides_down_a_steep_slope() -> None:
     assert_close(sliding.end[-1][[0, 3, 5]], [a / 2, a, turn])
 
 
-def test_a_belt_drags_until_the_spring_exceeds_the_friction() -> None:
+def test_belt_drags_until_the_spring_exceeds_the_friction() -> None:
     _, c = built_in("belt_oscillator")
     drag = motion("belt_oscillator", "drag")
     w, shift = np.sqrt(c["k"] / c["m"]), c["mu"] * c["m"] * c["g"] / c["k"]
@@ -167,7 +167,7 @@ def test_a_belt_drags_until_the_spring_exceeds_the_friction() -> None:
     assert_close(drag.events[:2], [first, lets_go])
 
 
-def test_a_buffer_holds_a_cart_until_its_force_is_zero() -> None:
+def test_buffer_holds_a_cart_until_its_force_is_zero() -> None:
     _, c = built_in("buffered_cart")
     bump = motion("buffered_cart", "bump")
     w0 = np.sqrt(c["k"] / c["m"])
@@ -190,7 +190,7 @@ def test_balls_collide_in_the_order_of_their_gaps() -> None:
     assert len(hit.events) == 3  # the first ball hits the second one again
 
 
-def test_a_servo_leaves_its_limit_on_a_parabola() -> None:
+def test_servo_leaves_its_limit_on_a_parabola() -> None:
     _, c = built_in("saturated_servo")
     a = c["F"] / c["m"]
     # kp (target - a t^2 / 2) - kd a t = F
@@ -203,7 +203,7 @@ def test_a_servo_leaves_its_limit_on_a_parabola() -> None:
 @pytest.mark.parametrize(
     ("scenario", "first", "speed"), [("push", 0.0, 0.0), ("turn back", -40.0, 0.5)]
 )
-def test_a_motor_follows_its_filter_to_its_limit(scenario: str, first: float, speed: float) -> None:
+def test_motor_follows_its_filter_to_its_limit(scenario: str, first: float, speed: float) -> None:
     _, c = built_in("filtered_motor")
     lag, last, slow = c["J"] / c["d"], c["M"] / c["d"], c["m"] / c["c"]
     limit = c["F"] / c["k"]
@@ -267,7 +267,7 @@ def tipping_time(c: dict[str, float], edge: int, start: Any, stop: Any, speed: A
 
 
 @pytest.mark.slow
-def test_an_edge_stays_closed_along_a_motion() -> None:
+def test_edge_stays_closed_along_a_motion() -> None:
     # Integration alone drifts by 1e-13 m/s, which an engine undoes in its first step.
     constants = {"b": 0.0528, "h": 0.217, "g": 12.37, "slope": 0.405, "mu": 0.781}
     system = at_constants(built_in("tipping_box")[0], constants)
@@ -279,7 +279,7 @@ def test_an_edge_stays_closed_along_a_motion() -> None:
 
 
 @pytest.mark.slow
-def test_a_rocking_box_lands_with_the_angular_momentum_about_its_new_edge() -> None:
+def test_rocking_box_lands_with_the_angular_momentum_about_its_new_edge() -> None:
     _, c = built_in("tipping_box")
     rock = motion("tipping_box", "rock")
     assert_close(rock.events, [tipping_time(c, -1, -0.1, 0)])
@@ -288,7 +288,7 @@ def test_a_rocking_box_lands_with_the_angular_momentum_about_its_new_edge() -> N
     assert_close(tipping_time(c, 1, 0, rock.end[-1][2], landed), 0.25 - rock.events[0])
 
 
-def test_a_ball_lands_on_a_damped_spring() -> None:
+def test_ball_lands_on_a_damped_spring() -> None:
     system, c = built_in("soft_landing")
     sidecar = read_sidecar(EVENTS / "soft_landing" / "mujoco.xml.toml")
     land = solve_events(derive(system), system.scenarios[0], sidecar.laws)
@@ -344,7 +344,7 @@ def planar(interactions: tuple[Interaction, ...], scenario: Scenario) -> System:
     )  # fmt: skip
 
 
-def test_a_rod_that_jams_is_refused() -> None:
+def test_rod_that_jams_is_refused() -> None:
     tip = y.q - HALF * sp.sin(angle.q)
     slip = x.v + HALF * sp.sin(angle.q) * angle.v
     start = Scenario("jam", "slides on its tip", q={x: 0, y: sp.sin(1.1), angle: 1.1},
@@ -376,7 +376,7 @@ def test_impact_friction_includes_compression_and_restitution(mu: float, spin: f
                                       spin - 3 * across])  # fmt: skip
 
 
-def test_an_impact_that_gains_energy_is_refused() -> None:
+def test_impact_that_gains_energy_is_refused() -> None:
     """Newton's restitution 1 of a rod that slips little: friction would add to its energy."""
     tip = y.q - HALF * sp.sin(angle.q)
     slip = x.v + HALF * sp.sin(angle.q) * angle.v
@@ -401,7 +401,7 @@ def test_simultaneous_impacts_are_refused() -> None:
         solve_events(derive(falling), falling.scenarios[0])
 
 
-def test_an_interaction_with_an_unknown_symbol_is_refused() -> None:
+def test_interaction_with_an_unknown_symbol_is_refused() -> None:
     stray = sp.Symbol("stray", real=True)
     start = Scenario("s", "s", q=dict.fromkeys((x, y, angle), 0), v=dict.fromkeys((x, y, angle), 0),
                      inputs={}, duration=0.5)  # fmt: skip
@@ -417,7 +417,7 @@ def test_accumulating_impacts_are_rejected_with_a_valid_duration() -> None:
         solve_events(derive(system), long)
 
 
-def test_a_linear_soft_contact_follows_its_closed_form() -> None:
+def test_linear_soft_contact_follows_its_closed_form() -> None:
     """Compare with z'' = -(1 - d) g - 2/T z' - z/(T Z)^2 while pressed, with one impedance d."""
     d, constant, ratio, g, height = 0.9, 0.02, 0.5, 9.81, 0.5
     system = load_system(EVENTS / "bouncing_ball")

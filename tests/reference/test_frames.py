@@ -60,7 +60,7 @@ def test_quaternion_equals_its_rotation() -> None:
         ("rod", "is not a Pose"),
     ],
 )
-def test_a_wrong_frame_is_refused(declared: Any, words: str) -> None:
+def test_wrong_frame_is_refused(declared: Any, words: str) -> None:
     with pytest.raises(DeclarationError) as error:
         frames(declared)
     assert words in str(error.value)
@@ -71,7 +71,7 @@ def test_two_frames_of_one_name_are_refused() -> None:
         frames(Pose("rod", (0, 0, 0), "one"), Pose("rod", (0, 0, 1), "other"))
 
 
-def test_a_plain_number_beside_a_length_is_in_metres() -> None:
+def test_plain_number_beside_a_length_is_in_metres() -> None:
     assert frames(Pose("rod", (l + 1.2, 0, 3), "rod", TILTED)).frames[0].position[2] == 3
 
 
@@ -84,7 +84,7 @@ def test_a_plain_number_beside_a_length_is_in_metres() -> None:
         ((0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, "print('run')"))),
     ],
 )
-def test_a_text_in_a_pose_is_not_run(
+def test_text_in_a_pose_is_not_run(
     position: Any, rotation: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(ValueError, match="write a number or an expression"):

@@ -116,7 +116,7 @@ def test_disagreeing_integrations_are_an_error(
         solve(equations, scenario)
 
 
-def test_a_check_within_the_agreement_widens_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_within_the_agreement_widens_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(integrate, "heyoka_installed", lambda: False)
     equations, scenario = scenario_of("simple_pendulum", "free")
     right = motion_of("simple_pendulum", "free")
@@ -166,7 +166,7 @@ def test_numeric_solution_matches_the_closed_form() -> None:
         assert np.all(np.max(np.abs(ends - closed.end[chosen]), axis=0) <= 8 * EPS * size)
 
 
-def test_the_collocation_has_order_16() -> None:
+def test_collocation_has_order_16() -> None:
     """Integrate y'' = -y from (0, 1) in one coarse segment: error ~ length^17."""
 
     def field(times: Array, states: Array) -> Array:

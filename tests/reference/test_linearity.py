@@ -36,7 +36,7 @@ def test_error_of_the_linear_pendulum_matches_elliptic_functions() -> None:
 
 
 @pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
-def test_the_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
+def test_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
     for table in errors_of(name):
         small = [(a, e) for a, e in zip(table.amplitudes, table.errors, strict=True) if a <= 0.05]
         slope = np.diff(np.log([e for _, e in small])) / np.diff(np.log([a for a, _ in small]))
@@ -60,7 +60,7 @@ def test_linear_equations_have_no_such_error(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
-def test_an_unstable_equilibrium_has_no_such_table(name: str) -> None:
+def test_unstable_equilibrium_has_no_such_table(name: str) -> None:
     equations = equations_of(name)
     (upright,) = (e for e in built_in(name).equilibria if e.name == "upright")
     assert linearity(equations, linearize(equations, upright)) == ()

@@ -79,7 +79,7 @@ def derivatives(name: str, linearization: TaylorLinearization) -> mp.matrix:
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
-def test_the_linearization_is_the_derivative_of_the_first_order_field(name: str, rest: str) -> None:
+def test_linearization_is_the_derivative_of_the_first_order_field(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     n = len(linearization.symbolic_position)
     with mp.workdps(40):
@@ -92,7 +92,7 @@ def test_the_linearization_is_the_derivative_of_the_first_order_field(name: str,
                 assert abs(matrices[row, column] - ours) <= mp.mpf(10) ** -18 * (1 + abs(ours))
 
 
-def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness() -> None:
+def test_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness() -> None:
     down, up = (linearized("simple_pendulum", rest) for rest in ("hanging", "upright"))
     assert down.stiffness == -up.stiffness
     names = {c.name: c.symbol for c in built_in("simple_pendulum").constants}
@@ -101,7 +101,7 @@ def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness() -
     assert up.arrays["A"][1, 0] == 9.81 / 0.75
 
 
-def test_a_searched_equilibrium_is_recognized() -> None:
+def test_searched_equilibrium_is_recognized() -> None:
     linearization = linearized("drum_pendulum", "upright")
     assert linearization.symbolic_position == (0, sp.pi)
     np.testing.assert_array_equal(linearization.position, [0.0, np.pi])
@@ -121,7 +121,7 @@ def test_searched_equilibrium_has_40_digits() -> None:
     assert abs(position - sp.Rational(3.7) / 47) < sp.Float(10, 40) ** -40
 
 
-def test_the_linearization_of_a_linear_system_is_the_system() -> None:
+def test_linearization_of_a_linear_system_is_the_system() -> None:
     matrices = linear(oscillator(1.3, 0.9, 47.0)).arrays
     np.testing.assert_array_equal(matrices["A"], [[0, 1], [-47.0 / 1.3, -0.9 / 1.3]])
     np.testing.assert_array_equal(matrices["B"], [[0], [1 / 1.3]])
@@ -185,7 +185,7 @@ def test_two_equal_oscillators_swing_together_and_against_each_other() -> None:
     assert second.shape[0] * second.shape[1] == pytest.approx(-1, abs=16 * EPS)
 
 
-def test_the_free_pair_has_a_rigid_body_mode() -> None:
+def test_free_pair_has_a_rigid_body_mode() -> None:
     linearization = linearized("free_pair", "rest")
     first, second = modes(linearization)
     assert first.rigid
@@ -203,7 +203,7 @@ def test_the_free_pair_has_a_rigid_body_mode() -> None:
     assert swinging.damping == pytest.approx(c / (2 * np.sqrt(k * reduced)), rel=4 * EPS)
 
 
-def test_a_weak_spring_to_the_ground_is_no_rigid_body_mode() -> None:
+def test_weak_spring_to_the_ground_is_no_rigid_body_mode() -> None:
     # A frequency of 1e-5 of the other's: its square is 1e-10, well above rounding.
     soft = pair(2e-9, 2e-9, 20.0)
     assert not any(mode.rigid for mode in modes(linear(soft)))
@@ -219,14 +219,14 @@ def test_damping_a_little_off_critical_has_none() -> None:
     assert [p.multiplicity for p in values] == [1, 1]
 
 
-def test_an_overdamped_oscillator_has_two_real_poles() -> None:
+def test_overdamped_oscillator_has_two_real_poles() -> None:
     slow, fast = poles(linear(oscillator(2.0, 10.0, 8.0)))  # 2 s^2 + 10 s + 8 = 2 (s+1)(s+4)
     assert (slow.value, fast.value) == (-1, -4)
     assert (slow.damping, fast.damping) == (1, 1)
     assert (slow.multiplicity, fast.multiplicity) == (1, 1)
 
 
-def test_an_underdamped_oscillator_has_the_textbook_pole() -> None:
+def test_underdamped_oscillator_has_the_textbook_pole() -> None:
     m, c, k = (constant.value for constant in built_in("mass_spring_damper").constants)
     (pole,) = poles(linearized("mass_spring_damper", "rest"))
     assert pole.frequency == pytest.approx(np.sqrt(k / m), rel=2 * EPS)
@@ -239,7 +239,7 @@ def test_negative_damping_has_a_negative_ratio() -> None:
     assert pole.damping == pytest.approx(-0.1, rel=2 * EPS)
 
 
-def test_the_upright_pendulum_grows_and_falls_at_the_same_rate() -> None:
+def test_upright_pendulum_grows_and_falls_at_the_same_rate() -> None:
     linearization = linearized("simple_pendulum", "upright")
     rate = np.sqrt(9.81 / 0.75)
     (mode,) = modes(linearization)
@@ -250,7 +250,7 @@ def test_the_upright_pendulum_grows_and_falls_at_the_same_rate() -> None:
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
-def test_the_modes_satisfy_their_equation(name: str, rest: str) -> None:
+def test_modes_satisfy_their_equation(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     mass, stiffness = linearization.arrays["M"], linearization.arrays["K"]
     for mode in modes(linearization):
@@ -261,7 +261,7 @@ def test_the_modes_satisfy_their_equation(name: str, rest: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
-def test_the_complex_shapes_are_eigenvectors(name: str, rest: str) -> None:
+def test_complex_shapes_are_eigenvectors(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     m, c, k = (linearization.arrays[x] for x in "MCK")
     values = {complex(p.value) for p in poles(linearization) if p.value.imag > 0}
@@ -347,7 +347,7 @@ def test_repeated_poles_have_a_complex_shape_each() -> None:
     assert abs(np.linalg.det(np.column_stack([a, b]))) > 0.5
 
 
-def test_an_output_that_sees_a_velocity_brings_an_s() -> None:
+def test_output_that_sees_a_velocity_brings_an_s() -> None:
     system = pair(20.0, 20.0, 3.0)
     functions = transfer_functions(linear(system))
     m, k1, k2, k3 = (c.symbol for c in system.constants)
@@ -366,7 +366,7 @@ def test_an_output_that_sees_a_velocity_brings_an_s() -> None:
         ("drum_pendulum", "MIMO"),
     ],
 )
-def test_a_system_is_classed_by_its_inputs_and_outputs(name: str, kind: str) -> None:
+def test_system_is_classed_by_its_inputs_and_outputs(name: str, kind: str) -> None:
     system = built_in(name)
     assert classify(len(system.inputs), len(system.outputs)) == kind
 
@@ -376,7 +376,7 @@ def test_systems_with_many_inputs_or_none_are_classed() -> None:
     assert classify(0, 2) == "autonomous"
 
 
-def test_a_system_without_inputs_is_linearized() -> None:
+def test_system_without_inputs_is_linearized() -> None:
     linearization = linear(pendulum(0.1, 0.0, 1.0))
     assert linearization.arrays["B"].shape == (2, 0)
     assert transfer_functions(linearization).shape == (1, 0)
@@ -395,19 +395,19 @@ def test_taylor_series_of_the_sine_matches_the_textbook(order: int) -> None:
     assert sp.expand(taylor(sp.sin(x), {x: sp.Integer(0)}, order) - expected) == 0
 
 
-def test_the_taylor_series_about_another_point_is_in_powers_of_the_distance() -> None:
+def test_taylor_series_about_another_point_is_in_powers_of_the_distance() -> None:
     series = taylor(sp.cos(x), {x: sp.pi / 2}, 3)
     distance = x - sp.pi / 2
     assert sp.expand(series - (-distance + distance**3 / 6)) == 0
 
 
-def test_the_taylor_series_in_two_variables_has_the_mixed_terms() -> None:
+def test_taylor_series_in_two_variables_has_the_mixed_terms() -> None:
     series = taylor(sp.exp(x) * sp.sin(y), {x: sp.Integer(0), y: sp.Integer(0)}, 3)
     assert sp.expand(series - (y + x * y + x**2 * y / 2 - y**3 / 6)) == 0
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
-def test_the_error_of_a_taylor_series_falls_with_the_next_power(order: int) -> None:
+def test_error_of_a_taylor_series_falls_with_the_next_power(order: int) -> None:
     """Check that half the step divides the error by 2^(order + 1), up to the next term."""
     function = sp.exp(x) * sp.cos(y + x) + x * y**2
     point = {x: sp.Rational(1, 3), y: sp.Rational(-1, 5)}
@@ -422,7 +422,7 @@ def test_the_error_of_a_taylor_series_falls_with_the_next_power(order: int) -> N
     assert abs(observed - (order + 1)) < 0.01
 
 
-def test_the_first_order_of_the_drums_force_is_its_linearization() -> None:
+def test_first_order_of_the_drums_force_is_its_linearization() -> None:
     equations = equations_of("drum_pendulum")
     system = equations.system
     point = dict.fromkeys((*system.q, *system.v, *system.u), sp.Integer(0))

@@ -28,22 +28,22 @@ def spoil(folder: Path, old: str, new: str) -> int:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_built_in_folder_is_named_as_its_system(name: str) -> None:
+def test_built_in_folder_is_named_as_its_system(name: str) -> None:
     assert built_in(name).name == name
 
 
-def test_a_folder_without_a_declaration_is_refused_naming_the_file(tmp_path: Path) -> None:
+def test_folder_without_a_declaration_is_refused_naming_the_file(tmp_path: Path) -> None:
     with pytest.raises(DeclarationError, match=r"system\.py: no such file"):
         load_system(tmp_path)
 
 
-def test_a_syntax_error_is_refused_with_file_and_line(folder: Path) -> None:
+def test_syntax_error_is_refused_with_file_and_line(folder: Path) -> None:
     line = spoil(folder, 'x = Coordinate("x", "m",', 'x = = Coordinate("x", "m",')
     with pytest.raises(DeclarationError, match=rf"system\.py:{line}: SyntaxError: invalid syntax"):
         load_system(folder)
 
 
-def test_a_missing_field_is_refused_with_file_and_line_and_its_name(folder: Path) -> None:
+def test_missing_field_is_refused_with_file_and_line_and_its_name(folder: Path) -> None:
     spoil(folder, "    D=c * x.v**2 / 2,\n", "")
     # A call is placed at its first line.
     line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
@@ -51,7 +51,7 @@ def test_a_missing_field_is_refused_with_file_and_line_and_its_name(folder: Path
         load_system(folder)
 
 
-def test_a_wrong_name_is_refused_with_file_and_line(folder: Path) -> None:
+def test_wrong_name_is_refused_with_file_and_line(folder: Path) -> None:
     line = spoil(folder, "V=k * x.q**2 / 2", "V=kk * x.q**2 / 2")
     with pytest.raises(DeclarationError, match=rf"system\.py:{line}: NameError: name 'kk'"):
         load_system(folder)
@@ -65,14 +65,14 @@ def test_error_without_a_message_is_reported_with_file_and_line(folder: Path) ->
         load_system(folder)
 
 
-def test_a_declaration_error_is_refused_with_file_and_line(folder: Path) -> None:
+def test_declaration_error_is_refused_with_file_and_line(folder: Path) -> None:
     spoil(folder, "V=k * x.q**2 / 2", "V=k * x.q")
     line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
     with pytest.raises(DeclarationError, match=rf"system\.py:{line}: system 'mass_.*V has the u"):
         load_system(folder)
 
 
-def test_a_file_that_declares_no_system_is_refused_with_the_remedy(folder: Path) -> None:
+def test_file_that_declares_no_system_is_refused_with_the_remedy(folder: Path) -> None:
     spoil(folder, "system = System(", "other = System(")
     with pytest.raises(DeclarationError, match=r"must end with `system = System\(\.\.\.\)`"):
         load_system(folder)

@@ -21,7 +21,7 @@ every = pytest.mark.parametrize(("name", "scenario"), SCENARIOS)
 
 
 @every
-def test_the_segments_tile_the_duration_in_prime_numbers(name: str, scenario: str) -> None:
+def test_segments_tile_the_duration_in_prime_numbers(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     declared = built_in(name).scenario(scenario)
     assert all(sp.isprime(span.count) for span in motion.spans)
@@ -49,7 +49,7 @@ def test_each_segment_starts_where_the_last_has_ended(name: str, scenario: str) 
 
 
 @every
-def test_the_nodes_begin_at_the_start_and_stop_at_the_end(name: str, scenario: str) -> None:
+def test_nodes_begin_at_the_start_and_stop_at_the_end(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     assert motion.nodes.shape == (len(motion.t), NODES, motion.start.shape[1])
     np.testing.assert_allclose(motion.nodes[:, 0], motion.start, rtol=0, atol=4 * EPS)
@@ -121,7 +121,7 @@ def test_pickled_motion_does_not_need_sympy(name: str, scenario: str) -> None:
 
 
 @every
-def test_a_scenario_lasts_ten_slow_periods_or_five_decay_times(name: str, scenario: str) -> None:
+def test_scenario_lasts_ten_slow_periods_or_five_decay_times(name: str, scenario: str) -> None:
     equations = equations_of(name)
     rest = linearize(equations, equations.system.equilibria[0])
     slowest = min(mode.frequency for mode in modes(rest) if not mode.rigid)
@@ -141,7 +141,7 @@ def test_system_has_three_scenarios_and_a_forced_one(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["drum_pendulum", "simple_pendulum"])
-def test_a_pendulum_swings_beyond_two_and_a_half_radians(name: str) -> None:
+def test_pendulum_swings_beyond_two_and_a_half_radians(name: str) -> None:
     system = built_in(name)
     (angle,) = (i for i, c in enumerate(system.coordinates) if c.unit == "rad")
     largest = max(motion_of(n, s).amplitude[angle] for n, s in SCENARIOS if n == name)

@@ -40,7 +40,7 @@ def test_number_of_ambiguous_signs_is_limited() -> None:
     assert f"at most {MAX_SIGNS} are allowed" in refused(f"theta'' = {'± g ' * (MAX_SIGNS + 1)}")
 
 
-def test_a_root_is_an_exponent() -> None:
+def test_root_is_an_exponent() -> None:
     published = PublishedEquation("1", "g = (g^2)^(1/2)", "value", of="", driven=False, note="")
     (reading,) = readings(published, built_in("simple_pendulum"))
     assert reading.sides[0] == reading.sides[1]

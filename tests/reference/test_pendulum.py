@@ -54,7 +54,7 @@ def flow(state: Sequence[float], time: mp.mpf, w: mp.mpf) -> list[mp.mpf]:
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_the_exact_flow_satisfies_the_equation(name: str) -> None:
+def test_exact_flow_satisfies_the_equation(name: str) -> None:
     """Check the formula of this test: its second derivative, its start, its composition."""
     with mp.workdps(30):
         w = mp.sqrt(mp.mpf(G) / L)
@@ -91,7 +91,7 @@ def test_segment_ends_match_elliptic_functions(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_the_chain_of_starts_stays_on_the_exact_motion(name: str) -> None:
+def test_chain_of_starts_stays_on_the_exact_motion(name: str) -> None:
     motion = solved(*STARTS[name], duration=5.0)
     (span,) = motion.spans
     with mp.workdps(25):
@@ -116,7 +116,7 @@ def test_error_of_gravity_of_some_eps_is_detected() -> None:
 
 
 @pytest.mark.parametrize("amplitude", [0.05, 1.1, 2.9])
-def test_the_period_is_four_quarter_periods(amplitude: float) -> None:
+def test_period_is_four_quarter_periods(amplitude: float) -> None:
     w = mp.sqrt(mp.mpf(G) / L)
     exact = float(4 * mp.ellipk(mp.sin(mp.mpf(amplitude) / 2) ** 2) / w)
     motion = solved(amplitude, 0.0, duration=6.0 * exact)
@@ -142,7 +142,7 @@ def test_period_differs_from_the_linear_pendulum() -> None:
 
 
 @pytest.mark.slow
-def test_the_benchmark_pendulum_of_iftomm_keeps_its_energy() -> None:
+def test_benchmark_pendulum_of_iftomm_keeps_its_energy() -> None:
     """IFToMM multibody benchmark A01: 1 m, 1 kg, released from the horizontal at rest.
 
     Its bound on the drift of the energy is 5e-5 J in 2000 s; here it runs for a tenth of them.

@@ -65,7 +65,7 @@ def test_unchanged_tree_matches_the_solved_segments() -> None:
     assert np.all(np.abs(actual.end - segments.end) <= segments.bound)
 
 
-def test_a_quicker_tree_has_shorter_segments() -> None:
+def test_quicker_tree_has_shorter_segments() -> None:
     system, segments = solved_samples()
     quick = replace(system, tree=damped(system.tree, 400.0))
     actual = ReusedSegments(system, segments).for_tree(quick.tree)

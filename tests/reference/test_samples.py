@@ -159,7 +159,7 @@ def test_empty_limits_are_ignored() -> None:
     ]
 
 
-def test_a_joint_without_any_inertia_is_refused() -> None:
+def test_joint_without_any_inertia_is_refused() -> None:
     robot = tree(("hinge", "hinge"), 1, chain=True)
     light = dataclasses.replace(robot.links[1], mass=0.0, inertia=np.zeros((3, 3)), armature=0.0)
     bad = dataclasses.replace(robot, links=(robot.links[0], light))

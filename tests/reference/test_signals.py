@@ -40,7 +40,7 @@ def split_input(force: sp.Expr, duration: float = 6.0) -> tuple[SignalPiece, ...
         (Heaviside(t - Rational(1, 3)), [1 / 3]),
     ],
 )
-def test_an_input_is_cut_at_its_breaks(force: sp.Expr, breaks: list[float]) -> None:
+def test_input_is_cut_at_its_breaks(force: sp.Expr, breaks: list[float]) -> None:
     signals = split_input(force)
     assert [p.start for p in signals] == [0.0, *breaks]
     assert [p.stop for p in signals] == [*breaks, 6.0]
@@ -103,7 +103,7 @@ def test_numeric_inputs_take_the_right_hand_value_at_a_break() -> None:
         (Rational(1, 2) + Rational(7, 10) * sin(Rational(23, 10) * t), 3),
     ],
 )
-def test_a_generator_reproduces_its_signal(force: sp.Expr, order: int) -> None:
+def test_generator_reproduces_its_signal(force: sp.Expr, order: int) -> None:
     result = generator(sp.sympify(force))
     assert result is not None
     assert len(result.coefficients) == order

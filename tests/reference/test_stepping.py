@@ -45,7 +45,7 @@ def exactly(tree: Tree, states: Array, h: float) -> Array:
         ("Runge-Kutta 4", False, 5),
     ],
 )
-def test_a_step_of_a_turning_body_errs_by_its_order(
+def test_step_of_a_turning_body_errs_by_its_order(
     scheme: Scheme, by_velocity: bool, order: int
 ) -> None:
     """Catch the mean of angular velocities, which would be of third order in a step."""

@@ -41,20 +41,20 @@ DIMENSIONS = {x: LENGTH, y: TIME, m: MASS, angle: DIMENSIONLESS}
         ("m/s/s", LENGTH / TIME / TIME),
     ],
 )
-def test_a_unit_is_read(text: str, expected: Dimension) -> None:
+def test_unit_is_read(text: str, expected: Dimension) -> None:
     assert parse_unit(text) == expected
 
 
 @pytest.mark.parametrize(
     "text", ["Nm", "lb", "kg*", "m^", "m^x", "s^-", "deg", "2*m", "N m", "m^1/2"]
 )
-def test_a_unit_with_an_unknown_part_is_refused_naming_it(text: str) -> None:
+def test_unit_with_an_unknown_part_is_refused_naming_it(text: str) -> None:
     with pytest.raises(UnitError, match="has an unknown part"):
         parse_unit(text)
 
 
 @pytest.mark.parametrize("text", ["", "  ", None, 1])
-def test_a_missing_unit_is_refused_with_the_remedy(text: str) -> None:
+def test_missing_unit_is_refused_with_the_remedy(text: str) -> None:
     with pytest.raises(UnitError, match="write '1' for a dimensionless number"):
         parse_unit(text)
 
@@ -73,7 +73,7 @@ def test_a_missing_unit_is_refused_with_the_remedy(text: str) -> None:
         (sp.Integer(0), None),
     ],
 )
-def test_an_expression_has_a_dimension(expression: sp.Expr, expected: Dimension) -> None:
+def test_expression_has_a_dimension(expression: sp.Expr, expected: Dimension) -> None:
     assert dimension_of(expression, DIMENSIONS) == expected
 
 
@@ -89,11 +89,11 @@ def test_an_expression_has_a_dimension(expression: sp.Expr, expected: Dimension)
         (m * (x + y), "but"),
     ],
 )
-def test_a_contradiction_is_named(expression: sp.Expr, named: str) -> None:
+def test_contradiction_is_named(expression: sp.Expr, named: str) -> None:
     with pytest.raises(UnitError, match=named):
         dimension_of(expression, DIMENSIONS)
 
 
-def test_a_dimension_is_written_for_a_reader() -> None:
+def test_dimension_is_written_for_a_reader() -> None:
     assert str(FORCE) == "kg*m*s^-2"
     assert str(DIMENSIONLESS) == "1"

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.modelfiles.robot import refused
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files, robots_below
 
 
-def test_a_registered_format_is_read_by_its_package(
+def test_registered_format_is_read_by_its_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package = f"{readers.__package__}.toy"

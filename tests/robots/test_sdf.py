@@ -133,7 +133,7 @@ def test_equivalent_poses_make_the_same_tree(lines: tuple[str, str, str], tmp_pa
     assert same(tree_of(read(tmp_path, BASE, WELD, *lines)), plain)
 
 
-def test_a_quaternion_has_its_real_part_last(tmp_path: Path) -> None:
+def test_quaternion_has_its_real_part_last(tmp_path: Path) -> None:
     half = np.sqrt(0.5)
     pose = f'<pose rotation_format="quat_xyzw">0.4 0.1 0.2 {half} 0 0 {half}</pose>'
     quarter = ARM.replace("-0.3 0.5 0.1", f"{np.pi / 2} 0 0")
@@ -265,7 +265,7 @@ def test_sdf_files_are_listed_as_robots(tmp_path: Path) -> None:
     ("<cone><radius>0.1</radius><length>0.4</length></cone>", 2.932153143350474,
      (0.02199115, 0.02199115, 0.00879646)),
 ])  # fmt: skip
-def test_an_automatic_inertia_follows_from_the_shape_and_its_density(
+def test_automatic_inertia_follows_from_the_shape_and_its_density(
     geometry: str, mass: float, moments: tuple[float, ...], tmp_path: Path
 ) -> None:
     """Compare masses with libsdformat 15, and moments with textbook formulas."""
@@ -278,7 +278,7 @@ def test_an_automatic_inertia_follows_from_the_shape_and_its_density(
     assert link.center == pytest.approx(center, abs=1e-15)
 
 
-def test_a_stated_mass_scales_the_densities_of_several_shapes(tmp_path: Path) -> None:
+def test_stated_mass_scales_the_densities_of_several_shapes(tmp_path: Path) -> None:
     ball = '<collision name="d"><density>3000</density><geometry><sphere/></geometry></collision>'
     light = "<density>500</density>"
 

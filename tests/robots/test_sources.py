@@ -50,7 +50,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def test_a_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
+def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
     pytest.importorskip("xacrodoc")
     file = source_file(str(package / "urdf" / "arm.urdf.xacro"))
     assert file is not None
@@ -96,7 +96,7 @@ def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     assert locate_mesh(model, "package://arm/meshes/absent.stl") is None
 
 
-def test_a_robot_comes_from_the_cache_without_network(
+def test_robot_comes_from_the_cache_without_network(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("robot_descriptions")

@@ -160,7 +160,7 @@ def test_file_without_a_moving_joint_has_a_remedy(tmp_path: Path, name: str, rem
         robot_system(read(tmp_path, link(name)))
 
 
-def test_a_root_link_named_world_never_floats(tmp_path: Path) -> None:
+def test_root_link_named_world_never_floats(tmp_path: Path) -> None:
     """Avoid false failures: engines disagree about the frame that a free joint there moves."""
     place = '<origin xyz="0 0.5 1" rpy="0.2 0 0"/>'
     lines = (link("world", ""), link("a"), link("b"), joint("w", "world", "a", place, "fixed"))

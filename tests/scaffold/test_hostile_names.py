@@ -201,7 +201,7 @@ def test_mesh_does_not_become_code_of_the_folder(tmp_path: Path, mesh: str) -> N
     assert CODE not in (tmp_path / "made" / "system.py").read_text()
 
 
-def test_a_mesh_that_is_a_pipe_is_not_opened(tmp_path: Path) -> None:
+def test_mesh_that_is_a_pipe_is_not_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "mesh.stl")
     model = tmp_path / "model.urdf"
     geometry = '<visual><geometry><mesh filename="mesh.stl"/></geometry></visual></link>'

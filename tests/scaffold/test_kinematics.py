@@ -25,7 +25,7 @@ def test_hanging_rod_has_the_energies_of_the_textbook() -> None:
     assert equal(centre.weight(m, (0, 0, -g)), m * g * (1 - l / 2 * sp.cos(A.q)))
 
 
-def test_a_double_pendulum_of_points_has_the_coupling_of_landau() -> None:
+def test_double_pendulum_of_points_has_the_coupling_of_landau() -> None:
     elbow = ground.hinge(A, about=DOWN).at(0, 0, -l)
     point = elbow.hinge(B, about=DOWN).at(0, 0, -l)
     spin = A.v + B.v
@@ -57,6 +57,6 @@ def test_rotation_keeps_lengths_and_the_axis() -> None:
     assert max(abs(x) for x in (turn * axis - axis).evalf(30)) < 1e-21
 
 
-def test_an_axis_without_length_is_refused() -> None:
+def test_axis_without_length_is_refused() -> None:
     with pytest.raises(ValueError, match="has no length"):
         rotation((0, 0, 0), 1)

@@ -33,7 +33,7 @@ def wrong(judged: list[EntryResult]) -> list[str]:
     ]
 
 
-def test_the_corpus_covers_every_format_and_command() -> None:
+def test_corpus_covers_every_format_and_command() -> None:
     assert len(ENTRIES) > 1000
     assert len(COMMANDS) + len(FOLDERS) > 140
     formats = {name.split("/")[0] for name in ENTRIES}
@@ -76,7 +76,7 @@ def test_slow_entries_have_separate_processes() -> None:
     assert entry("a").command == RUN
 
 
-def test_a_wrong_entry_is_counted() -> None:
+def test_wrong_entry_is_counted() -> None:
     some = [
         EntryResult(name=name, code=3, printed="", seconds=0.1, wrong=wrong)
         for name, wrong in (("urdf/a", ()), ("urdf/b", ("a traceback is printed",)))

@@ -26,7 +26,7 @@ def expected() -> UndisturbedRun:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
-def test_a_fault_in_a_run_loses_no_results(expected: UndisturbedRun, name: str) -> None:
+def test_fault_in_a_run_loses_no_results(expected: UndisturbedRun, name: str) -> None:
     assert FAULTS[name].check(expected) == []
 
 
@@ -36,7 +36,7 @@ def test_faults_cover_every_kind() -> None:
     assert len(all_faults(seeds=5)) > 100
 
 
-def test_an_orphaned_process_is_detected() -> None:
+def test_orphaned_process_is_detected() -> None:
     with sandbox(folders=1) as box:
         process = box.start(["sleep", "60"])
         # A moment passes before the system shows a new process's environment.

@@ -47,7 +47,7 @@ def test_every_seed_satisfies_the_contract(name: str) -> None:
         assert attack(TARGETS[name], seed) is None
 
 
-def test_an_invalid_equation_is_reported_by_its_number() -> None:
+def test_invalid_equation_is_reported_by_its_number() -> None:
     from physics_crosscheck.harness.modelfiles.folders import builtin
 
     system = load_system(builtin() / "simple_pendulum")
@@ -70,7 +70,7 @@ def raising(data: bytes) -> object:
 WRONG = FuzzTarget(name="w", parse=raising, errors=(ValueError,), seeds=lambda: iter(()), words=())
 
 
-def test_a_broken_contract_is_detected_and_minimized() -> None:
+def test_broken_contract_is_detected_and_minimized() -> None:
     assert attack(WRONG, b"yes") is None
     failure = attack(WRONG, b"yes and no and so on")
     assert isinstance(failure, FuzzFinding)
@@ -79,7 +79,7 @@ def test_a_broken_contract_is_detected_and_minimized() -> None:
 
 
 @pytest.mark.slow
-def test_a_slow_input_is_detected() -> None:
+def test_slow_input_is_detected() -> None:
     failure = attack(WRONG, b"slow")
     assert failure is not None
     assert failure.message.startswith(SlowError.__name__)

@@ -89,7 +89,7 @@ def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
 
 
 @pytest.mark.parametrize("mistake", cases(MISTAKES))
-def test_a_mistake_is_caught_and_named(
+def test_mistake_is_caught_and_named(
     mistake: Mistake, copy_model: CopyModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", SEGMENTS)
