@@ -42,9 +42,10 @@ def expand(source: Path) -> Path:
     from xacrodoc import packages
 
     whole = source.absolute()
-    packages.walk_up_from(whole)
     try:
-        with _marked_parser(xacro):
+        # A finder keeps the packages of earlier sources, which may have the same names.
+        with _marked_parser(xacro), replaced(packages, "_finder", packages.PackageFinder()):
+            packages.walk_up_from(whole)
             tree = xacro.process_file(str(whole), mappings={})
     except Exception as error:  # macros evaluate any Python expression
         raise ExpansionError(f"{source}: xacro: {_one_line(error)}; correct the source") from None

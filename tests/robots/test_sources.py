@@ -1,6 +1,7 @@
 """Xacro sources and robots by name: their files, and the lines of the sources."""
 
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
@@ -62,6 +63,18 @@ def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
     assert limit.location.file == str(package / "urdf" / "macros.xacro")
     line = MACROS.splitlines()[(limit.location.line or 0) - 1]
     assert line.strip().startswith("<limit")
+
+
+def test_packages_of_one_name_are_told_apart(package: Path) -> None:
+    """Catch two versions of a robot that are both expanded with the macros of the first."""
+    pytest.importorskip("xacrodoc")
+    other = package.parent / "other" / "arm"
+    copytree(package, other)
+    (other / "urdf" / "macros.xacro").write_text(MACROS.replace('value="2"', 'value="3"'))
+    files = [source_file(str(folder / "urdf" / "arm.urdf.xacro")) for folder in (package, other)]
+    trees = [read_robot(file).tree for file in files if file is not None]
+    masses = [tree.links[0].mass for tree in trees if tree is not None]
+    assert masses == [2, 3]
 
 
 def test_xacro_error_is_reported_with_its_reason(package: Path) -> None:
