@@ -110,12 +110,10 @@ class KeptSteps:
     def model(self, engine: str, spec: ModelSpec) -> WholeModel | None:
         """Return the loaded model; errors as of `Engine.load_whole`."""
         loaded_spec, model = self._kept.get(engine, (None, None))
-        # Engines with rules hold one model in a process, and may hold another one now.
-        if loaded_spec != spec or (model is not None and model.rules is not None):
-            model = engines()[engine].load_whole(spec)
         if loaded_spec != spec:
+            model = engines()[engine].load_whole(spec)
             self._evaluated.pop(engine, None)
-        self._kept[engine] = spec, model
+            self._kept[engine] = spec, model
         return model
 
     def evaluated(self, comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]]:

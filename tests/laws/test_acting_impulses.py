@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,22 @@ def test_motor_approaches_its_target_with_its_time_constant(tmp_path: Path) -> N
     first = model.moved(state, 1)
     time = count * model.step / np.log(first.z[0] / moved.z[0])
     assert table["drive of shoulder", "time constant"] == pytest.approx(time, rel=1e-3)
+
+
+def test_loading_another_file_changes_no_step(tmp_path: Path) -> None:
+    """Catch steps of the body that has taken the place of a loaded one, or without its floor."""
+    (tmp_path / "other").mkdir()
+    pybullet, spec = engines()["pybullet"], spec_of(tmp_path, URDF_BOX, floating=True)
+    model = pybullet.load_whole(replace(spec, settings={**spec.settings, "gravity": [0, 0, -9.81]}))
+    assert model is not None
+    z, m = np.zeros((2, len(model.coordinates)))
+    state = WholeState(z, m, np.full(model.controls, np.nan), np.zeros(0))
+    before = model.moved(state, 400)
+    assert -0.1 < before.z[2] < -1e-6
+    pybullet.load(spec_of(tmp_path / "other", URDF_ARM))
+    after = model.moved(state, 400)
+    assert np.array_equal(after.z, before.z)
+    assert np.array_equal(after.m, before.m)
 
 
 def test_limit_rebounds_at_most_by_its_share(tmp_path: Path) -> None:

@@ -265,7 +265,7 @@ class PybulletEngine(Engine):
         whole = replace(spec, settings={**spec.settings, **WHOLE_SETTINGS})
         with engine_errors(spec.path, self.title):
             model = PybulletModel(whole, load_urdf(spec.path), [], (without_visuals,))
-            return PybulletWhole(model, model.stepper)
+            return PybulletWhole(model, model.loaded_stepper)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return step and gravity."""
@@ -601,6 +601,11 @@ class PybulletModel(LoadedModel):
                 self._load()
                 p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v
+
+    def loaded_stepper(self) -> BodyStepper:
+        """Return the body, loaded again if another model has been loaded since."""
+        self._ensure_loaded()
+        return self.stepper
 
     def _ensure_loaded(self) -> None:
         """Load the file again if another one has been loaded since."""

@@ -11,7 +11,7 @@ which hides the others, so that Bullet may stop after its first iteration.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -77,33 +77,27 @@ class PybulletWhole(WholeModel):
 
     Args:
         model: the loaded model, with `WHOLE_SETTINGS`.
-        stepper: its body.
+        load: returns its body, which is loaded again if another model has replaced it.
     """
 
     activations = 0
     edits = _EDITS
     speed = 0.4  # above that at which contacts bounce
 
-    def __init__(self, model: LoadedModel, stepper: BodyStepper) -> None:
+    def __init__(self, model: LoadedModel, load: Callable[[], BodyStepper]) -> None:
         import pybullet as p
 
-        self._model, self._stepper = model, stepper
-        self._body, self._joints = stepper.body, stepper.joints
-        bases = [part for part, _ in stepper.turning if isinstance(part, Base)]
-        if len(bases) < len(stepper.turning):
-            raise EngineError("ball joints")
-        self._base = bases[0] if bases else None
+        self._model, self._load = model, load
         self.coordinates, self.step = model.coordinates, model.step
-        self._free = COUNT if bases else 0
+        self._take(load())
+        self._free = COUNT if self._base is not None else 0
         info = [p.getJointInfo(self._body, joint) for joint in self._joints]
         self._efforts = [max(0.0, one[10]) for one in info]
         self.controls = len(info)
         names = {index: name for name, index in link_places(self._body).items() if "link:" in name}
         self._links = sorted(names)
         self.uncovered = tuple(self._switch_off())
-        self._floor = -1
-        if self._free:
-            self._floor = self._add_floor()
+        self._add_floor()
         self.rules = ImpulseRules(
             step=self.step, limit_recovery=0.2, contact_recovery=0.08, friction_recovery=0.2,
             deepest=0.04, largest=100.0, slop=1e-5, bounce=0.2, gain=GAIN, drag=0.04, default=_LINK,
@@ -111,6 +105,22 @@ class PybulletWhole(WholeModel):
             controls=self.coordinates[self._free :],
             bodies=("", *(names[index].removeprefix("link:") for index in self._links)),
         )  # fmt: skip
+
+    def _take(self, stepper: BodyStepper) -> None:
+        """Use a loaded body, which has no floor yet."""
+        self._stepper, self._body, self._joints = stepper, stepper.body, stepper.joints
+        bases = [part for part, _ in stepper.turning if isinstance(part, Base)]
+        if len(bases) < len(stepper.turning):
+            raise EngineError("ball joints")
+        self._base = bases[0] if bases else None
+        self._floor = -1
+
+    def _ensure_loaded(self) -> None:
+        """Prepare the body again if another model was in its place."""
+        if (stepper := self._load()) is not self._stepper:
+            self._take(stepper)
+            _ = tuple(self._switch_off())
+            self._add_floor()
 
     def _switch_off(self) -> Iterator[str]:
         """Switch off friction without a law; yield what acted.
@@ -126,14 +136,16 @@ class PybulletWhole(WholeModel):
             if any(one[place] for one in dynamics):
                 yield name
 
-    def _add_floor(self) -> int:
-        """Put a plane under the drawn configuration; return its body."""
+    def _add_floor(self) -> None:
+        """Put a plane under the drawn configuration of a floating root."""
         import pybullet as p
 
+        if self._base is None:
+            return
         home = self._model.home
         self._set(WholeState(home, np.zeros(len(home)), np.full(self.controls, np.nan), home[:0]))
         self._height = min(p.getAABB(self._body, index)[0][2] for index in self._links)
-        return add_floor()
+        self._floor = add_floor()
 
     @property
     def starts(self) -> Iterator[WholeState]:
@@ -187,6 +199,7 @@ class PybulletWhole(WholeModel):
     def _set(self, state: WholeState, iterations: int = ITERATIONS[0]) -> None:
         import pybullet as p
 
+        self._ensure_loaded()
         p.setPhysicsEngineParameter(
             fixedTimeStep=self.step,
             numSolverIterations=iterations,
