@@ -11,6 +11,7 @@ from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.mesh_files import locate_mesh
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from tests.compare.asking import compared, result
 
 MACROS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:macro name="rod" params="name parent inertia:=0.0267">
@@ -65,16 +66,18 @@ def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
     assert line.strip().startswith("<limit")
 
 
-def test_packages_of_one_name_are_told_apart(package: Path) -> None:
-    """Catch two versions of a robot that are both expanded with the macros of the first."""
+def test_two_versions_of_a_package_are_compared(package: Path) -> None:
+    """Catch sources both expanded with the macros of the first, and lines of expanded files."""
     pytest.importorskip("xacrodoc")
     other = package.parent / "other" / "arm"
     copytree(package, other)
-    (other / "urdf" / "macros.xacro").write_text(MACROS.replace('value="2"', 'value="3"'))
-    files = [source_file(str(folder / "urdf" / "arm.urdf.xacro")) for folder in (package, other)]
-    trees = [read_robot(file).tree for file in files if file is not None]
-    masses = [tree.links[0].mass for tree in trees if tree is not None]
-    assert masses == [2, 3]
+    macros = other / "urdf" / "macros.xacro"
+    macros.write_text(MACROS.replace('value="2"', 'value="3"'))
+    sources = (folder / "urdf" / "arm.urdf.xacro" for folder in (package, other))
+    comparison = compared(*sources, engine_a="mujoco", engine_b="mujoco")
+    differences = [one for one in result(comparison).properties if one.moves]
+    assert {(one.about, one.a, one.b) for one in differences} == {("upper", 2, 3), ("fore", 2, 3)}
+    assert {one.where_b.file for one in differences if one.where_b is not None} == {str(macros)}
 
 
 def test_xacro_error_is_reported_with_its_reason(package: Path) -> None:

@@ -65,12 +65,13 @@ from physics_crosscheck.harness.commands.compare.terms import (
     mechanics,
 )
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
+from physics_crosscheck.harness.documents.expanded import relocated
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
-from physics_crosscheck.harness.records.base import number, numbers
+from physics_crosscheck.harness.records.base import SourceLine, number, numbers
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.comparison import (
     Compared,
@@ -215,7 +216,7 @@ def compare(
     by_law = outcome is Outcome.AGREES and bool(acting)
     if by_law:
         outcome, reason = Outcome.DIFFERS, acting[0].message
-    return ComparisonResult(
+    result = ComparisonResult(
         created=_spelled(created),
         resolution=options.resolution,
         models=tuple(map(_model, prepared.models, prepared.facts, own_files)),
@@ -225,6 +226,7 @@ def compare(
         kind=judged.verdict.kind,
         compared=structs.replace(compared, by_law=by_law),
     )
+    return relocated(result, SourceLine)
 
 
 def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:
