@@ -63,7 +63,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory, eight: Results) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def planted_tab(browser: Browser, reports: Path) -> Iterator[Tab]:
     address = (reports / "index.html").as_uri()
     with browser.tab() as tab:
