@@ -239,11 +239,13 @@ def _check_rules(
     resolution: float,
     steps: KeptSteps,
 ) -> WholeStepCheck:
-    """Compare steps by impulses, or by near-rigid limits."""
+    """Compare steps by impulses, or by near-rigid limits and compliant contacts."""
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
     parts = LIMITS
     if isinstance(rules, ImpulseRules):
-        parts += (*EFFORTS, *(CONTACTS if robot.floats else ()))  # a fixed root meets no floor
+        parts += EFFORTS
+    if robot.floats:  # a fixed root meets no floor
+        parts += (SHAPES, CONTACTS) if isinstance(rules, ImpulseRules) else (SHAPES,)
     covered = tuple(format_omission(one) for one in robot.left_out if one.what in parts)
     if isinstance(rules, NearRigidRules):
         limited = near_rigid_model(robot, rules)
@@ -316,8 +318,8 @@ LIMITS: tuple[str, ...] = ("limits of position",)
 EFFORTS = ("limits of effort",)
 """Further parts that steps by impulses compare."""
 
-CONTACTS = ("collision geometry", "<contact> of <link>")
-"""Further parts that these compare of a robot on a floor."""
+SHAPES, CONTACTS = "collision geometry", "<contact> of <link>"
+"""Further parts that steps of a robot on a floor compare; surfaces of links by impulses."""
 
 
 def _acted(evaluated: Sequence[Evaluated[S]]) -> Mapping[str, int]:

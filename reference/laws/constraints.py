@@ -43,6 +43,8 @@ def mixed_friction(mixing: Mixing, first: float, other: float) -> float:
             return first * other
         case "mean":
             return (first + other) / 2
+        case "harmonic":
+            return 2 * first * other / (first + other) if first + other else 0.0
         case "smallest":
             return min(first, other)
     return max(first, other)
@@ -350,13 +352,13 @@ class _ContactRows:
     def add_cone(self, friction: Array, ratio: float) -> None:
         """Add a normal row, and one for each direction of friction."""
         slope = float(friction[0] / np.sqrt(ratio))
-        self.rows.cones.append(Cone(len(self.rows.kinds), slope, friction))
-        self.add(Kind.CONE, self.jacobian[0], self.weight)
+        self.rows.blocks.append(Cone(len(self.rows.kinds), slope, friction))
+        self.add(Kind.BLOCK, self.jacobian[0], self.weight)
         softness, sliding = self.parameters.softness, self.parameters.sliding
         softness = replace(softness, reference=sliding) if any(sliding) else softness
         for row, mu in zip(self.jacobian[1:], friction, strict=True):
             weight = self.weight / ratio * float(friction[0] / mu) ** 2
-            self.rows.add(Kind.CONE, row, softness, 0.0, weight, depth=self.violation,
+            self.rows.add(Kind.BLOCK, row, softness, 0.0, weight, depth=self.violation,
                           arms=self.arms)  # fmt: skip
 
 

@@ -49,6 +49,7 @@ _MIXING = {
     "largest": "the larger friction of two shapes acts",
     "product": "frictions of two shapes are multiplied",
     "mean": "frictions of two shapes are averaged",
+    "harmonic": "the harmonic mean of the frictions of two shapes acts",
     "smallest": "the smaller friction of two shapes acts",
 }
 

@@ -1,25 +1,40 @@
-"""Joint limits as near-rigid rows of a convex problem in the velocities after a step.
+"""Joint limits and compliant contacts in a convex problem in the velocities after a step.
 
 The impulse of a limit at distance g is p = max(0, (v_hat - v) / R), with v_hat = -g / (h + tau) and
 R = max(s w, 1 / (h k (h + tau))), where w is the inverse inertia of its joint alone. Dampers act at
 the step's end: (M + h D) (v - v*) = J^T p. As rows of `reference.laws.soft` these have a constant
-impedance 1 / (1 + s). Sources: Castro, Permenter and Han, An unconstrained convex formulation of
-compliant contact (IEEE T-RO 2022); Drake 1.51, sap_driver.cc, sap_limit_constraint.cc and
-sap_model.cc.
+impedance 1 / (1 + s).
+
+A contact at depth x presses by k (x - h v_n) (1 - d v_n), where neither factor is negative. Its
+friction is mu N0 v_t / sqrt(v_t^2 + e^2): N0 is the normal force that the velocity before the step
+gives, and e the larger of a constant and mu s w h N0.
+
+Sources: Castro, Permenter and Han, An unconstrained convex formulation of compliant contact (IEEE
+T-RO 2022); Castro, Han and Masterjohn, A theory of irrotational contact fields (2023), lagged
+model; Drake 1.51, sap_driver.cc, sap_limit_constraint.cc, sap_hunt_crossley_constraint.cc,
+discrete_update_manager.cc and sap_model.cc.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from physics_crosscheck.reference.laws.constraints import mixed_friction
 from physics_crosscheck.reference.laws.drives import Driven
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.soft import Kind, Part, Rows
 from physics_crosscheck.reference.laws.step import LawModel, LawStep
-from physics_crosscheck.reference.mechanism.laws import ContactPoint, NearRigidRules, Softness
+from physics_crosscheck.reference.mechanism.laws import (
+    CompliantSurface,
+    ContactPoint,
+    Mixing,
+    NearRigidRules,
+    Softness,
+)
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 
@@ -32,15 +47,73 @@ def near_rigid_softness(rules: NearRigidRules) -> Softness:
     )
 
 
+class CompliantPoint(NamedTuple):
+    """A contact at one state: a normal row and two of friction, as in `Rows.add_rates`.
+
+    Attributes:
+        start: index of the first row.
+        step: s.
+        elastic: normal force without dissipation at the step's start, N.
+        stiffness: N/m.
+        dissipation: s/m.
+        sliding: largest friction, N.
+        slow: slip velocity at which friction is at 0.7 of it, m/s.
+    """
+
+    start: int
+    step: float
+    elastic: float
+    stiffness: float
+    dissipation: float
+    sliding: float
+    slow: float
+
+    @property
+    def rows(self) -> slice:
+        """Its rows, the normal one first."""
+        return slice(self.start, self.start + 3)
+
+    def force(self, x: Array, _softness: Array) -> tuple[Array, Array]:
+        """Return the forces of the rows, and minus their slope by x, as in `Block.force`."""
+        h, k, d = self.step, self.stiffness, self.dissipation
+        force, slope = np.zeros(3), np.zeros((3, 3))
+        normal, slip = h * x[0], h * x[1:]
+        pressed, damped = self.elastic - h * k * normal, 1 - d * normal
+        if pressed > 0 and damped > 0:
+            force[0], slope[0, 0] = pressed * damped, h * (h * k * damped + d * pressed)
+        size = float(np.sqrt(slip @ slip + self.slow**2))
+        along = slip / size
+        force[1:] = -self.sliding * along
+        slope[1:, 1:] = h * self.sliding / size * (np.eye(2) - np.outer(along, along))
+        return force, slope
+
+
+def mix_compliant(
+    first: CompliantSurface, other: CompliantSurface, mixing: Mixing
+) -> CompliantSurface:
+    """Return the numbers of a contact of two surfaces, whose springs are in series."""
+    stiffness = first.stiffness + other.stiffness
+    share = other.stiffness / stiffness if stiffness else 0.5
+    return CompliantSurface(
+        friction=mixed_friction(mixing, first.friction, other.friction),
+        stiffness=first.stiffness * share,
+        dissipation=share * first.dissipation + (1 - share) * other.dissipation,
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NearRigidModel(LawModel):
-    """A tree of slides and hinges whose limits are near-rigid; it has no drives and no contacts.
+    """A tree of slides and hinges, after an optional free root, without drives.
+
+    Its limits are near-rigid and its contacts compliant.
 
     Attributes:
         rules: settings of the engine.
+        surfaces: of the ground, and of each of its shapes, which are the bodies of `tree`.
     """
 
     rules: NearRigidRules
+    surfaces: tuple[CompliantSurface, ...]
 
     def evaluate(
         self, posture: Posture, controls: Array, states: Array, contacts: Sequence[ContactPoint]
@@ -55,11 +128,11 @@ class NearRigidModel(LawModel):
                 clipped=frozenset(), damping=np.zeros((nv, nv)),
             ),
             parts=tuple(rows.parts),
-            contacts=0,
+            contacts=len(contacts),
         )  # fmt: skip
 
     def rows(self, posture: Posture, contacts: Sequence[ContactPoint]) -> Rows:
-        """Return the rows of limits that a joint may meet within a step."""
+        """Return the rows of contacts, and of limits that a joint may meet within a step."""
         rules, mass = self.rules, self._mass(posture)
         rows = Rows(step=rules.step, safe=False, velocities=posture.m)
         after = posture.m + rules.step * self._free(posture)
@@ -76,7 +149,45 @@ class NearRigidModel(LawModel):
                              position=abs(position) + abs(bound),
                              part=Part("limit" if distance <= 0 else "next limit", i, sign),
                              )  # fmt: skip
+        for contact in contacts:
+            self._add_point(rows, posture, contact)
         return rows
+
+    def _add_point(self, rows: Rows, posture: Posture, contact: ContactPoint) -> None:
+        """Add the rows of a contact."""
+        rules, h = self.rules, self.rules.step
+        one, two = (self.surfaces[i] for i in contact.surfaces)
+        pair = mix_compliant(one, two, self.laws.mixing)
+        first, other = (posture.jacobian(i, contact.position) for i in contact.surfaces)
+        jacobian = contact.frame @ (other[0] - first[0])
+        # The documented inverse inertia: of the diagonal of M, along the axes of the world.
+        axes = self._world_axes(posture)
+        diagonal = np.diagonal(axes.T @ self._mass(posture) @ axes)
+        turned = jacobian @ axes
+        weight = float(np.linalg.norm(turned / diagonal @ turned.T)) / 3
+        depth, rate = max(0.0, -contact.distance), float(jacobian[0] @ posture.m)
+        elastic = pair.stiffness * depth
+        sliding = pair.friction * elastic * max(0.0, 1 - pair.dissipation * rate)
+        rows.blocks.append(
+            CompliantPoint(
+                start=len(rows.kinds), step=h, elastic=elastic, stiffness=pair.stiffness,
+                dissipation=pair.dissipation, sliding=sliding,
+                slow=max(rules.slowest, rules.slip * weight * h * sliding),
+            )
+        )  # fmt: skip
+        # A vector product has no term of equal axes: on a joint's axis an arm is exactly zero.
+        sizes = np.abs(contact.position).sum() - np.abs(contact.position)
+        arms = np.tile(sizes @ (np.abs(first[1]) + np.abs(other[1])), (3, 1))
+        rows.add_rates(jacobian, np.array([depth / h**2, 0.0, 0.0]), arms)
+
+    def _world_axes(self, posture: Posture) -> Array:
+        """Return stored velocities by those along the axes of the world, (nv, nv)."""
+        axes = np.eye(len(posture.m))
+        for i, link in enumerate(self.tree.tree.links):
+            if link.kind == "free":
+                spin = self.tree.tree.velocities[i].start
+                axes[spin : spin + 3, spin : spin + 3] = posture.poses[i].rotation.T
+        return axes
 
     def _mass(self, posture: Posture) -> Array:
         """Return M + h D, (nv, nv)."""

@@ -7,9 +7,9 @@ constraints (ICRA 2014); MuJoCo's documentation, Computation, chapters Constrain
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class Kind(Enum):
     EQUALITY = 0
     FRICTION = 1
     ONE_SIDED = 2
-    CONE = 3
+    BLOCK = 3
 
 
 ONE_SIDED, FRICTION = Kind.ONE_SIDED.value, Kind.FRICTION.value
@@ -101,6 +101,21 @@ class Part(NamedTuple):
 CONTACT = Part("contact")
 
 
+class Block(Protocol):
+    """Rows whose forces depend on each other."""
+
+    @property
+    def rows(self) -> slice:
+        """Its rows, the normal one first."""
+
+    def force(self, x: Array, softness: Array) -> tuple[Array, Array]:
+        """Return the forces of k rows, (k,), and minus their slope by x = J a - aref, (k, k).
+
+        Args:
+            x, softness: of the rows, (k,).
+        """
+
+
 class Cone(NamedTuple):
     """An elliptic friction cone: its rows begin at `start`; `slope` is its regularized friction."""
 
@@ -112,6 +127,23 @@ class Cone(NamedTuple):
     def rows(self) -> slice:
         """Its rows, the normal one first."""
         return slice(self.start, self.start + 1 + len(self.friction))
+
+    def force(self, x: Array, softness: Array) -> tuple[Array, Array]:
+        """Return the forces of the rows, and minus their slope by x, as in `Block.force`."""
+        mu, scale = self.slope, np.concatenate([[self.slope], self.friction])
+        normal, across = x[0] * mu, x[1:] * self.friction
+        size = float(np.linalg.norm(across))
+        count = len(x)
+        if normal >= mu * size:
+            return np.zeros(count), np.zeros((count, count))
+        if mu * normal + size <= 0:
+            return -x / softness, np.diag(1 / softness)
+        stiffness = 1 / (softness[0] * mu**2 * (1 + mu**2))
+        outside, along = normal - mu * size, across / size
+        slope = np.concatenate([[1.0], -mu * along])
+        curvature = np.outer(slope, slope)
+        curvature[1:, 1:] -= outside * mu / size * (np.eye(count - 1) - np.outer(along, along))
+        return -stiffness * outside * slope * scale, stiffness * curvature * np.outer(scale, scale)
 
 
 @dataclass(kw_only=True)
@@ -135,7 +167,7 @@ class Rows:
     kinds: list[Kind] = field(default_factory=list)
     bounds: list[float] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
-    cones: list[Cone] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     arms: list[Array] = field(default_factory=list)
 
@@ -182,6 +214,24 @@ class Rows:
         self.sizes.append(size + k * d * (abs(violation) + position))
         self.bounds.append(bound)
 
+    def add_rates(self, jacobian: Array, sizes: Array, arms: Array) -> None:
+        """Add the rows of a block whose x are its velocities after the step, per second of it.
+
+        Args:
+            jacobian: J, (k, nv).
+            sizes: further magnitudes in x, (k,).
+            arms: as in `add`, of each row, (k, nv).
+        """
+        for row, size, arm in zip(jacobian, sizes, arms, strict=True):
+            self.parts.append(CONTACT)
+            self.arms.append(arm)
+            self.kinds.append(Kind.BLOCK)
+            self.jacobian.append(row)
+            self.reference.append(-float(row @ self.velocities) / self.step)
+            self.softness.append(1.0)
+            self.sizes.append(float(np.abs(row) @ np.abs(self.velocities)) / self.step + size)
+            self.bounds.append(0.0)
+
     def problem(self, mass: Array, free: Array) -> Problem:
         """Return the problem of these rows; arguments as its attributes."""
         return Problem(
@@ -194,7 +244,7 @@ class Rows:
             kinds=np.array([kind.value for kind in self.kinds], dtype=int),
             bounds=np.array(self.bounds),
             sizes=np.array(self.sizes),
-            cones=tuple(self.cones),
+            blocks=tuple(self.blocks),
         )
 
 
@@ -212,7 +262,7 @@ class Problem:
         kinds: values of `Kind`, (K,).
         bounds: of friction forces, (K,).
         sizes: sums of the magnitudes in aref, (K,).
-        cones: elliptic cones.
+        blocks: of rows whose forces depend on each other.
     """
 
     mass: Array
@@ -224,7 +274,7 @@ class Problem:
     kinds: NDArray[np.int_]
     bounds: Array
     sizes: Array
-    cones: tuple[Cone, ...]
+    blocks: tuple[Block, ...]
 
     def forces(self, a: Array) -> tuple[Array, Array]:
         """Return the forces of the rows, (K,), and minus their slopes by x, (K, K)."""
@@ -239,10 +289,9 @@ class Problem:
         force[slides] = np.sign(force[slides]) * self.bounds[slides]
         active[free | slides] = 0.0
         slope = np.diag(active / self.softness)
-        for cone in self.cones:
-            force[cone.rows], slope[cone.rows, cone.rows] = _cone(
-                cone, x[cone.rows], self.softness[cone.rows]
-            )
+        for block in self.blocks:
+            rows = block.rows
+            force[rows], slope[rows, rows] = block.force(x[rows], self.softness[rows])
         return force, slope
 
     def gradient(self, a: Array) -> Array:
@@ -255,6 +304,25 @@ class Problem:
         gradient = self.gradient(a)
         converged = float(np.linalg.norm(gradient)) <= self._negligible(a)
         return np.zeros_like(gradient) if converged else gradient
+
+    def with_left(self, a: Array, left: Array, momentum: Array) -> Problem:
+        """Return the problem whose solution an engine has that did not solve this one to the end.
+
+        Forces of limits are not part of what it left. A force larger than a solver's tolerance is
+        no error of it, and changes nothing.
+
+        Args:
+            a: the engine's accelerations.
+            left: force that it left, with those of limits, (nv,).
+            momentum: M m per step, (nv,).
+        """
+        force = np.where(self.kinds == ONE_SIDED, self.forces(a)[0], 0.0)
+        left = left - self.jacobian.T @ force
+        sizes = map(np.linalg.norm, (momentum, self.mass @ (a - self.free)))
+        if np.linalg.norm(left) > TOLERANCE * max(sizes):
+            return self
+        free = self.free + np.linalg.solve(self.mass, left)
+        return replace(self, free=np.asarray(free, dtype=np.float64))
 
     def solve(self, start: Array) -> Array:
         """Return the minimizer, (nv,), by Newton's method with an exact line search.
@@ -337,26 +405,13 @@ class Problem:
 MAX_ITERATIONS, ROUGHLY = 200, 1e-12
 """Newton iterations, and the share of the forces below which only rounding is left."""
 
+TOLERANCE = 1e-5
+"""Largest share of the momentum, or of its change, that a solver may leave; Drake's leaves 1e-6 in
+another norm.
+"""
+
 LAST_DIGITS = 4 * float(np.finfo(float).eps)
 """Share of the accelerations by which they are rounded."""
 
 LINE_TOLERANCE, SHARE_TOLERANCE, MAX_SHARE = 1e-10, 1e-15, 1e6
 """Numbers of the line search: share of the first slope, error and largest value of a share."""
-
-
-def _cone(cone: Cone, x: Array, softness: Array) -> tuple[Array, Array]:
-    """Return the force of an elliptic cone and minus its slope, at x = J a - aref, (k,)."""
-    mu, scale = cone.slope, np.concatenate([[cone.slope], cone.friction])
-    normal, across = x[0] * mu, x[1:] * cone.friction
-    size = float(np.linalg.norm(across))
-    count = len(x)
-    if normal >= mu * size:
-        return np.zeros(count), np.zeros((count, count))
-    if mu * normal + size <= 0:
-        return -x / softness, np.diag(1 / softness)
-    stiffness = 1 / (softness[0] * mu**2 * (1 + mu**2))
-    outside, along = normal - mu * size, across / size
-    slope = np.concatenate([[1.0], -mu * along])
-    curvature = np.outer(slope, slope)
-    curvature[1:, 1:] -= outside * mu / size * (np.eye(count - 1) - np.outer(along, along))
-    return -stiffness * outside * slope * scale, stiffness * curvature * np.outer(scale, scale)

@@ -24,7 +24,7 @@ Curve = Literal["none", "fixed", "affine", "muscle"]
 """How the gain or the bias of a drive depends on its length and velocity."""
 
 
-Mixing = Literal["largest", "product", "mean", "smallest"]
+Mixing = Literal["largest", "product", "mean", "harmonic", "smallest"]
 """How the frictions of two surfaces give that of their contact."""
 
 
@@ -304,6 +304,21 @@ class HardJoint:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CompliantSurface:
+    """A surface whose normal force is k x (1 + d dx/dt) at a depth x (Hunt and Crossley).
+
+    Attributes:
+        friction: sliding.
+        stiffness: k, N/m.
+        dissipation: d, s/m.
+    """
+
+    friction: float
+    stiffness: float
+    dissipation: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class NearRigidRules:
     """Settings of an engine whose joint limits are near-rigid (`reference.laws.near_rigid`).
 
@@ -313,6 +328,10 @@ class NearRigidRules:
         stiffness: of a limit, N/m or N m/rad.
         dissipation: time in which a limit dissipates, s.
         window: rows exist within this multiple of the motion in a step.
+        slip: smallest softness of friction, as a share of the inverse inertia.
+        slowest: slip velocity at which friction is at 0.7 of its largest value, m/s.
+        default: the ground, and a surface that the file does not describe.
+        shapes: link, and index among its collision elements, of each shape that can touch.
     """
 
     step: float
@@ -320,6 +339,10 @@ class NearRigidRules:
     stiffness: float
     dissipation: float
     window: float
+    slip: float
+    slowest: float
+    default: CompliantSurface
+    shapes: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

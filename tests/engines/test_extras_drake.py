@@ -1,7 +1,8 @@
-"""Whole steps of Drake's discrete plants: joint limits by the law of SAP, and planted faults."""
+"""Whole steps of Drake's discrete plants: limits and contacts by the law of SAP, and faults."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,8 +26,9 @@ from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
+from physics_crosscheck.reference.mechanism.laws import NearRigidRules
 from tests.engines.extras import need
-from tests.laws.scenes import URDF_ARM
+from tests.laws.scenes import URDF_ARM, URDF_LEG
 
 FAULTS = {
     "upper limit": ('upper=".7"', 'upper=".7000007"'),
@@ -37,13 +39,23 @@ FAULTS = {
 }
 
 
-def checked(tmp_path: Path, loaded: str = URDF_ARM) -> WholeStepCheck:
-    """Compare the law of an arm with Drake on another text."""
+SURFACES = {
+    "friction": ('mu_dynamic value="0.53"', 'mu_dynamic value="0.5300005"'),
+    "static friction": ('mu_static value="0.71"', 'mu_static value="0.5300005"'),
+    "stiffness": ('stiffness value="200000.0"', 'stiffness value="200000.2"'),
+    "dissipation": ('dissipation value="7"', 'dissipation value="7.00001"'),
+}
+
+
+def checked(
+    tmp_path: Path, text: str = URDF_ARM, loaded: str = "", *, floating: bool = False
+) -> WholeStepCheck:
+    """Compare the law of a text with Drake on another one."""
     need("drake")
-    file, copy = tmp_path / "arm.urdf", tmp_path / "copy.urdf"
-    file.write_text(URDF_ARM)
-    copy.write_text(loaded)
-    settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": False}
+    file, copy = tmp_path / "robot.urdf", tmp_path / "copy.urdf"
+    file.write_text(text)
+    copy.write_text(loaded or text)
+    settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": floating}
     check = check_whole_step(file, ModelSpec(copy, settings=settings), "drake", 1e-9)
     assert check is not None
     return check
@@ -56,7 +68,7 @@ def test_joint_limits_follow_the_law_of_sap(tmp_path: Path) -> None:
     assert check.record.outcome is Outcome.AGREES
     assert check.judgement.largest_discrepancy < 1e-12
     assert check.record.next_state
-    assert check.record.uncovered == ("contacts",)
+    assert not check.record.uncovered
     assert {term.name for term in check.record.acted} == {"limits"}
 
 
@@ -65,8 +77,45 @@ def test_planted_faults_of_limits_are_detected(tmp_path: Path, fault: str) -> No
     """Catch a number of a limit that whole steps do not depend on."""
     right, wrong = FAULTS[fault]
     assert URDF_ARM.count(right) == 1
-    check = checked(tmp_path, URDF_ARM.replace(right, wrong))
+    check = checked(tmp_path, URDF_ARM, URDF_ARM.replace(right, wrong))
     assert check.record.outcome is Outcome.DIFFERS
+
+
+def test_contacts_follow_the_law_of_sap(tmp_path: Path) -> None:
+    """Catch another spring, damper, friction or mixing of surfaces, and an error of the solver."""
+    check = checked(tmp_path, URDF_LEG, floating=True)
+    assert check.judgement is not None
+    assert check.record.outcome is Outcome.AGREES
+    assert check.judgement.largest_discrepancy < 1e-12
+    assert check.record.states == 24
+    assert not check.record.next_state
+    assert {term.name for term in check.record.acted} == {"contacts", "limits"}
+    assert check.record.covered == ("limits of position", "collision geometry (2)")
+    meshed = URDF_LEG.replace('sphere radius=".1"', 'mesh filename="no.obj"')
+    assert checked(tmp_path, meshed, floating=True).record.uncovered == ("contacts of meshes",)
+
+
+@pytest.mark.parametrize("fault", SURFACES)
+def test_planted_faults_of_surfaces_are_detected(tmp_path: Path, fault: str) -> None:
+    """Catch a number of a surface that the law does not depend on, or one that does not act."""
+    right, wrong = SURFACES[fault]
+    assert URDF_LEG.count(right) == 1
+    text = URDF_LEG.replace(right, wrong)
+    outcome = checked(tmp_path, URDF_LEG, text, floating=True).record.outcome
+    acts = fault != "static friction"  # the dynamic one replaces it
+    assert outcome is (Outcome.DIFFERS if acts else Outcome.AGREES)
+
+
+def test_link_world_has_no_center_of_mass(tmp_path: Path) -> None:
+    """Catch a NaN that a file with a link `world` differs by, and a root that can't float."""
+    need("drake")
+    file = tmp_path / "robot.urdf"
+    file.write_text(URDF_ARM.replace('"base"', '"world"'))
+    settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": True}
+    model = engines()["drake"].load(ModelSpec(file, settings=settings))
+    assert model.coordinates == ("shoulder", "elbow")
+    assert "link:world" in model.places
+    assert np.isfinite(model.poses(model.places, np.zeros((1, 2)))[0]).all()
 
 
 @pytest.mark.parametrize(
@@ -87,27 +136,39 @@ def test_limits_of_a_continuous_joint_are_stated(tmp_path: Path, smooth: bool, w
     assert bounds == ([-np.inf, np.inf] if smooth else [-0.4, 0.4])
 
 
-def problem_of(tmp_path: Path) -> LawProblem[LawModel, LawSolution]:
-    """Return whole steps of the arm in Drake, with its law."""
+def problem_of(
+    tmp_path: Path, text: str = URDF_ARM, *, floating: bool = False
+) -> LawProblem[LawModel, LawSolution]:
+    """Return whole steps of a robot in Drake, with its law."""
     need("drake")
-    file = tmp_path / "arm.urdf"
-    file.write_text(URDF_ARM)
-    task = model_task(prepare_tree(file, states=2), "drake")
+    file = tmp_path / "robot.urdf"
+    file.write_text(text)
+    task = model_task(prepare_tree(file, states=2, floating=floating), "drake")
     problem = law_problem(task.with_settings(**SETTINGS, **STANDALONE_SETTINGS))
     assert problem is not None
     assert isinstance(problem.comparison, LawComparison)
     return problem
 
 
+_Rules = Callable[[NearRigidRules], NearRigidRules]
+
+
 @pytest.mark.parametrize(
-    ("name", "value"), [("share", 0.01), ("dissipation", 0.003), ("stiffness", 1e4)]
+    ("text", "change"),
+    [
+        pytest.param(URDF_ARM, lambda rules: replace(rules, share=0.01), id="share"),
+        pytest.param(URDF_ARM, lambda rules: replace(rules, dissipation=0.003), id="dissipation"),
+        pytest.param(URDF_ARM, lambda rules: replace(rules, stiffness=1e4), id="stiffness"),
+        pytest.param(URDF_LEG, lambda rules: replace(rules, slip=1.00001e-3), id="slip"),
+        pytest.param(URDF_LEG, lambda rules: replace(rules, slowest=1.00001e-4), id="slowest"),
+    ],
 )
-def test_other_rules_of_limits_are_detected(tmp_path: Path, name: str, value: float) -> None:
+def test_other_rules_are_detected(tmp_path: Path, text: str, change: _Rules) -> None:
     """Catch a setting of SAP that the law does not depend on."""
-    problem = problem_of(tmp_path)
+    problem = problem_of(tmp_path, text, floating=text == URDF_LEG)
     laws = problem.comparison.laws
     assert isinstance(laws, NearRigidModel)
-    rules = replace(laws.rules, **{name: value})
+    rules = change(laws.rules)
     softness = near_rigid_softness(rules)
     limits = tuple(replace(limit, softness=softness) for limit in laws.laws.limits)
     other = replace(laws, rules=rules, laws=replace(laws.laws, limits=limits))
@@ -125,6 +186,22 @@ def test_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:
     assert ranking.explained
     (cause,) = ranking.fits[0].causes
     assert "limit@upper" in str(cause)
+
+
+def test_wrong_surface_is_named_with_its_line(tmp_path: Path) -> None:
+    """Catch a diagnosis that does not try the numbers of surfaces."""
+    problem = problem_of(tmp_path, URDF_LEG, floating=True)
+    right, wrong = SURFACES["friction"]
+    copy = tmp_path / "wrong.urdf"
+    copy.write_text(URDF_LEG.replace(right, wrong))
+    ranking = diagnose_laws(problem.in_engine(replace(problem.spec, path=copy)))
+    assert ranking.explained
+    (cause,) = ranking.fits[0].causes
+    assert "drake:mu_dynamic@value" in str(cause)
+    name = "frictions of two shapes are averaged"
+    ranking = diagnose_laws(problem.mistaken(name))
+    assert ranking.explained
+    assert [str(cause) for cause in ranking.fits[0].causes] == [name]
 
 
 def test_lost_limit_is_named(tmp_path: Path) -> None:

@@ -129,6 +129,22 @@ URDF_BOX = f"""<robot name="box"><link name="body">{_INERTIAL.format(".01 0 .02"
 <joint name="axle" type="continuous"><parent link="body"/><child link="wheel"/>
 <origin xyz=".3 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
 
+_COMPLIANT = """<collision><origin xyz="{}"/><geometry><{}/></geometry>
+<drake:proximity_properties><drake:mu_static value="{}"/><drake:mu_dynamic value="{}"/>
+<drake:point_contact_stiffness value="{}"/><drake:hunt_crossley_dissipation value="{}"/>
+</drake:proximity_properties></collision>"""
+
+URDF_LEG = f"""<robot name="leg" xmlns:drake="http://drake.mit.edu">
+<link name="body">{_INERTIAL.format(".02 0 .01", 3)}
+{_COMPLIANT.format(".1 .05 0", 'sphere radius=".1"', 0.71, 0.53, 2e5, 7)}
+<collision><origin xyz="-.1 -.05 0"/><geometry><sphere radius=".1"/></geometry></collision></link>
+<link name="shin">{_INERTIAL.format("0 0 -.1", 0.7)}
+{_COMPLIANT.format("0 0 -.2", 'cylinder radius=".05" length=".1"', 0.37, 0.31, 3e5, 11)}</link>
+<joint name="hip" type="revolute"><parent link="body"/><child link="shin"/>
+<origin xyz=".2 .1 0"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>
+<dynamics damping=".2"/></joint></robot>"""
+"""A body on a floor, with the surfaces of two shapes, and one without."""
+
 URDF_BALLS = f"""<robot name="balls"><link name="body">{_INERTIAL.format(".01 0 .02", 2)}
 {_SHAPE.format("0 0 0", 'sphere radius=".1"', 0.7, "")}</link>
 <link name="wheel">{_INERTIAL.format("0 0 0", 0.3)}

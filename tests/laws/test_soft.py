@@ -112,6 +112,17 @@ def test_answer_that_is_not_the_minimum_leaves_a_residual(
     assert problem.residual(early).any()
 
 
+def test_known_error_of_a_solver_is_removed() -> None:
+    """Catch an error that is not subtracted, or one that is no solver's."""
+    law, a = on_plane(ball(FLAT), 1e-3, [0.1, 0, 0, 0, 0, -0.2])
+    problem, momentum = law.problem, np.zeros(6)
+    off = a + 1e-7 * np.arange(6)
+    left = problem.gradient(off)
+    same = problem.with_left(off, left, momentum)
+    assert np.max(np.abs(same.solve(a) - off)) < 1e-12
+    assert problem.with_left(off, 1e3 * left, momentum) is problem
+
+
 def test_dry_friction_holds_up_to_its_force() -> None:
     """Catch friction that has no limit, and friction that does not hold."""
     rows = Rows(step=0.002, safe=True, velocities=np.zeros(1))

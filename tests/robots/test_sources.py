@@ -73,8 +73,8 @@ def test_two_versions_of_a_package_are_compared(package: Path) -> None:
     copytree(package, other)
     macros = other / "urdf" / "macros.xacro"
     macros.write_text(MACROS.replace('value="2"', 'value="3"'))
-    sources = (folder / "urdf" / "arm.urdf.xacro" for folder in (package, other))
-    comparison = compared(*sources, engine_a="mujoco", engine_b="mujoco")
+    a, b = (folder / "urdf" / "arm.urdf.xacro" for folder in (package, other))
+    comparison = compared(a, b, engine_a="mujoco", engine_b="mujoco")
     differences = [one for one in result(comparison).properties if one.moves]
     assert {(one.about, one.a, one.b) for one in differences} == {("upper", 2, 3), ("fore", 2, 3)}
     assert {one.where_b.file for one in differences if one.where_b is not None} == {str(macros)}

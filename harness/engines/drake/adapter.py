@@ -1,7 +1,7 @@
 """Drake, on URDF, SDFormat and MJCF: a discrete `MultibodyPlant`, or RK4 by the adapter.
 
 A plant fixes its step when it is built, so the adapter builds one plant per step. Plants have no
-geometry: no visuals, no contacts.
+geometry, except for whole steps.
 
 An MJCF in Drake.
 
@@ -37,7 +37,12 @@ from physics_crosscheck.harness.engines.drake.model import (
     refuse_balls,
 )
 from physics_crosscheck.harness.engines.drake.plant import moving_joints, weight_of
-from physics_crosscheck.harness.engines.drake.whole import WHOLE_SETTINGS, DrakeWhole
+from physics_crosscheck.harness.engines.drake.whole import (
+    FORMS,
+    WHOLE_SETTINGS,
+    DrakeWhole,
+    simple_shapes,
+)
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of
@@ -51,7 +56,6 @@ from physics_crosscheck.harness.engines.mjcf_joints import SLIDE, MjcfJoint, row
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
-    EngineError,
     LoadedModel,
     ModelSpec,
     Sample,
@@ -59,7 +63,7 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, load_sdf, sample_sdf
 from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, sdf_mimics_of, sdf_without_bounds
-from physics_crosscheck.harness.engines.source import shortened
+from physics_crosscheck.harness.engines.source import engine_errors, shortened
 from physics_crosscheck.harness.engines.tree_model import FREE
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -69,6 +73,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     without_bounds,
     without_crossed_bounds,
     without_shapes,
+    without_visuals,
 )
 from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, kept_mimics
@@ -76,6 +81,9 @@ from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
 
 PREFIX = "drake:"
 """The prefix of elements that only Drake reads."""
+
+WORLD = "world"
+"""A link of this name is the world itself."""
 
 SPACE = {"xmlns:drake": "http://drake.mit.edu"}
 
@@ -122,7 +130,9 @@ MIMICS = "Drake's leaving out of <mimic>"
 class DrakeUrdf(DrakeModel, UrdfModel):
     """A URDF, or an SDFormat file."""
 
-    def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool | str]) -> None:
+    def __init__(
+        self, spec: ModelSpec, defaults: Mapping[str, bool | str], *, touches: bool = False
+    ) -> None:
         self.stepping = str(spec.settings.get("stepping", SAP))
         reader = UrdfReader(
             name="drake",
@@ -132,7 +142,9 @@ class DrakeUrdf(DrakeModel, UrdfModel):
             no_stops="Drake" if self.stepping == CONTINUOUS else "",
             stops_turns="Drake",
         )
-        UrdfModel.__init__(self, spec, "Drake", reader, defaults, _changes(spec, self.stepping))
+        changes = _changes(spec, self.stepping, touches=touches)
+        UrdfModel.__init__(self, spec, "Drake", reader, defaults, changes)
+        self.floats = self.floats and self.declared.root != WORLD
         self._weightless = weightless_links(self.declared.robot) if spec.path.suffix == SDF else ()
         held = self.settings["hold_mimics"] and self.stepping == CONTINUOUS
         self.take(self.declared.text, spec.path.suffix[1:], self.mimics if held else ())
@@ -168,10 +180,11 @@ class DrakeUrdf(DrakeModel, UrdfModel):
     def places(self) -> tuple[str, ...]:
         """Links and their centres of mass."""
         names = self.declared.links
-        return tuple(f"{kind}:{name}" for kind in ("link", "centre") for name in names)
+        heavy = (name for name in names if name != WORLD)  # the world has no center of mass
+        return (*(f"link:{name}" for name in names), *(f"centre:{name}" for name in heavy))
 
 
-def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
+def _changes(spec: ModelSpec, stepping: str, *, touches: bool) -> list[Change]:
     """Return the changes to a file before Drake reads it, besides those that settings make for all
     engines.
     """
@@ -182,7 +195,8 @@ def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
         kept = kept_mimics(file.mimics, followers_of(spec.settings, f"{spec.path}.toml"))
         return [*bounds, sdf_mimics_of(()) if free else own_mimics(kept)]
     bounds_change = without_bounds if smooth else without_crossed_bounds
-    return [without_shapes, bounds_change, *([mimics_of(())] if free else [])]
+    shapes = (without_visuals, simple_shapes) if touches else (without_shapes,)
+    return [*shapes, bounds_change, *([mimics_of(())] if free else [])]
 
 
 ARMATURE = "Drake's leaving out of armature where no actuator drives a joint"
@@ -352,7 +366,7 @@ class DrakeEngine(UrdfEngine):
         "accelerations: yes, without couplers",
         "linearization: from steps",
         "steps: SAP, TAMSI: order 1; continuous: RK4 by the adapter",
-        "whole step: joint limits of URDF in SAP, by its law",
+        "whole step: limits and contacts of URDF in SAP, by its law",
     )
     default_settings_note = "no step of its own and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
@@ -366,14 +380,14 @@ class DrakeEngine(UrdfEngine):
         return DrakeUrdf(spec, DEFAULTS)
 
     def load_whole(self, spec: ModelSpec) -> DrakeWhole | None:
-        """Load a URDF with its limits, on a fixed root."""
+        """Load a URDF with its limits and shapes."""
         if spec.path.suffix != ".urdf":
             return None
-        model = self.load(replace(spec, settings={**spec.settings, **WHOLE_SETTINGS}))
-        assert isinstance(model, DrakeUrdf)
-        if model.floats:
-            raise EngineError("a floating root, whose rotation Drake advances otherwise")
-        return DrakeWhole(model, tuple(_without_law(model.declared.robot)))
+        whole = replace(spec, settings={**spec.settings, **WHOLE_SETTINGS})
+        with engine_errors(spec.path, self.title):
+            model = DrakeUrdf(whole, DEFAULTS, touches=True)
+            robot = model.declared.robot
+            return DrakeWhole(model, robot, tuple(_without_law(robot)))
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
@@ -382,8 +396,8 @@ class DrakeEngine(UrdfEngine):
 
 def _without_law(robot: XmlElement) -> Iterator[str]:
     """Yield the parts of a URDF that act in Drake and have no law here."""
-    links, joints = robot.findall("link"), robot.findall("joint")
-    if any(link.find("collision") is not None for link in links):
-        yield "contacts"
+    joints = robot.findall("joint")
+    if any(one.tag not in FORMS for one in robot.findall("link/collision/geometry/*")):
+        yield "contacts of meshes"
     if any(joint.find("mimic") is not None for joint in joints):
         yield "couplings"

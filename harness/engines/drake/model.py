@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import re
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -135,12 +135,28 @@ class DrakeModel(TreeModel):
     def complete(self, plant: Any) -> None:
         """Add elements that Drake's parser ignores, before the plant is finalized."""
 
+    def build_in(self, builder: Any, touched: Callable[[Any], None]) -> Any:
+        """Build a plant of the file's step in a diagram, with shapes.
+
+        Args:
+            builder: of the diagram.
+            touched: adds shapes before the plant is finalized.
+        """
+        from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+
+        plant, _ = AddMultibodyPlantSceneGraph(builder, self.step)
+        return self._filled(plant, self.step, touched)
+
     def _build(self, h: float) -> Any:
         """Build a plant with this step; 0 gives a continuous plant."""
-        from pydrake.multibody.parsing import Parser
-        from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
+        from pydrake.multibody.plant import MultibodyPlant
 
-        plant = MultibodyPlant(h)
+        return self._filled(MultibodyPlant(h), h)
+
+    def _filled(self, plant: Any, h: float, touched: Callable[[Any], None] | None = None) -> Any:
+        from pydrake.multibody.parsing import Parser
+        from pydrake.multibody.plant import DiscreteContactApproximation
+
         if h and self.stepping == TAMSI:
             plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
         if h:
@@ -149,6 +165,8 @@ class DrakeModel(TreeModel):
             with collect_log(self._messages):
                 Parser(plant).AddModelsFromString(self._text, self._kind)
                 self.complete(plant)
+                if touched is not None:
+                    touched(plant)
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:
@@ -170,11 +188,6 @@ class DrakeModel(TreeModel):
         plant = self._plant if h == self.step else self._build(h)
         wrapped = self._wrap(plant)
         return DiscreteSteps(wrapped, self.floats, wrapped.pulled)
-
-    @property
-    def discrete_steps(self) -> DiscreteSteps:
-        """The discrete plant of the file's step."""
-        return self._discrete(self.step)
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of one state and its forces, in `RungeKutta`'s convention."""

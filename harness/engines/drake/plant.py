@@ -44,10 +44,16 @@ class Plant:
         floats: whether the root floats.
         springs: along slides and hinges.
         lifts: weights that gravity compensation cancels.
+        context: of the plant in its diagram; None for a plant alone.
     """
 
     def __init__(
-        self, plant: Any, floats: bool, springs: SpringForces, lifts: Sequence[Weight]
+        self,
+        plant: Any,
+        floats: bool,
+        springs: SpringForces,
+        lifts: Sequence[Weight],
+        context: Any = None,
     ) -> None:
         self._plant, self._floats, self._springs = plant, floats, springs
         gravity = np.array(plant.gravity_field().gravity_vector())
@@ -55,7 +61,7 @@ class Plant:
             (plant.GetBodyByName(one.body), np.array(one.centre), -one.mass * gravity)
             for one in lifts
         ]
-        self.context = plant.CreateDefaultContext()
+        self.context = plant.CreateDefaultContext() if context is None else context
         joints = moving_joints(plant)[1 if floats else 0 :]
         self._q = np.array([joint.position_start() for joint in joints], dtype=int)
         self._v = np.array([joint.velocity_start() for joint in joints], dtype=int)
@@ -83,9 +89,18 @@ class Plant:
         if not self._floats:
             return q[self._q], v[self._v]
         turn, place = np.split(q[self._root_q :][:7], [QUATERNION])
-        spin, linear = np.split(v[self._root_v :][:FREE], 2)
         x = np.concatenate([place, turn, q[self._q]])
-        return x, np.concatenate([linear, from_quaternion(turn).T @ spin, v[self._v]])
+        return x, self.stored(v, x)
+
+    def stored(self, own: Array, x: Array) -> Array:
+        """Return Drake's velocities, accelerations or forces in `RungeKutta`'s convention, at
+        positions in it.
+        """
+        joints: Array = own[self._v]
+        if not self._floats:
+            return joints
+        spin, linear = np.split(own[self._root_v :][:FREE], 2)
+        return np.concatenate([linear, from_quaternion(x[3:7]).T @ spin, joints])
 
     def push(self, x: Array, m: Array, f: Array) -> None:
         """Apply forces, springs and gravity compensation in the state that was set."""
@@ -125,11 +140,7 @@ class Plant:
         self.set_state(x, m)
         self.push(x, m, f)
         rates = self._plant.EvalTimeDerivatives(self.context).CopyToVector()
-        a = rates[self._plant.num_positions() :]
-        if not self._floats:
-            return a[self._v]  # type: ignore[no-any-return]  # pydrake's are Any here
-        spin, linear = np.split(a[self._root_v :][:FREE], 2)
-        return np.concatenate([linear, from_quaternion(x[3:7]).T @ spin, a[self._v]])
+        return self.stored(rates[self._plant.num_positions() :], x)
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix in the current state, for velocities in `RungeKutta`'s

@@ -1,19 +1,29 @@
-"""Drake with joint limits, for single steps from given states of a discrete plant with SAP.
+"""Drake with joint limits and contacts, for single steps from given states of a plant with SAP.
 
 Read in Drake 1.51, `sap_driver.cc`: limits have a stiffness of 1e12, a dissipation time of one
 step, beta = 0.1, and rows within twice the motion of a step; joint dampers act at the step's end.
-Its numbers have no setting in a file. Dry friction of joints has no effect in Drake.
+Contacts are points, with the approximation `lagged`. Its numbers have no setting in a file, unlike
+those of surfaces. Dry friction of joints has no effect in Drake.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.drake.model import DrakeModel
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.drake.model import DrakeModel, collect_log
+from physics_crosscheck.harness.engines.drake.plant import Plant
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
-from physics_crosscheck.reference.mechanism.laws import NearRigidRules
+from physics_crosscheck.harness.engines.runge_kutta import place, to_state
+from physics_crosscheck.harness.engines.tree_model import SpringForces
+from physics_crosscheck.reference.mechanism.laws import (
+    CompliantSurface,
+    ContactPoint,
+    NearRigidRules,
+)
 
 WHOLE_SETTINGS = {"smooth": False, "couplings": False, "stepping": "sap"}
 """Settings of the adapter: with limits."""
@@ -21,31 +31,104 @@ WHOLE_SETTINGS = {"smooth": False, "couplings": False, "stepping": "sap"}
 BETA = 0.1
 """Ratio of a limit's shortest period to the step."""
 
+DEFAULT = CompliantSurface(friction=1.0, stiffness=1e6, dissipation=50.0)
+"""Drake's surface of a file that states none, and the floor's."""
+
+DEEP = 100.0
+"""Depth at which every shape is below the floor, m."""
+
+FORMS = ("box", "sphere", "cylinder", "drake:capsule", "drake:ellipsoid")
+
+
+def simple_shapes(robot: XmlElement) -> None:
+    """Remove the collision elements of meshes and of unknown forms."""
+    for link in robot.findall("link"):
+        for shape in link.findall("collision"):
+            if not _is_simple(shape):
+                link.remove(shape)
+
+
+def _is_simple(shape: XmlElement) -> bool:
+    form = shape.find("geometry/*")
+    return form is not None and form.tag in FORMS
+
 
 class DrakeWhole(WholeModel):
-    """A URDF with a fixed root and its limits.
+    """A URDF with its limits and shapes, and a floor under a floating root.
 
     Args:
-        model: the loaded model, with `WHOLE_SETTINGS`.
+        model: the loaded model, with `WHOLE_SETTINGS` and `simple_shapes`.
+        robot: the file.
         uncovered: parts of the file that have no law here.
     """
 
     controls = activations = 0
-    edits = ("couplings released",)
+    edits = (
+        "couplings released", "contact_model=point",
+        "a floor of friction 1 under a floating root",
+    )  # fmt: skip
     speed = 0.4
 
-    def __init__(self, model: DrakeModel, uncovered: tuple[str, ...]) -> None:
-        self._model, self._steps = model, model.discrete_steps
+    def __init__(self, model: DrakeModel, robot: XmlElement, uncovered: tuple[str, ...]) -> None:
+        from pydrake.systems.framework import DiagramBuilder
+
+        self._model, self._floats = model, model.floats
         self.coordinates, self.step, self.uncovered = model.coordinates, model.step, uncovered
+        builder, self._surfaces = DiagramBuilder(), dict[Any, int]()
+        self._drake = model.build_in(builder, self._prepare)
+        with collect_log([]):  # half spaces touch no deformable bodies
+            self._diagram = builder.Build()
+            self._root = self._diagram.CreateDefaultContext()
+        context = self._drake.GetMyMutableContextFromRoot(self._root)
+        self._plant = Plant(self._drake, self._floats, SpringForces((), (), ""), (), context)
         self.rules = NearRigidRules(
             step=self.step, share=(BETA / (2 * np.pi)) ** 2, stiffness=1e12,
-            dissipation=self.step, window=2.0,
+            dissipation=self.step, window=2.0, slip=1e-3, slowest=1e-4, default=DEFAULT,
+            shapes=tuple(self._number_shapes(robot)),
         )  # fmt: skip
+        self._home = self._on_floor() if self._floats else model.home
+
+    def _prepare(self, plant: Any) -> None:
+        """Let shapes touch in points, and put a floor under a floating root."""
+        from pydrake.geometry import HalfSpace
+        from pydrake.math import RigidTransform
+        from pydrake.multibody.plant import ContactModel, CoulombFriction
+
+        plant.set_contact_model(ContactModel.kPoint)
+        plant.SetUseSampledOutputPorts(False)
+        if self._floats:
+            friction = CoulombFriction(DEFAULT.friction, DEFAULT.friction)
+            floor = plant.RegisterCollisionGeometry(
+                plant.world_body(), RigidTransform(), HalfSpace(), "floor", friction
+            )
+            self._surfaces[floor] = 0
+
+    def _number_shapes(self, robot: XmlElement) -> Iterator[tuple[str, int]]:
+        """Number the shapes of each link; yield its name and the index of the element."""
+        for link in robot.findall("link"):
+            name = link.get("name", "")
+            body = self._drake.GetBodyByName(name)
+            shapes = enumerate(link.findall("collision"))
+            kept = [index for index, shape in shapes if _is_simple(shape)]
+            numbers = self._drake.GetCollisionGeometriesForBody(body)
+            numbers = [one for one in numbers if one not in self._surfaces]  # the floor
+            for index, number in zip(kept, numbers, strict=True):
+                self._surfaces[number] = len(self._surfaces) + (not self._floats)
+                yield name, index
+
+    def _on_floor(self) -> Array:
+        """Return the drawn configuration, lifted until its lowest shape touches the floor."""
+        home = self._model.home.copy()
+        home[2] = -DEEP
+        self._set(WholeState(home, np.zeros(len(home)), home[:0], home[:0]))
+        depths = [-contact.distance for contact in self._contacts() if 0 in contact.surfaces]
+        home[2] += max(depths, default=DEEP)
+        return home
 
     @property
     def starts(self) -> Iterator[WholeState]:
         """The drawn configuration."""
-        home = self._model.home
+        home = self._home
         yield WholeState(home, np.zeros(len(home)), home[:0], home[:0])
 
     @property
@@ -54,20 +137,83 @@ class DrakeWhole(WholeModel):
         return self._model.limits, np.zeros((0, 2))
 
     def moved(self, state: WholeState, steps: int) -> WholeState:
-        """Return the state after some steps."""
-        self._steps.reset(state.z, state.m)
-        for _ in range(steps):
-            self._steps.step(self.step, None)
-        z, m = self._steps.state()
-        return state._replace(z=z, m=m)
+        """Return the state after some steps; NaN velocities after Drake has failed."""
+        self._set(state)
+        try:
+            for _ in range(steps):
+                self._plant.update()
+        except RuntimeError:
+            return state._replace(m=np.full_like(state.m, np.nan))
+        return self._read(state)
 
     def evaluate(self, state: WholeState) -> EngineStep:
-        """Return the mean acceleration of a step, and the next state."""
-        after = self.moved(state, 1)
+        """Return the mean acceleration of a step, its contacts, and the next state."""
+        x, plant = self._set(state), self._drake
+        context, before = self._plant.context, plant.GetVelocities(self._plant.context)
+        try:
+            update = plant.EvalUniquePeriodicDiscreteUpdate(context)
+        except RuntimeError:
+            lost = np.full_like(state.m, np.nan)
+            return EngineStep(acceleration=lost, unbalanced=lost, contacts=(), after=state)
+        after = update.get_vector(0).CopyToVector()[plant.num_positions() :]
+        contacts = tuple(self._contacts())
+        own = (after - before) / self.step
+        left = self._plant.stored(self._left(own, after), x) if contacts else None
+        acceleration = self._plant.stored(own, x)
+        context.SetDiscreteState(update)
         return EngineStep(
-            acceleration=(after.m - state.m) / self.step,
-            # Newton's method on pieces of a parabola ends at the minimum.
+            acceleration=acceleration,
+            # Newton's method on pieces of a parabola, which limits are, ends at the minimum.
             unbalanced=np.zeros_like(state.m),
-            contacts=(),
-            after=after,
+            contacts=contacts,
+            after=self._read(state),
+            left=left,
         )
+
+    def _left(self, acceleration: Array, after: Array) -> Array:
+        """Return what the solver left, and the forces of limits, in Drake's order."""
+        from pydrake.multibody.tree import ModelInstanceIndex
+
+        plant, context = self._drake, self._plant.context
+        damping = np.zeros_like(after)
+        for index in plant.GetJointIndices():
+            joint = plant.get_joint(index)
+            there = slice(joint.velocity_start(), joint.velocity_start() + joint.num_velocities())
+            damping[there] = joint.default_damping_vector()
+        touch = np.zeros_like(after)
+        for i in range(plant.num_model_instances()):
+            instance = ModelInstanceIndex(i)
+            if plant.num_velocities(instance):
+                port = plant.get_generalized_contact_forces_output_port(instance)
+                plant.SetVelocitiesInArray(instance, port.Eval(context), touch)
+        inertial = plant.CalcMassMatrix(context) @ acceleration + plant.CalcBiasTerm(context)
+        gravity = plant.CalcGravityGeneralizedForces(context)
+        result: Array = inertial - gravity + damping * after - touch
+        return result
+
+    def _set(self, state: WholeState) -> Array:
+        """Set a state; return the positions in the order of `Plant`."""
+        x = to_state(state.z, 0 * state.z)[0] if self._floats else state.z
+        self._plant.set_state(x, state.m)
+        return x
+
+    def _read(self, state: WholeState) -> WholeState:
+        """Return the current state."""
+        x, m = self._plant.state()
+        return state._replace(z=place(x) if self._floats else x, m=m)
+
+    def _contacts(self) -> Iterator[ContactPoint]:
+        """Yield the contacts of a step from the current state."""
+        results = self._drake.get_contact_results_output_port().Eval(self._plant.context)
+        for i in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(i)
+            pair = info.point_pair()
+            normal = -np.array(pair.nhat_BA_W)
+            frame = np.linalg.svd(normal[None])[2]
+            frame[0] = normal
+            yield ContactPoint(
+                surfaces=(self._surfaces[pair.id_A], self._surfaces[pair.id_B]),
+                distance=-pair.depth,
+                position=np.array(info.contact_point()),
+                frame=frame,
+            )

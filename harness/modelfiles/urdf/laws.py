@@ -21,6 +21,7 @@ from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
 from physics_crosscheck.reference.mechanism.laws import (
+    CompliantSurface,
     HardJoint,
     HardSurface,
     ImpulseLaws,
@@ -50,14 +51,14 @@ def impulse_model(robot: Robot, rules: ImpulseRules) -> ImpulseModel | None:
 
 
 def near_rigid_model(robot: Robot, rules: NearRigidRules) -> NearRigidModel | None:
-    """Return the near-rigid limits of a URDF on its bodies; None without joints.
+    """Return the near-rigid limits and contacts of a URDF on its bodies; None without joints.
 
     Args:
         robot: the file, with joints that follow others set free.
         rules: of the engine.
 
     Raises:
-        TreeError: if the file has no tree, or its root floats.
+        TreeError: if the file has no tree, or a joint has several degrees of freedom.
     """
     if robot.tree is None:
         raise TreeError("joints without a tree")
@@ -65,31 +66,58 @@ def near_rigid_model(robot: Robot, rules: NearRigidRules) -> NearRigidModel | No
 
 
 def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidModel | None:
-    """Return the limits of a file on its tree; None without joints."""
+    """Return the limits and contacts of a file on its tree; None without joints."""
     if not tree.links:
         return None
-    if any(link.kind not in ("hinge", "slide") for link in tree.links):
-        raise TreeError("a root or joint with several degrees of freedom")
+    floats = tree.links[0].kind == "free"
+    if any(link.kind not in ("hinge", "slide") for link in tree.links[floats:]):
+        raise TreeError("a joint with several degrees of freedom")
     softness = near_rigid_softness(rules)
-    ranges = ((i, file.stated_bounds(link.name)) for i, link in enumerate(tree.links))
+    ranges = (
+        (i, file.stated_bounds(link.name))
+        for i, link in enumerate(tree.links)
+        if link.kind != "free"
+    )
     limits = (
         SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
         for i, (lower, upper) in ranges
         if lower <= upper and np.isfinite([lower, upper]).all()
     )
-    tree = _without_springs(tree)
+    tree, shapes = _without_springs(tree), rules.shapes
     return NearRigidModel(
-        # Dampers are part of the convex problem.
+        # Dampers are part of the convex problem. A free root's rotation has no rule.
         laws=Laws(
-            step=rules.step, integrator="euler", damps_implicitly=False, limits=tuple(limits)
+            step=rules.step, integrator="" if floats else "euler", damps_implicitly=False,
+            limits=tuple(limits), mixing="harmonic",
         ),
         tree=LawTree(
-            tree=tree, paths=(), bodies=((WORLD, IDENTITY),), masses=np.zeros(1),
-            centers=np.zeros((1, 3)),
+            tree=tree, paths=(),
+            bodies=((WORLD, IDENTITY), *(tree.frames[link] for link, _ in shapes)),
+            masses=np.zeros(1 + len(shapes)), centers=np.zeros((1 + len(shapes), 3)),
         ),
         home=np.zeros(tree.nv),
         rules=rules,
+        surfaces=(rules.default, *(_compliant(file, *shape, rules) for shape in shapes)),
     )  # fmt: skip
+
+
+def _compliant(file: UrdfFile, link: str, index: int, rules: NearRigidRules) -> CompliantSurface:
+    """Return the surface of a collision element, whose numbers are an extension of the format."""
+    shape = file.links[link].element.findall("collision")[index]
+    stated = {
+        child.tag: _value(file.document, child)
+        for child in shape.findall(f"{_DRAKE}proximity_properties/*")
+    }
+    one = stated.get(f"{_DRAKE}mu_static", rules.default.friction)
+    return CompliantSurface(
+        friction=stated.get(f"{_DRAKE}mu_dynamic", one),
+        stiffness=stated.get(f"{_DRAKE}point_contact_stiffness", rules.default.stiffness),
+        dissipation=stated.get(f"{_DRAKE}hunt_crossley_dissipation", rules.default.dissipation),
+    )
+
+
+_DRAKE = "drake:"
+"""Prefix of elements for Drake."""
 
 
 def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> ImpulseModel | None:
@@ -114,7 +142,10 @@ def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> 
     )
 
 
-_NUMBERS = re.compile(r"robot/(joint/limit@(lower|upper|effort)|link/contact/\w+@value)")
+_NUMBERS = re.compile(
+    r"robot/(joint/limit@(lower|upper|effort)|link/contact/\w+@value"
+    r"|link/collision/drake:proximity_properties/[\w:]+@value)"
+)
 """Numbers that the laws depend on, besides those of the bodies."""
 
 
