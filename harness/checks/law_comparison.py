@@ -305,9 +305,9 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
     def solve(self, posture: Posture, state: WholeState, engine: EngineStep) -> LawSolution:
         """Solve the laws at a state, from the engine's accelerations."""
         start = engine.acceleration[self.order]
-        left = None if engine.left is None else engine.left[self.order]
+        residual = None if engine.solver_residual is None else engine.solver_residual[self.order]
         inputs = state.controls, state.activations, engine.contacts
-        return self.laws.solve(posture, *inputs, start, left)
+        return self.laws.solve(posture, *inputs, start, residual)
 
     def missing_parts(self, evaluated: Sequence[Evaluated[LawSolution]]) -> set[Part]:
         """Return the parts of the laws that act at none of these states, of those that may."""

@@ -50,7 +50,7 @@ class LawEngine(WholeModel, Generic[M, S]):
     def evaluate(self, state: WholeState) -> EngineStep:
         """Return accelerations and the next state by the laws."""
         comparison = self._comparison
-        contacts = replace(comparison.model.evaluate(state), left=None)
+        contacts = replace(comparison.model.evaluate(state), solver_residual=None)
         solution = comparison.solve(next(comparison.postures([state])), state, contacts)
         engine = replace(
             contacts,

@@ -374,8 +374,8 @@ class EngineStep:
         contacts: as its collision detector finds them.
         after: the state after one step of the file.
         converged: whether its solver left little.
-        left: known force that its solver left, (nz,), with the forces that it does not report; None
-            if `unbalanced` is all that is known.
+        solver_residual: force that its solver left, (nz,), with the forces that it does not report;
+            None if `unbalanced` is all that is known.
     """
 
     acceleration: Array
@@ -383,7 +383,7 @@ class EngineStep:
     contacts: tuple[ContactPoint, ...]
     after: WholeState
     converged: bool = True
-    left: Array | None = None
+    solver_residual: Array | None = None
 
 
 class WholeModel(ABC):

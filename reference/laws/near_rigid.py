@@ -74,7 +74,7 @@ class CompliantPoint(NamedTuple):
         return slice(self.start, self.start + 3)
 
     def force(self, x: Array, _softness: Array) -> tuple[Array, Array]:
-        """Return the forces of the rows, and minus their slope by x, as in `Block.force`."""
+        """Return the forces of the rows, and minus their slope by x, as in `RowBlock.force`."""
         h, k, d = self.step, self.stiffness, self.dissipation
         force, slope = np.zeros(3), np.zeros((3, 3))
         normal, slip = h * x[0], h * x[1:]
@@ -156,8 +156,8 @@ class NearRigidModel(LawModel):
     def _add_point(self, rows: Rows, posture: Posture, contact: ContactPoint) -> None:
         """Add the rows of a contact."""
         rules, h = self.rules, self.rules.step
-        one, two = (self.surfaces[i] for i in contact.surfaces)
-        pair = mix_compliant(one, two, self.laws.mixing)
+        surface, touched = (self.surfaces[i] for i in contact.surfaces)
+        pair = mix_compliant(surface, touched, self.laws.mixing)
         first, other = (posture.jacobian(i, contact.position) for i in contact.surfaces)
         jacobian = contact.frame @ (other[0] - first[0])
         # The documented inverse inertia: of the diagonal of M, along the axes of the world.

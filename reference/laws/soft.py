@@ -101,7 +101,7 @@ class Part(NamedTuple):
 CONTACT = Part("contact")
 
 
-class Block(Protocol):
+class RowBlock(Protocol):
     """Rows whose forces depend on each other."""
 
     @property
@@ -129,7 +129,7 @@ class Cone(NamedTuple):
         return slice(self.start, self.start + 1 + len(self.friction))
 
     def force(self, x: Array, softness: Array) -> tuple[Array, Array]:
-        """Return the forces of the rows, and minus their slope by x, as in `Block.force`."""
+        """Return the forces of the rows, and minus their slope by x, as in `RowBlock.force`."""
         mu, scale = self.slope, np.concatenate([[self.slope], self.friction])
         normal, across = x[0] * mu, x[1:] * self.friction
         size = float(np.linalg.norm(across))
@@ -167,7 +167,7 @@ class Rows:
     kinds: list[Kind] = field(default_factory=list)
     bounds: list[float] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[RowBlock] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     arms: list[Array] = field(default_factory=list)
 
@@ -274,7 +274,7 @@ class Problem:
     kinds: NDArray[np.int_]
     bounds: Array
     sizes: Array
-    blocks: tuple[Block, ...]
+    blocks: tuple[RowBlock, ...]
 
     def forces(self, a: Array) -> tuple[Array, Array]:
         """Return the forces of the rows, (K,), and minus their slopes by x, (K, K)."""
@@ -305,23 +305,22 @@ class Problem:
         converged = float(np.linalg.norm(gradient)) <= self._negligible(a)
         return np.zeros_like(gradient) if converged else gradient
 
-    def with_left(self, a: Array, left: Array, momentum: Array) -> Problem:
-        """Return the problem whose solution an engine has that did not solve this one to the end.
+    def with_residual(self, a: Array, residual: Array, momentum: Array) -> Problem:
+        """Return the problem that an engine solved exactly, which stopped before this one's end.
 
-        Forces of limits are not part of what it left. A force larger than a solver's tolerance is
-        no error of it, and changes nothing.
+        A residual beyond a solver's tolerance comes from a different law, and changes nothing.
 
         Args:
             a: the engine's accelerations.
-            left: force that it left, with those of limits, (nv,).
+            residual: force that its solver left, with the forces of limits, (nv,).
             momentum: M m per step, (nv,).
         """
         force = np.where(self.kinds == ONE_SIDED, self.forces(a)[0], 0.0)
-        left = left - self.jacobian.T @ force
+        residual = residual - self.jacobian.T @ force
         sizes = map(np.linalg.norm, (momentum, self.mass @ (a - self.free)))
-        if np.linalg.norm(left) > TOLERANCE * max(sizes):
+        if np.linalg.norm(residual) > TOLERANCE * max(sizes):
             return self
-        free = self.free + np.linalg.solve(self.mass, left)
+        free = self.free + np.linalg.solve(self.mass, residual)
         return replace(self, free=np.asarray(free, dtype=np.float64))
 
     def solve(self, start: Array) -> Array:

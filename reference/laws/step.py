@@ -164,19 +164,19 @@ class LawModel(Constraints):
         states: Array,
         contacts: Sequence[ContactPoint],
         start: Array,
-        left: Array | None = None,
+        residual: Array | None = None,
     ) -> LawSolution:
         """Solve the laws at a state.
 
         Args:
             posture, controls, states, contacts: as in `evaluate`.
             start: a first guess, such as an engine's answer, (nv,).
-            left: force that the engine's solver is known to have left there, (nv,).
+            residual: force that the engine's solver left there, (nv,); None if unknown.
         """
         law = self.evaluate(posture, controls, states, contacts)
-        if left is not None:
+        if residual is not None:
             momentum = posture.mass @ posture.m / self.laws.step
-            law = replace(law, problem=law.problem.with_left(start, left, momentum))
+            law = replace(law, problem=law.problem.with_residual(start, residual, momentum))
         return LawSolution(
             law=law,
             acceleration=law.problem.solve(start),

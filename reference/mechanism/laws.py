@@ -331,6 +331,8 @@ class NearRigidRules:
         slip: smallest softness of friction, as a share of the inverse inertia.
         slowest: slip velocity at which friction is at 0.7 of its largest value, m/s.
         default: the ground, and a surface that the file does not describe.
+        surface_tags: of the element that states a surface, and of its numbers: friction if the next
+            is missing, friction, stiffness, dissipation.
         shapes: link, and index among its collision elements, of each shape that can touch.
     """
 
@@ -342,6 +344,7 @@ class NearRigidRules:
     slip: float
     slowest: float
     default: CompliantSurface
+    surface_tags: tuple[str, str, str, str, str]
     shapes: tuple[tuple[str, int], ...] = ()
 
 

@@ -113,14 +113,14 @@ def test_answer_that_is_not_the_minimum_leaves_a_residual(
 
 
 def test_known_error_of_a_solver_is_removed() -> None:
-    """Catch an error that is not subtracted, or one that is no solver's."""
+    """Catch an error that is not subtracted, or a large one that is."""
     law, a = on_plane(ball(FLAT), 1e-3, [0.1, 0, 0, 0, 0, -0.2])
     problem, momentum = law.problem, np.zeros(6)
     off = a + 1e-7 * np.arange(6)
-    left = problem.gradient(off)
-    same = problem.with_left(off, left, momentum)
+    residual = problem.gradient(off)
+    same = problem.with_residual(off, residual, momentum)
     assert np.max(np.abs(same.solve(a) - off)) < 1e-12
-    assert problem.with_left(off, 1e3 * left, momentum) is problem
+    assert problem.with_residual(off, 1e3 * residual, momentum) is problem
 
 
 def test_dry_friction_holds_up_to_its_force() -> None:

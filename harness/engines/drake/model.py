@@ -145,15 +145,15 @@ class DrakeModel(TreeModel):
         from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 
         plant, _ = AddMultibodyPlantSceneGraph(builder, self.step)
-        return self._filled(plant, self.step, touched)
+        return self._parsed(plant, self.step, touched)
 
     def _build(self, h: float) -> Any:
         """Build a plant with this step; 0 gives a continuous plant."""
         from pydrake.multibody.plant import MultibodyPlant
 
-        return self._filled(MultibodyPlant(h), h)
+        return self._parsed(MultibodyPlant(h), h)
 
-    def _filled(self, plant: Any, h: float, touched: Callable[[Any], None] | None = None) -> Any:
+    def _parsed(self, plant: Any, h: float, touched: Callable[[Any], None] | None = None) -> Any:
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import DiscreteContactApproximation
 

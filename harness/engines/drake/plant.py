@@ -92,14 +92,14 @@ class Plant:
         x = np.concatenate([place, turn, q[self._q]])
         return x, self.stored(v, x)
 
-    def stored(self, own: Array, x: Array) -> Array:
+    def stored(self, values: Array, x: Array) -> Array:
         """Return Drake's velocities, accelerations or forces in `RungeKutta`'s convention, at
         positions in it.
         """
-        joints: Array = own[self._v]
+        joints: Array = values[self._v]
         if not self._floats:
             return joints
-        spin, linear = np.split(own[self._root_v :][:FREE], 2)
+        spin, linear = np.split(values[self._root_v :][:FREE], 2)
         return np.concatenate([linear, from_quaternion(x[3:7]).T @ spin, joints])
 
     def push(self, x: Array, m: Array, f: Array) -> None:

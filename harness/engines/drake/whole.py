@@ -34,6 +34,11 @@ BETA = 0.1
 DEFAULT = CompliantSurface(friction=1.0, stiffness=1e6, dissipation=50.0)
 """Drake's surface of a file that states none, and the floor's."""
 
+SURFACE_TAGS = (
+    "drake:proximity_properties", "drake:mu_static", "drake:mu_dynamic",
+    "drake:point_contact_stiffness", "drake:hunt_crossley_dissipation",
+)  # fmt: skip
+
 DEEP = 100.0
 """Depth at which every shape is below the floor, m."""
 
@@ -84,6 +89,7 @@ class DrakeWhole(WholeModel):
         self.rules = NearRigidRules(
             step=self.step, share=(BETA / (2 * np.pi)) ** 2, stiffness=1e12,
             dissipation=self.step, window=2.0, slip=1e-3, slowest=1e-4, default=DEFAULT,
+            surface_tags=SURFACE_TAGS,
             shapes=tuple(self._number_shapes(robot)),
         )  # fmt: skip
         self._home = self._on_floor() if self._floats else model.home
@@ -157,9 +163,9 @@ class DrakeWhole(WholeModel):
             return EngineStep(acceleration=lost, unbalanced=lost, contacts=(), after=state)
         after = update.get_vector(0).CopyToVector()[plant.num_positions() :]
         contacts = tuple(self._contacts())
-        own = (after - before) / self.step
-        left = self._plant.stored(self._left(own, after), x) if contacts else None
-        acceleration = self._plant.stored(own, x)
+        change = (after - before) / self.step
+        residual = self._plant.stored(self._residual(change, after), x) if contacts else None
+        acceleration = self._plant.stored(change, x)
         context.SetDiscreteState(update)
         return EngineStep(
             acceleration=acceleration,
@@ -167,10 +173,10 @@ class DrakeWhole(WholeModel):
             unbalanced=np.zeros_like(state.m),
             contacts=contacts,
             after=self._read(state),
-            left=left,
+            solver_residual=residual,
         )
 
-    def _left(self, acceleration: Array, after: Array) -> Array:
+    def _residual(self, acceleration: Array, after: Array) -> Array:
         """Return what the solver left, and the forces of limits, in Drake's order."""
         from pydrake.multibody.tree import ModelInstanceIndex
 

@@ -104,20 +104,15 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
 def _compliant(file: UrdfFile, link: str, index: int, rules: NearRigidRules) -> CompliantSurface:
     """Return the surface of a collision element, whose numbers are an extension of the format."""
     shape = file.links[link].element.findall("collision")[index]
-    stated = {
-        child.tag: _value(file.document, child)
-        for child in shape.findall(f"{_DRAKE}proximity_properties/*")
-    }
-    one = stated.get(f"{_DRAKE}mu_static", rules.default.friction)
+    parent, static, friction, stiffness, dissipation = rules.surface_tags
+    elements = shape.findall(f"{parent}/*")
+    numbers = {element.tag: _value(file.document, element) for element in elements}
+    usual = rules.default
     return CompliantSurface(
-        friction=stated.get(f"{_DRAKE}mu_dynamic", one),
-        stiffness=stated.get(f"{_DRAKE}point_contact_stiffness", rules.default.stiffness),
-        dissipation=stated.get(f"{_DRAKE}hunt_crossley_dissipation", rules.default.dissipation),
+        friction=numbers.get(friction, numbers.get(static, usual.friction)),
+        stiffness=numbers.get(stiffness, usual.stiffness),
+        dissipation=numbers.get(dissipation, usual.dissipation),
     )
-
-
-_DRAKE = "drake:"
-"""Prefix of elements for Drake."""
 
 
 def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> ImpulseModel | None:
@@ -144,7 +139,7 @@ def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> 
 
 _NUMBERS = re.compile(
     r"robot/(joint/limit@(lower|upper|effort)|link/contact/\w+@value"
-    r"|link/collision/drake:proximity_properties/[\w:]+@value)"
+    r"|link/collision/\w+:\w+/\w+:\w+@value)"
 )
 """Numbers that the laws depend on, besides those of the bodies."""
 
