@@ -241,11 +241,7 @@ def _check_rules(
 ) -> WholeStepCheck:
     """Compare steps by impulses, or by near-rigid limits and compliant contacts."""
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
-    parts = LIMITS
-    if isinstance(rules, ImpulseRules):
-        parts += EFFORTS
-    if robot.floats:  # a fixed root meets no floor
-        parts += (SHAPES, CONTACTS) if isinstance(rules, ImpulseRules) else (SHAPES,)
+    parts = _parts_of(rules, floats=robot.floats)
     covered = tuple(format_omission(one) for one in robot.left_out if one.what in parts)
     if isinstance(rules, NearRigidRules):
         limited = near_rigid_model(robot, rules)
@@ -312,14 +308,16 @@ def _acting_forces(sample: Evaluated[S]) -> int:
 SHOWN = ("contacts", "limits", "drives at a limit", "motors at a limit")
 """Forces that a picture marks."""
 
-LIMITS: tuple[str, ...] = ("limits of position",)
-"""Parts of a URDF that only whole steps compare."""
 
-EFFORTS = ("limits of effort",)
-"""Further parts that steps by impulses compare."""
-
-SHAPES, CONTACTS = "collision geometry", "<contact> of <link>"
-"""Further parts that steps of a robot on a floor compare; surfaces of links by impulses."""
+def _parts_of(rules: ImpulseRules | NearRigidRules, *, floats: bool) -> tuple[str, ...]:
+    """Return the parts of a URDF that only whole steps compare; a fixed root meets no floor."""
+    limits, shapes = ("limits of position",), ("collision geometry",)
+    if isinstance(rules, ImpulseRules):
+        contacts = (*shapes, "<contact> of <link>") if floats else ()
+        return (*limits, "limits of effort", *contacts)
+    dry = ("dry friction",) if rules.dry_share else ()
+    touching = floats and rules.shapes
+    return (*(limits if rules.stops else ()), *dry, *(shapes if touching else ()))
 
 
 def _acted(evaluated: Sequence[Evaluated[S]]) -> Mapping[str, int]:

@@ -5,6 +5,9 @@ R = max(s w, 1 / (h k (h + tau))), where w is the inverse inertia of its joint a
 the step's end: (M + h D) (v - v*) = J^T p. As rows of `reference.laws.soft` these have a constant
 impedance 1 / (1 + s).
 
+Dry friction is F sign(v), or what stops the joint; with R = s w, where w is the inverse inertia
+along its joint. It may act on M instead of M + h D.
+
 A contact at depth x presses by k (x - h v_n) (1 - d v_n), where neither factor is negative. Its
 friction is mu N0 v_t / sqrt(v_t^2 + e^2): N0 is the normal force that the velocity before the step
 gives, and e the larger of a constant and mu s w h N0.
@@ -12,7 +15,7 @@ gives, and e the larger of a constant and mu s w h N0.
 Sources: Castro, Permenter and Han, An unconstrained convex formulation of compliant contact (IEEE
 T-RO 2022); Castro, Han and Masterjohn, A theory of irrotational contact fields (2023), lagged
 model; Drake 1.51, sap_driver.cc, sap_limit_constraint.cc, sap_hunt_crossley_constraint.cc,
-discrete_update_manager.cc and sap_model.cc.
+discrete_update_manager.cc and sap_model.cc; DART 6.20, JointCoulombFrictionConstraint.cpp.
 """
 
 from __future__ import annotations
@@ -48,7 +51,7 @@ def near_rigid_softness(rules: NearRigidRules) -> Softness:
 
 
 class CompliantPoint(NamedTuple):
-    """A contact at one state: a normal row and two of friction, as in `Rows.add_rates`.
+    """A contact at one state: a normal row and two of friction, as in `Rows.add_rate`.
 
     Attributes:
         start: index of the first row.
@@ -149,6 +152,14 @@ class NearRigidModel(LawModel):
                              position=abs(position) + abs(bound),
                              part=Part("limit" if distance <= 0 else "next limit", i, sign),
                              )  # fmt: skip
+        inverse = np.linalg.inv(mass) if self.laws.frictions else mass
+        for i, friction in enumerate(self.laws.frictions):
+            place = self.tree.tree.velocities[friction.joint].start
+            rows.add_rate(
+                Kind.FRICTION, np.eye(len(posture.m))[place], bound=friction.force,
+                softness=rules.dry_share * float(inverse[place, place]),
+                part=Part("dry friction", i),
+            )  # fmt: skip
         for contact in contacts:
             self._add_point(rows, posture, contact)
         return rows
@@ -177,8 +188,9 @@ class NearRigidModel(LawModel):
         )  # fmt: skip
         # A vector product has no term of equal axes: on a joint's axis an arm is exactly zero.
         sizes = np.abs(contact.position).sum() - np.abs(contact.position)
-        arms = np.tile(sizes @ (np.abs(first[1]) + np.abs(other[1])), (3, 1))
-        rows.add_rates(jacobian, np.array([depth / h**2, 0.0, 0.0]), arms)
+        arms = sizes @ (np.abs(first[1]) + np.abs(other[1]))
+        for row, size in zip(jacobian, (depth / h**2, 0.0, 0.0), strict=True):
+            rows.add_rate(Kind.BLOCK, row, size=size, arms=arms)
 
     def _world_axes(self, posture: Posture) -> Array:
         """Return stored velocities by those along the axes of the world, (nv, nv)."""
@@ -190,10 +202,14 @@ class NearRigidModel(LawModel):
         return axes
 
     def _mass(self, posture: Posture) -> Array:
-        """Return M + h D, (nv, nv)."""
+        """Return the mass matrix of constraint forces, (nv, nv): M + h D, or M."""
+        return self._damped_mass(posture) if self.rules.damped else posture.mass
+
+    def _damped_mass(self, posture: Posture) -> Array:
         result: Array = posture.mass + self.rules.step * np.diag(self._joint_damping)
         return result
 
     def _free(self, posture: Posture) -> Array:
-        """Return the accelerations without limits, (nv,)."""
-        return np.asarray(np.linalg.solve(self._mass(posture), posture.smooth), dtype=np.float64)
+        """Return the accelerations without constraints, (nv,)."""
+        free = np.linalg.solve(self._damped_mass(posture), posture.smooth)
+        return np.asarray(free, dtype=np.float64)

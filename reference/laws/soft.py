@@ -214,23 +214,32 @@ class Rows:
         self.sizes.append(size + k * d * (abs(violation) + position))
         self.bounds.append(bound)
 
-    def add_rates(self, jacobian: Array, sizes: Array, arms: Array) -> None:
-        """Add the rows of a block whose x are its velocities after the step, per second of it.
+    def add_rate(
+        self,
+        kind: Kind,
+        row: Array,
+        *,
+        softness: float = 1.0,
+        bound: float = 0.0,
+        size: float = 0.0,
+        arms: Array | float = 0.0,
+        part: Part = CONTACT,
+    ) -> None:
+        """Add a row whose x is its velocity after the step, per second of it.
 
         Args:
-            jacobian: J, (k, nv).
-            sizes: further magnitudes in x, (k,).
-            arms: as in `add`, of each row, (k, nv).
+            kind, row, bound, arms, part: as in `add`.
+            softness: R.
+            size: further magnitudes in x.
         """
-        for row, size, arm in zip(jacobian, sizes, arms, strict=True):
-            self.parts.append(CONTACT)
-            self.arms.append(arm)
-            self.kinds.append(Kind.BLOCK)
-            self.jacobian.append(row)
-            self.reference.append(-float(row @ self.velocities) / self.step)
-            self.softness.append(1.0)
-            self.sizes.append(float(np.abs(row) @ np.abs(self.velocities)) / self.step + size)
-            self.bounds.append(0.0)
+        self.parts.append(part)
+        self.arms.append(arms + np.zeros_like(row))
+        self.kinds.append(kind)
+        self.jacobian.append(row)
+        self.reference.append(-float(row @ self.velocities) / self.step)
+        self.softness.append(softness)
+        self.sizes.append(float(np.abs(row) @ np.abs(self.velocities)) / self.step + size)
+        self.bounds.append(bound)
 
     def problem(self, mass: Array, free: Array) -> Problem:
         """Return the problem of these rows; arguments as its attributes."""

@@ -320,15 +320,18 @@ class CompliantSurface:
 
 @dataclass(frozen=True, kw_only=True)
 class NearRigidRules:
-    """Settings of an engine whose joint limits are near-rigid (`reference.laws.near_rigid`).
+    """Settings of an engine whose constraints are near-rigid (`reference.laws.near_rigid`).
 
     Attributes:
         step: s.
+        damped: whether constraints push against joint dampers too, at the step's end.
+        stops: whether it has joint limits.
+        dry_share: softness of dry friction, as a share of its inverse inertia; 0 for no friction.
         share: smallest softness of a row, as a share of its inverse inertia.
         stiffness: of a limit, N/m or N m/rad.
         dissipation: time in which a limit dissipates, s.
         window: rows exist within this multiple of the motion in a step.
-        slip: smallest softness of friction, as a share of the inverse inertia.
+        slip: smallest softness of a contact's friction, as a share of the inverse inertia.
         slowest: slip velocity at which friction is at 0.7 of its largest value, m/s.
         default: the ground, and a surface that the file does not describe.
         surface_tags: of the element that states a surface, and of its numbers: friction if the next
@@ -337,14 +340,17 @@ class NearRigidRules:
     """
 
     step: float
-    share: float
-    stiffness: float
-    dissipation: float
-    window: float
-    slip: float
-    slowest: float
-    default: CompliantSurface
-    surface_tags: tuple[str, str, str, str, str]
+    damped: bool = True
+    stops: bool = True
+    dry_share: float = 0.0
+    share: float = 0.0
+    stiffness: float = np.inf
+    dissipation: float = 0.0
+    window: float = 0.0
+    slip: float = 0.0
+    slowest: float = 1.0
+    default: CompliantSurface = CompliantSurface(friction=0.0, stiffness=0.0, dissipation=0.0)
+    surface_tags: tuple[str, str, str, str, str] = ("", "", "", "", "")
     shapes: tuple[tuple[str, int], ...] = ()
 
 

@@ -10,24 +10,18 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
-from physics_crosscheck.harness.checks.law_comparison import LawComparison
 from physics_crosscheck.harness.checks.law_engine import LawEngine
-from physics_crosscheck.harness.checks.prepare import prepare_tree
-from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.diagnosis.law_problem import (
-    LawProblem,
     diagnose_laws,
-    law_problem,
 )
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
-from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import NearRigidRules
 from tests.engines.extras import need
+from tests.engines.whole_steps import checked, problem_of
 from tests.laws.scenes import URDF_ARM, URDF_LEG
 
 FAULTS = {
@@ -47,23 +41,9 @@ SURFACES = {
 }
 
 
-def checked(
-    tmp_path: Path, text: str = URDF_ARM, loaded: str = "", *, floating: bool = False
-) -> WholeStepCheck:
-    """Compare the law of a text with Drake on another one."""
-    need("drake")
-    file, copy = tmp_path / "robot.urdf", tmp_path / "copy.urdf"
-    file.write_text(text)
-    copy.write_text(loaded or text)
-    settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": floating}
-    check = check_whole_step(file, ModelSpec(copy, settings=settings), "drake", 1e-9)
-    assert check is not None
-    return check
-
-
 def test_joint_limits_follow_the_law_of_sap(tmp_path: Path) -> None:
     """Catch a wrong regularization, dissipation or damper."""
-    check = checked(tmp_path)
+    check = checked("drake", tmp_path)
     assert check.judgement is not None
     assert check.record.outcome is Outcome.AGREES
     assert check.judgement.largest_discrepancy < 1e-12
@@ -77,13 +57,13 @@ def test_planted_faults_of_limits_are_detected(tmp_path: Path, fault: str) -> No
     """Catch a number of a limit that whole steps do not depend on."""
     right, wrong = FAULTS[fault]
     assert URDF_ARM.count(right) == 1
-    check = checked(tmp_path, URDF_ARM, URDF_ARM.replace(right, wrong))
+    check = checked("drake", tmp_path, URDF_ARM, URDF_ARM.replace(right, wrong))
     assert check.record.outcome is Outcome.DIFFERS
 
 
 def test_contacts_follow_the_law_of_sap(tmp_path: Path) -> None:
     """Catch another spring, damper, friction or mixing of surfaces, and an error of the solver."""
-    check = checked(tmp_path, URDF_LEG, floating=True)
+    check = checked("drake", tmp_path, URDF_LEG, floating=True)
     assert check.judgement is not None
     assert check.record.outcome is Outcome.AGREES
     assert check.judgement.largest_discrepancy < 1e-12
@@ -92,7 +72,9 @@ def test_contacts_follow_the_law_of_sap(tmp_path: Path) -> None:
     assert {term.name for term in check.record.acted} == {"contacts", "limits"}
     assert check.record.covered == ("limits of position", "collision geometry (2)")
     meshed = URDF_LEG.replace('sphere radius=".1"', 'mesh filename="no.obj"')
-    assert checked(tmp_path, meshed, floating=True).record.uncovered == ("contacts of meshes",)
+    assert checked("drake", tmp_path, meshed, floating=True).record.uncovered == (
+        "contacts of meshes",
+    )
 
 
 @pytest.mark.parametrize("fault", SURFACES)
@@ -101,7 +83,7 @@ def test_planted_faults_of_surfaces_are_detected(tmp_path: Path, fault: str) -> 
     right, wrong = SURFACES[fault]
     assert URDF_LEG.count(right) == 1
     text = URDF_LEG.replace(right, wrong)
-    outcome = checked(tmp_path, URDF_LEG, text, floating=True).record.outcome
+    outcome = checked("drake", tmp_path, URDF_LEG, text, floating=True).record.outcome
     acts = fault != "static friction"  # the dynamic one replaces it
     assert outcome is (Outcome.DIFFERS if acts else Outcome.AGREES)
 
@@ -136,20 +118,6 @@ def test_limits_of_a_continuous_joint_are_stated(tmp_path: Path, smooth: bool, w
     assert bounds == ([-np.inf, np.inf] if smooth else [-0.4, 0.4])
 
 
-def problem_of(
-    tmp_path: Path, text: str = URDF_ARM, *, floating: bool = False
-) -> LawProblem[LawModel, LawSolution]:
-    """Return whole steps of a robot in Drake, with its law."""
-    need("drake")
-    file = tmp_path / "robot.urdf"
-    file.write_text(text)
-    task = model_task(prepare_tree(file, states=2, floating=floating), "drake")
-    problem = law_problem(task.with_settings(**SETTINGS, **STANDALONE_SETTINGS))
-    assert problem is not None
-    assert isinstance(problem.comparison, LawComparison)
-    return problem
-
-
 _Rules = Callable[[NearRigidRules], NearRigidRules]
 
 
@@ -165,7 +133,7 @@ _Rules = Callable[[NearRigidRules], NearRigidRules]
 )
 def test_other_rules_are_detected(tmp_path: Path, text: str, change: _Rules) -> None:
     """Catch a setting of SAP that the law does not depend on."""
-    problem = problem_of(tmp_path, text, floating=text == URDF_LEG)
+    problem = problem_of("drake", tmp_path, text, floating=text == URDF_LEG)
     laws = problem.comparison.laws
     assert isinstance(laws, NearRigidModel)
     rules = change(laws.rules)
@@ -179,7 +147,7 @@ def test_other_rules_are_detected(tmp_path: Path, text: str, change: _Rules) -> 
 
 def test_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:
     """Catch a diagnosis that does not try the numbers of near-rigid limits."""
-    problem = problem_of(tmp_path)
+    problem = problem_of("drake", tmp_path)
     wrong = tmp_path / "wrong.urdf"
     wrong.write_text(URDF_ARM.replace('upper=".7"', 'upper=".7000007"'))
     ranking = diagnose_laws(problem.in_engine(replace(problem.spec, path=wrong)))
@@ -190,7 +158,7 @@ def test_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:
 
 def test_wrong_surface_is_named_with_its_line(tmp_path: Path) -> None:
     """Catch a diagnosis that does not try the numbers of surfaces."""
-    problem = problem_of(tmp_path, URDF_LEG, floating=True)
+    problem = problem_of("drake", tmp_path, URDF_LEG, floating=True)
     right, wrong = SURFACES["friction"]
     copy = tmp_path / "wrong.urdf"
     copy.write_text(URDF_LEG.replace(right, wrong))
@@ -206,7 +174,7 @@ def test_wrong_surface_is_named_with_its_line(tmp_path: Path) -> None:
 
 def test_lost_limit_is_named(tmp_path: Path) -> None:
     """Catch a diagnosis without the mistakes of near-rigid limits."""
-    problem = problem_of(tmp_path)
+    problem = problem_of("drake", tmp_path)
     name = "the limit of joint shoulder is ignored"
     ranking = diagnose_laws(problem.mistaken(name))
     assert ranking.explained

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.dart.sdf import (
     as_older,
     automatic_cause,
@@ -32,6 +34,7 @@ from physics_crosscheck.harness.engines.dart.sdf import (
     with_turned,
     without_collisions,
 )
+from physics_crosscheck.harness.engines.dart.whole import WHOLE_SETTINGS, DartWhole
 from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -99,13 +102,13 @@ class WorldSteps(Stepper):
     def __init__(
         self, world: Any, body: Any, floats: bool, springs: SpringForces, exact: bool = False
     ) -> None:
-        self._world, self._body, self._floats, self._springs = world, body, floats, springs
+        self._world, self._body, self.floats, self._springs = world, body, floats, springs
         self._turned = exact and floats
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, q: Array, v: Array) -> None:
         """Set a state, and discard constraint impulses of earlier motions."""
-        if self._floats:
+        if self.floats:
             self._near = unit_quaternion(q[3:FREE])
             spin = from_quaternion(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
             q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
@@ -123,7 +126,7 @@ class WorldSteps(Stepper):
     def position(self) -> Array:
         """Return the position, with rotation coordinates nearer to the last ones."""
         q: Array = self._body.getPositions()
-        if not self._floats:
+        if not self.floats:
             return q
         turn = exponential(q[:3])
         turned = minimal_coordinates(turn, self._near)
@@ -133,10 +136,15 @@ class WorldSteps(Stepper):
     def state(self) -> tuple[Array, Array]:
         """Return positions and velocities."""
         z, v = self.position(), self._body.getVelocities()
-        if not self._floats:
+        if not self.floats:
             return z, v
         spin = from_quaternion(self._near).T @ v[:3]
         return z, np.concatenate([v[3:FREE], coordinate_rate(z[3:FREE], spin), v[FREE:]])
+
+    def velocities(self, turn: Array) -> Array:
+        """Return stored velocities for a rotation of the root, (3, 3)."""
+        v: Array = self._body.getVelocities()
+        return np.concatenate([v[3:FREE], turn.T @ v[:3], v[FREE:]]) if self.floats else v
 
     def step(self, h: float, force: Array | None) -> None:
         """Step the world, whose step is h."""
@@ -162,7 +170,7 @@ class WorldSteps(Stepper):
     def accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of positions, velocities and forces in `RungeKutta`'s convention."""
         q, v = x, m
-        if self._floats:
+        if self.floats:
             turn = from_quaternion(x[3:7])
             q = np.concatenate([_rotation_vector(x[3:7]), x[:3], x[7:]])
             v = np.concatenate([turn @ m[3:FREE], m[:3], m[FREE:]])
@@ -174,15 +182,15 @@ class WorldSteps(Stepper):
         self._body.computeForwardDynamics()
         self._body.setTimeStep(step)
         a: Array = self._body.getAccelerations()
-        if not self._floats:
+        if not self.floats:
             return a
         return np.concatenate([a[3:FREE], turn.T @ a[:3], a[FREE:]])
 
     def _pushes(self, force: Array | None) -> Array:
-        free = FREE if self._floats else 0
+        free = FREE if self.floats else 0
         q, v = self._body.getPositions(), self._body.getVelocities()
         pushes = np.zeros(len(v)) if force is None else force.copy()
-        if self._floats and force is not None:
+        if self.floats and force is not None:
             turn = from_quaternion(exponential(q[:3]))
             pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
         if not self._springs.empty:
@@ -246,7 +254,7 @@ class DartEngine(UrdfEngine):
         "accelerations: yes, without mimic and friction",
         "linearization: from steps",
         "steps: semi-implicit Euler, order 1",
-        "whole step: not judged",
+        "whole step: dry friction of URDF, by its law",
     )
     default_settings_note = "1 ms and -9.81 m/s^2"
     massless_link_default = "1 kg"
@@ -258,6 +266,25 @@ class DartEngine(UrdfEngine):
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
         return sample_urdf(), sample_sdf()
+
+    def load_whole(self, spec: ModelSpec) -> DartWhole | None:
+        """Load a URDF with the dry friction of its joints; None without any."""
+        if spec.path.suffix != ".urdf":
+            return None
+        model = self.load(replace(spec, settings={**spec.settings, **WHOLE_SETTINGS}))
+        assert isinstance(model, DartModel)
+        robot = model.declared.robot
+        if not any(float(one.get("friction", "0")) for one in robot.findall("joint/dynamics")):
+            return None
+        return DartWhole(model, model.stepper, tuple(_without_law(robot)))
+
+
+def _without_law(robot: XmlElement) -> Iterator[str]:
+    """Yield the parts of a URDF that act in DART and have no law here."""
+    if robot.findall("link/collision"):
+        yield "contacts"
+    if robot.findall("joint/mimic"):
+        yield "couplings"
 
 
 class DartModel(UrdfModel):
@@ -278,6 +305,7 @@ class DartModel(UrdfModel):
         self._corrective_settings = _corrective_settings(self.declared, self.settings)
         self._body = self._skeleton()
         self._world = dart.simulation.World()
+        self._world.setTimeStep(self.step)
         self._world.setGravity(list(self.gravity))
         self._world.addSkeleton(self._body)
         moving = [self._body.getJoint(i) for i in range(self._body.getNumJoints())]

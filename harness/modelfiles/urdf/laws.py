@@ -28,6 +28,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     ImpulseRules,
     Laws,
     NearRigidRules,
+    SoftFriction,
     SoftLimit,
 )
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
@@ -76,7 +77,12 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
     ranges = (
         (i, file.stated_bounds(link.name))
         for i, link in enumerate(tree.links)
-        if link.kind != "free"
+        if link.kind != "free" and rules.stops
+    )
+    dry = (
+        SoftFriction(joint=i, force=file.joints[link.name].friction, softness=softness)
+        for i, link in enumerate(tree.links)
+        if link.kind != "free" and rules.dry_share
     )
     limits = (
         SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
@@ -88,7 +94,8 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
         # Dampers are part of the convex problem. A free root's rotation has no rule.
         laws=Laws(
             step=rules.step, integrator="" if floats else "euler", damps_implicitly=False,
-            limits=tuple(limits), mixing="harmonic",
+            limits=tuple(limits), frictions=tuple(one for one in dry if one.force > 0),
+            mixing="harmonic",
         ),
         tree=LawTree(
             tree=tree, paths=(),
@@ -138,7 +145,7 @@ def _model(file: UrdfFile, tree: Tree, rules: ImpulseRules, *, floats: bool) -> 
 
 
 _NUMBERS = re.compile(
-    r"robot/(joint/limit@(lower|upper|effort)|link/contact/\w+@value"
+    r"robot/(joint/(limit@(lower|upper|effort)|dynamics@friction)|link/contact/\w+@value"
     r"|link/collision/\w+:\w+/\w+:\w+@value)"
 )
 """Numbers that the laws depend on, besides those of the bodies."""

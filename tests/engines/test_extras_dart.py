@@ -1,0 +1,61 @@
+"""Whole steps of DART: dry friction of joints by its law, and planted faults."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physics_crosscheck.harness.checks.law_engine import LawEngine
+from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
+from tests.engines.whole_steps import checked, problem_of
+from tests.laws.scenes import URDF_ARM
+
+STICKING = 'friction="9"'
+"""More than gravity."""
+
+RIGHT, WRONG = 'friction=".1"', 'friction=".1000001"'
+
+
+@pytest.mark.parametrize("floating", [False, True])
+def test_dry_friction_follows_its_law(tmp_path: Path, floating: bool) -> None:
+    """Catch another softness, dampers in the mass matrix, or friction that is not a force."""
+    check = checked("dart", tmp_path, floating=floating)
+    assert check.judgement is not None
+    assert check.record.outcome is Outcome.AGREES
+    assert check.judgement.largest_discrepancy < 1e-12
+    assert check.record.next_state is not floating
+    assert {term.name for term in check.record.acted} == {"dry friction"}
+    assert check.record.covered == ("dry friction",)
+    assert check.record.uncovered == ("contacts",)
+    wrong = checked("dart", tmp_path, URDF_ARM, URDF_ARM.replace(RIGHT, WRONG), floating=floating)
+    assert wrong.record.outcome is Outcome.DIFFERS
+
+
+@pytest.mark.parametrize("change", [{"dry_share": 1e-8}, {"damped": True}], ids=str)
+def test_other_rules_are_detected(tmp_path: Path, change: dict[str, Any]) -> None:
+    """Catch a setting that the law does not depend on."""
+    problem = problem_of("dart", tmp_path, URDF_ARM.replace(RIGHT, STICKING))
+    laws = problem.comparison.laws
+    assert isinstance(laws, NearRigidModel)
+    other = replace(laws, rules=replace(laws.rules, **change))
+    engine = LawEngine(problem.comparison.under(other))
+    assert problem.of_model(engine).judge(1e-12).outcome is Outcome.DIFFERS
+
+
+def test_wrong_friction_is_named_with_its_line(tmp_path: Path) -> None:
+    """Catch a diagnosis that does not try dry friction, or its mistakes."""
+    problem = problem_of("dart", tmp_path)
+    copy = tmp_path / "wrong.urdf"
+    copy.write_text(URDF_ARM.replace(RIGHT, WRONG))
+    ranking = diagnose_laws(problem.in_engine(replace(problem.spec, path=copy)))
+    assert ranking.explained
+    assert "dynamics@friction" in str(ranking.fits[0].causes[0])
+    name = "dry friction of joint shoulder is ignored"
+    ranking = diagnose_laws(problem.mistaken(name))
+    assert ranking.explained
+    assert name in [str(cause) for fit in ranking.fits[:1] for cause in fit.causes]
