@@ -1,35 +1,43 @@
-"""Quantities that the numbers of a file act as in an engine whose constraints are impulses."""
+"""Quantities that the numbers of a file act as in an engine whose constraints have its settings."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
+import numpy as np
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.acting import DRIVE_CLAMPED, FORCE_UNITS, LARGEST, NAMED
+from physics_crosscheck.harness.checks.acting import (
+    DRIVE_CLAMPED,
+    FORCE_UNITS,
+    LARGEST,
+    NAMED,
+)
 from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
-from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
+from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model, near_rigid_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.status import listed
-from physics_crosscheck.reference.laws.acting import recovery_time
+from physics_crosscheck.reference.laws.acting import SLOPE, recovery_time
 from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, mix_compliant
 from physics_crosscheck.reference.laws.planar import LIMITS, SPRINGS, PlanarModel
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     HardSurface,
     ImpulseLaws,
-    ImpulseRules,
+    NearRigidRules,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarJoint, PlanarLaws
 from physics_crosscheck.reference.mechanism.tree import TreeError
@@ -39,7 +47,7 @@ DRAG = "default damping"
 
 
 def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
-    """Return what the numbers of a file act as in an engine whose constraints are impulses.
+    """Return what the numbers of a file act as in an engine whose constraints have its settings.
 
     Each joint and body has its rows. Other engines have no rows.
 
@@ -47,10 +55,13 @@ def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ..
         EngineError: if the file cannot be loaded.
     """
     model = engines()[engine].load_whole(spec)
-    if model is None or not isinstance(model.rules, ImpulseRules):
+    if model is None or model.rules is None:
         return ()
     try:
         robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
+        if isinstance(model.rules, NearRigidRules):
+            limited = near_rigid_model(robot, model.rules)
+            return () if limited is None else tuple(dict.fromkeys(near_rigid_quantities(limited)))
         laws = impulse_model(robot, model.rules)
         if laws is None:
             return ()
@@ -61,6 +72,34 @@ def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ..
         return tuple(ActingImpulses(ImpulseComparison(laws, model), grounded).quantities())
     except TreeError:
         return ()
+
+
+def near_rigid_quantities(model: NearRigidModel) -> Iterator[ActingQuantity]:
+    """Yield the quantities of compliant contacts with the ground, and of near-rigid limits."""
+    rules, tree = model.rules, model.tree.tree
+    weight = sum(link.mass for link in tree.links) * float(np.linalg.norm(tree.gravity))
+    floor, *surfaces = model.surfaces if tree.links[0].kind == "free" else (rules.default,)
+    shapes = Counter(link for link, _ in rules.shapes)
+    for (link, index), surface in zip(rules.shapes, surfaces, strict=False):
+        subject = f"ground with {link}" if shapes[link] == 1 else f"ground with {link}#{index + 1}"
+        parts = floor.friction, surface.friction
+        pair = mix_compliant(floor, surface, model.laws.mixing)
+        rule = f"harmonic mean of {parts[0]:g} and {parts[1]:g}"
+        yield replace(_quantity(subject, "friction", pair.friction, rule=rule), parts=parts)
+        if pair.stiffness:
+            rule = "the whole weight on one contact"
+            yield _quantity(subject, "rest depth", weight / pair.stiffness, "m", rule)
+        if pair.friction > (slope := math.tan(SLOPE)):
+            creep = rules.slowest * slope / math.sqrt(pair.friction**2 - slope**2)
+            rule = f"at least, on a slope of {math.degrees(SLOPE):g} degrees"
+            yield _quantity(subject, "creep", creep, "m/s", rule)
+    for limit in model.laws.limits:
+        share = rules.step / (rules.step + rules.dissipation)
+        yield _quantity(
+            f"limits of {tree.links[limit.joint].name}", "time constant",
+            recovery_time(share, rules.step), "s",
+            f"each step of {rules.step:.3g} s removes {share:g} of a violation",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

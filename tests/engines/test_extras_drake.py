@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.diagnosis.law_problem import (
@@ -86,6 +87,32 @@ def test_planted_faults_of_surfaces_are_detected(tmp_path: Path, fault: str) -> 
     outcome = checked("drake", tmp_path, URDF_LEG, text, floating=True).record.outcome
     acts = fault != "static friction"  # the dynamic one replaces it
     assert outcome is (Outcome.DIFFERS if acts else Outcome.AGREES)
+
+
+BALL = """<robot name="ball" xmlns:drake="http://drake.mit.edu"><link name="body"><inertial>
+<mass value="2"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><sphere radius=".1"/></geometry><drake:proximity_properties>
+<drake:mu_dynamic value=".5"/><drake:point_contact_stiffness value="3000"/>
+</drake:proximity_properties></collision></link></robot>"""
+
+
+def test_numbers_act_as_stated(tmp_path: Path) -> None:
+    """Catch a rest depth that Drake does not have, and another mixing of frictions."""
+    need("drake")
+    (tmp_path / "ball.urdf").write_text(BALL)
+    settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": True}
+    spec = ModelSpec(tmp_path / "ball.urdf", settings=settings)
+    rows = {row.quantity: row.value for row in impulse_quantities(spec, "drake")}
+    model = engines()["drake"].load_whole(spec)
+    assert model is not None
+    (start,) = model.starts
+    rest = model.moved(start, 6000)
+    assert rows["rest depth"] == pytest.approx(start.z[2] - rest.z[2], rel=1e-6)
+    assert rows["friction"] == pytest.approx(2 / 3)
+    (tmp_path / "leg.urdf").write_text(URDF_LEG)
+    legs = impulse_quantities(ModelSpec(tmp_path / "leg.urdf", settings=settings), "drake")
+    contacts = {row.subject for row in legs if row.quantity == "friction"}
+    assert contacts == {"ground with body#1", "ground with body#2", "ground with shin"}
 
 
 def test_link_world_has_no_center_of_mass(tmp_path: Path) -> None:
