@@ -78,7 +78,7 @@ def near_rigid_quantities(model: NearRigidModel) -> Iterator[ActingQuantity]:
     """Yield the quantities of compliant contacts with the ground, and of near-rigid limits."""
     rules, tree = model.rules, model.tree.tree
     weight = sum(link.mass for link in tree.links) * float(np.linalg.norm(tree.gravity))
-    floor, *surfaces = model.surfaces if tree.links[0].kind == "free" else (rules.default,)
+    floor, *surfaces = model.laws.compliant if tree.links[0].kind == "free" else (rules.default,)
     shapes = Counter(link for link, _ in rules.shapes)
     for (link, index), surface in zip(rules.shapes, surfaces, strict=False):
         subject = f"ground with {link}" if shapes[link] == 1 else f"ground with {link}#{index + 1}"

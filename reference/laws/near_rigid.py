@@ -111,12 +111,10 @@ class NearRigidModel(LawModel):
     Its limits are near-rigid and its contacts compliant.
 
     Attributes:
-        rules: settings of the engine.
-        surfaces: of the ground, and of each of its shapes, which are the bodies of `tree`.
+        rules: settings of the engine; its shapes are the bodies of `tree`.
     """
 
     rules: NearRigidRules
-    surfaces: tuple[CompliantSurface, ...]
 
     def evaluate(
         self, posture: Posture, controls: Array, states: Array, contacts: Sequence[ContactPoint]
@@ -167,7 +165,7 @@ class NearRigidModel(LawModel):
     def _add_point(self, rows: Rows, posture: Posture, contact: ContactPoint) -> None:
         """Add the rows of a contact."""
         rules, h = self.rules, self.rules.step
-        surface, touched = (self.surfaces[i] for i in contact.surfaces)
+        surface, touched = (self.laws.compliant[i] for i in contact.surfaces)
         pair = mix_compliant(surface, touched, self.laws.mixing)
         first, other = (posture.jacobian(i, contact.position) for i in contact.surfaces)
         jacobian = contact.frame @ (other[0] - first[0])

@@ -98,7 +98,8 @@ def _contacts(first: Laws, second: Laws, contacts: Sequence[ContactPoint]) -> li
     """Return the contacts whose numbers differ."""
     if not _same_options(first, second):
         return list(contacts)
-    pairs = zip(first.surfaces, second.surfaces, strict=True)
+    both = ((*laws.surfaces, *laws.compliant) for laws in (first, second))  # one is empty
+    pairs = zip(*both, strict=True)
     moved = {i for i, (one, two) in enumerate(pairs) if one != two}
     stated = [{frozenset(pair[:2]): pair[2] for pair in laws.pairs} for laws in (first, second)]
     return [

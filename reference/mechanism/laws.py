@@ -152,6 +152,21 @@ class Surface:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CompliantSurface:
+    """A surface whose normal force is k x (1 + d dx/dt) at a depth x (Hunt and Crossley).
+
+    Attributes:
+        friction: sliding.
+        stiffness: k, N/m.
+        dissipation: d, s/m.
+    """
+
+    friction: float
+    stiffness: float
+    dissipation: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ContactParameters:
     """Parameters of the contact of two surfaces.
 
@@ -222,6 +237,7 @@ class Laws:
         light: bodies whose inverse weight is one over their mass: alone on slides along the axes.
         sums: drives, by index, whose forces together have limits.
         joint_ranges: limits of all drives by joint, and whether they compensate its weight.
+        compliant: of the ground and of each shape, in place of `surfaces`, for near-rigid laws.
         pairs: numbers of pairs of surfaces that a file states itself, by their indices.
         uncovered: what acts on the bodies and has no law here.
     """
@@ -240,6 +256,7 @@ class Laws:
     frictions: tuple[SoftFriction, ...] = ()
     equalities: tuple[SoftEquality, ...] = ()
     surfaces: tuple[Surface, ...] = ()
+    compliant: tuple[CompliantSurface, ...] = ()
     pairs: tuple[tuple[int, int, ContactParameters], ...] = ()
     drives: tuple[Actuator, ...] = ()
     sums: tuple[tuple[tuple[int, ...], Range], ...] = ()
@@ -301,21 +318,6 @@ class HardJoint:
     upper: float
     targets: Range
     effort: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompliantSurface:
-    """A surface whose normal force is k x (1 + d dx/dt) at a depth x (Hunt and Crossley).
-
-    Attributes:
-        friction: sliding.
-        stiffness: k, N/m.
-        dissipation: d, s/m.
-    """
-
-    friction: float
-    stiffness: float
-    dissipation: float
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
 from physics_crosscheck.reference.mechanism.laws import NearRigidRules
+from tests.compare.asking import laws
 from tests.engines.extras import need
 from tests.engines.whole_steps import checked, problem_of
 from tests.laws.scenes import URDF_ARM, URDF_LEG
@@ -113,6 +114,19 @@ def test_numbers_act_as_stated(tmp_path: Path) -> None:
     legs = impulse_quantities(ModelSpec(tmp_path / "leg.urdf", settings=settings), "drake")
     contacts = {row.subject for row in legs if row.quantity == "friction"}
     assert contacts == {"ground with body#1", "ground with body#2", "ground with shin"}
+
+
+def test_numbers_of_two_files_are_compared(tmp_path: Path) -> None:
+    """Catch a limit or a surface that no row has, or that changes no step."""
+    need("drake")
+    for name, text in (("a", URDF_LEG), ("b", URDF_LEG.replace(*SURFACES["friction"]))):
+        (tmp_path / f"{name}.urdf").write_text(text)
+    changed = (tmp_path / "b.urdf").read_text().replace('upper="1"', 'upper="1.001"')
+    (tmp_path / "b.urdf").write_text(changed)
+    rows = laws(tmp_path / "a.urdf", tmp_path / "b.urdf", "drake", "drake", floating=True)
+    effects = {(row.about, row.where_a and row.where_a.line): row.effect or 0.0 for row in rows}
+    assert set(effects) == {("joint hip", 14), ("shape 1 of link body", 4)}
+    assert min(effects.values()) > 1e-8
 
 
 def test_link_world_has_no_center_of_mass(tmp_path: Path) -> None:

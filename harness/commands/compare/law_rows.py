@@ -27,9 +27,11 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated import (
 from physics_crosscheck.harness.modelfiles.mjcf.stated import Key as StatedKey
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
+from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
+    CompliantSurface,
     ContactParameters,
     HardJoint,
     HardSurface,
@@ -73,7 +75,7 @@ class JointForceLimit:
 
 Row = (
     ContactOptions | JointForceLimit | SoftLimit | SoftFriction | SoftEquality | Surface
-    | ContactParameters | Actuator | HardJoint | HardSurface
+    | ContactParameters | Actuator | HardJoint | HardSurface | CompliantSurface
 )  # fmt: skip
 """The numbers of a row."""
 
@@ -110,6 +112,7 @@ ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
         "lateral_friction": ("friction",), "restitution": ("restitution",),
         "stiffness and damping": ("spring",), "friction_anchor": ("anchored",),
     },
+    CompliantSurface: {name: (name,) for name in ("friction", "stiffness", "dissipation")},
 }  # fmt: skip
 """Attributes of a row, each with the fields that it follows from.
 
@@ -370,6 +373,30 @@ def hard_rows(file: Path, model: ImpulseModel, joints: Mapping[str, str]) -> Ite
                 lines |= _line(file, child, child.tag)
             yield LawRow(key=("surfaces", name), subject=f"link {name}", index=i, row=surface,
                          lines=lines)  # fmt: skip
+
+
+def near_rigid_rows(
+    file: Path, model: NearRigidModel, joints: Mapping[str, str]
+) -> Iterator[LawRow]:
+    """Yield the rows of a URDF in an engine of near-rigid laws; arguments as in `hard_rows`."""
+    urdf, laws, links = read_urdf(Document(file)), model.laws, model.tree.tree.links
+    tables: tuple[tuple[str, str, Sequence[SoftLimit | SoftFriction]], ...] = (
+        ("limits", "limit", laws.limits),
+        ("frictions", "dynamics", laws.frictions),
+    )
+    for table, tag, rows in tables:
+        for i, row in enumerate(rows):
+            name = links[row.joint].name
+            if name in joints:
+                lines = _line(file, urdf.joints[name].element.find(tag), "")
+                yield LawRow(key=(table, "joint", joints[name]), subject=f"joint {joints[name]}",
+                             index=i, row=row, lines=lines)  # fmt: skip
+    for i, (link, index) in enumerate(model.rules.shapes, start=1):
+        shape = urdf.links[link].element.findall("collision")[index]
+        surface = shape.find(model.rules.surface_tags[0]) or shape
+        yield LawRow(key=("compliant", link, str(index)),
+                     subject=f"shape {index + 1} of link {link}", index=i, row=laws.compliant[i],
+                     lines=_line(file, surface, ""))  # fmt: skip
 
 
 def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:

@@ -36,6 +36,7 @@ from physics_crosscheck.harness.commands.compare.law_rows import (
     SoftRows,
     hard_as_soft,
     hard_rows,
+    near_rigid_rows,
     shape_names,
     soft_as_hard,
     with_attribute,
@@ -53,10 +54,11 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
-from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model
+from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model, near_rigid_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
@@ -89,7 +91,7 @@ def compare_laws(task: LawsTask) -> tuple[ComparedProperty, ...] | None:
     """
     try:
         b, a = (_load_laws(facts) for facts in reversed(task.facts))  # A stays loaded
-        if a is None or b is None:
+        if a is None or b is None or a.near_rigid != b.near_rigid:
             return None
         rows = _rows(a, b, task.pairs)
         differences = tuple(_differences(*rows))
@@ -105,6 +107,11 @@ class _LawSide:
     facts: Facts
     model: LawModel | ImpulseModel
     whole: WholeModel
+
+    @property
+    def near_rigid(self) -> bool:
+        """True for near-rigid laws, whose rows no other law has."""
+        return isinstance(self.model, NearRigidModel)
 
 
 def _load_laws(facts: Facts) -> _LawSide | None:
@@ -124,8 +131,9 @@ def _load_laws(facts: Facts) -> _LawSide | None:
     elif isinstance(whole.rules, ImpulseRules):
         robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
         model = impulse_model(robot, whole.rules)
-    else:  # near-rigid limits are compared in whole steps only
-        return None
+    else:
+        robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
+        model = near_rigid_model(robot, whole.rules)
     return None if model is None else _LawSide(facts=facts, model=model, whole=whole)
 
 
@@ -161,8 +169,11 @@ def _own_rows(loaded: _LawSide, soft: SoftRows | None, names: Mapping[str, str])
     """Return the rows of one model in the tables of its own laws."""
     if soft is not None:
         return list(soft.rows())
-    assert isinstance(loaded.model, ImpulseModel)
-    return list(hard_rows(loaded.facts.candidate.sidecar.model, loaded.model, names))
+    file, model = loaded.facts.candidate.sidecar.model, loaded.model
+    if isinstance(model, NearRigidModel):
+        return list(near_rigid_rows(file, model, names))
+    assert isinstance(model, ImpulseModel)
+    return list(hard_rows(file, model, names))
 
 
 def _soft_sides(

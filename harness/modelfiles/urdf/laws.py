@@ -96,6 +96,7 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
             step=rules.step, integrator="" if floats else "euler", damps_implicitly=False,
             limits=tuple(limits), frictions=tuple(one for one in dry if one.force > 0),
             mixing="harmonic",
+            compliant=(rules.default, *(_compliant(file, *shape, rules) for shape in shapes)),
         ),
         tree=LawTree(
             tree=tree, paths=(),
@@ -104,7 +105,6 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
         ),
         home=np.zeros(tree.nv),
         rules=rules,
-        surfaces=(rules.default, *(_compliant(file, *shape, rules) for shape in shapes)),
     )  # fmt: skip
 
 
