@@ -1,4 +1,4 @@
-"""Joint limits and compliant contacts in a convex problem in the velocities after a step.
+"""Limits, dry friction and compliant contacts in a convex problem in velocities after a step.
 
 The impulse of a limit at distance g is p = max(0, (v_hat - v) / R), with v_hat = -g / (h + tau) and
 R = max(s w, 1 / (h k (h + tau))), where w is the inverse inertia of its joint alone. Dampers act at
