@@ -52,7 +52,9 @@ def expand(source: Path) -> Path:
     marks = list(_marks(tree.documentElement))
     target = _target(whole)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(tree.toprettyxml(indent="  "), encoding="utf-8")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+    temporary.write_text(tree.toprettyxml(indent="  "), encoding="utf-8")
+    os.replace(temporary, target)  # another process may read it
     document = Document(target)
     lines = {document.line(one): mark for one, mark in zip(document.elements, marks, strict=True)}
     _LINES[str(target)] = {line: mark for line, mark in lines.items() if mark is not None}
