@@ -187,8 +187,11 @@ class NearRigidModel(LawModel):
         # A vector product has no term of equal axes: on a joint's axis an arm is exactly zero.
         sizes = np.abs(contact.position).sum() - np.abs(contact.position)
         arms = sizes @ (np.abs(first[1]) + np.abs(other[1]))
-        for row, size in zip(jacobian, (depth / h**2, 0.0, 0.0), strict=True):
-            rows.add_rate(Kind.BLOCK, row, size=size, arms=arms)
+        # The largest friction has the rounding of the normal velocity.
+        damped = pair.dissipation * float(np.abs(jacobian[0]) @ np.abs(posture.m))
+        loose = damped * pair.friction * elastic / sliding if sliding else 0.0
+        for row, size, share in zip(jacobian, (depth / h**2, 0, 0), (0, loose, loose), strict=True):
+            rows.add_rate(Kind.BLOCK, row, size=size, arms=arms + share * np.abs(row))
 
     def _world_axes(self, posture: Posture) -> Array:
         """Return stored velocities by those along the axes of the world, (nv, nv)."""
