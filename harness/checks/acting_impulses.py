@@ -1,4 +1,4 @@
-"""Quantities that the numbers of a file act as in an engine whose constraints have its settings."""
+"""Quantities that the numbers of a URDF or of bodies in a plane act as in an engine."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
-from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model, near_rigid_model
+from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
@@ -37,7 +37,6 @@ from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     HardSurface,
     ImpulseLaws,
-    NearRigidRules,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarJoint, PlanarLaws
 from physics_crosscheck.reference.mechanism.tree import TreeError
@@ -46,10 +45,10 @@ DRAG = "default damping"
 """Damping of links that an engine adds by itself, relative to their inertia."""
 
 
-def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
-    """Return what the numbers of a file act as in an engine whose constraints have its settings.
+def urdf_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
+    """Return what the numbers of a URDF act as in an engine, by its settings and its law.
 
-    Each joint and body has its rows. Other engines have no rows.
+    Each joint and body has its rows. Engines without such a law have no rows.
 
     Raises:
         EngineError: if the file cannot be loaded.
@@ -59,12 +58,11 @@ def impulse_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ..
         return ()
     try:
         robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
-        if isinstance(model.rules, NearRigidRules):
-            limited = near_rigid_model(robot, model.rules)
-            return () if limited is None else tuple(dict.fromkeys(near_rigid_quantities(limited)))
-        laws = impulse_model(robot, model.rules)
+        laws = ruled_model(robot, model.rules)
         if laws is None:
             return ()
+        if isinstance(laws, NearRigidModel):
+            return tuple(near_rigid_quantities(laws))
         # A fixed root meets the floor of a setting only.
         floor = laws.laws.root is not None or bool(spec.settings.get("floor"))
         links = read_urdf(Document(robot.file)).links.items() if floor else ()
@@ -78,12 +76,13 @@ def near_rigid_quantities(model: NearRigidModel) -> Iterator[ActingQuantity]:
     """Yield the quantities of compliant contacts with the ground, and of near-rigid limits."""
     rules, tree = model.rules, model.tree.tree
     weight = sum(link.mass for link in tree.links) * float(np.linalg.norm(tree.gravity))
-    floor, *surfaces = model.laws.compliant if tree.links[0].kind == "free" else (rules.default,)
-    shapes = Counter(link for link, _ in rules.shapes)
-    for (link, index), surface in zip(rules.shapes, surfaces, strict=False):
-        subject = f"ground with {link}" if shapes[link] == 1 else f"ground with {link}#{index + 1}"
-        parts = floor.friction, surface.friction
-        pair = mix_compliant(floor, surface, model.laws.mixing)
+    count = Counter(link for link, _ in rules.shapes)
+    ground, *surfaces = model.laws.compliant
+    grounded = tree.links[0].kind == "free"  # a fixed root meets no floor
+    for (link, index), surface in zip(rules.shapes, surfaces, strict=True) if grounded else ():
+        subject = f"ground with {link}" if count[link] == 1 else f"ground with {link}#{index + 1}"
+        parts = ground.friction, surface.friction
+        pair = mix_compliant(ground, surface, model.laws.mixing)
         rule = f"harmonic mean of {parts[0]:g} and {parts[1]:g}"
         yield replace(_quantity(subject, "friction", pair.friction, rule=rule), parts=parts)
         if pair.stiffness:

@@ -11,9 +11,9 @@ import msgspec
 from physics_crosscheck.harness.checks.acting import acting_quantities, declared_quantities
 from physics_crosscheck.harness.checks.acting_impulses import (
     DRAG,
-    impulse_quantities,
     merged,
     planar_quantities,
+    urdf_quantities,
 )
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import (
@@ -92,7 +92,7 @@ def _file_quantities(task: TreeTask | SystemTask) -> tuple[ActingQuantity, ...]:
     engine = engines()[task.engine]
     if task.file.suffix in engine.compiles:
         return acting_quantities(engine.compiled(task.file))
-    rows = merged(impulse_quantities(task.spec, task.engine))
+    rows = merged(urdf_quantities(task.spec, task.engine))
     # Default damping is the same for all files, and off here.
     return tuple(row for row in rows if row.quantity != DRAG)
 

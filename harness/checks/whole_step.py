@@ -45,7 +45,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.misread import (
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
-from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model, near_rigid_model
+from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.base import SourceLine, number
@@ -53,6 +53,7 @@ from physics_crosscheck.harness.records.case import CaseKind, LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import ActingState
 from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules, NearRigidRules
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
@@ -243,15 +244,12 @@ def _check_rules(
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
     parts = _parts_of(rules, floats=robot.floats)
     covered = tuple(format_omission(one) for one in robot.left_out if one.what in parts)
-    if isinstance(rules, NearRigidRules):
-        limited = near_rigid_model(robot, rules)
-        if limited is not None:
-            return _check(LawComparison(limited, model), covered, resolution, steps)
-    else:
-        laws = impulse_model(robot, rules)
-        if laws is not None:
-            return _check(ImpulseComparison(laws, model), covered, resolution, steps)
-    return WholeStepCheck.skipped()
+    laws = ruled_model(robot, rules)
+    if laws is None:
+        return WholeStepCheck.skipped()
+    if isinstance(laws, ImpulseModel):
+        return _check(ImpulseComparison(laws, model), covered, resolution, steps)
+    return _check(LawComparison(laws, model), covered, resolution, steps)
 
 
 def _check(
@@ -311,13 +309,15 @@ SHOWN = ("contacts", "limits", "drives at a limit", "motors at a limit")
 
 def _parts_of(rules: ImpulseRules | NearRigidRules, *, floats: bool) -> tuple[str, ...]:
     """Return the parts of a URDF that only whole steps compare; a fixed root meets no floor."""
-    limits, shapes = ("limits of position",), ("collision geometry",)
     if isinstance(rules, ImpulseRules):
-        contacts = (*shapes, "<contact> of <link>") if floats else ()
-        return (*limits, "limits of effort", *contacts)
-    dry = ("dry friction",) if rules.dry_share else ()
-    touching = floats and rules.shapes
-    return (*(limits if rules.stops else ()), *dry, *(shapes if touching else ()))
+        contacts = ("collision geometry", "<contact> of <link>") if floats else ()
+        return ("limits of position", "limits of effort", *contacts)
+    acts = {
+        "limits of position": rules.has_limits,
+        "dry friction": rules.dry_friction_share > 0,
+        "collision geometry": floats and bool(rules.shapes),
+    }
+    return tuple(part for part, act in acts.items() if act)
 
 
 def _acted(evaluated: Sequence[Evaluated[S]]) -> Mapping[str, int]:

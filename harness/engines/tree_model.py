@@ -5,7 +5,7 @@ and dampers that an adapter adds, and mimic joints that it constrains through th
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ from physics_crosscheck.harness.engines.protocol import (
     ModelSpec,
     Spring,
     StateForce,
+    WholeModel,
+    WholeState,
 )
 from physics_crosscheck.harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
 from physics_crosscheck.harness.engines.source import engine_errors
@@ -289,3 +291,32 @@ class TreeModel(LoadedModel):
             if isinstance(self.stepper, RungeKutta):
                 return self.stepper.rollout(q, v, h, n, force, every)
             return rollout(self.stepper, q, v, h, n, force, every)
+
+
+class UndrivenWhole(WholeModel):
+    """A tree without drives, with its other forces, for single steps.
+
+    Args:
+        model: the loaded model.
+        uncovered: parts of the file that have no law here.
+
+    Attributes:
+        home: the drawn configuration, (nz,).
+    """
+
+    controls = activations = 0
+    speed = 0.4
+
+    def __init__(self, model: TreeModel, uncovered: tuple[str, ...]) -> None:
+        self._model, self.uncovered, self.home = model, uncovered, model.home
+        self.coordinates, self.step = model.coordinates, model.step
+
+    @property
+    def starts(self) -> Iterator[WholeState]:
+        """The drawn configuration."""
+        yield WholeState(self.home, np.zeros(len(self.home)), self.home[:0], self.home[:0])
+
+    @property
+    def ranges(self) -> tuple[Array, Array]:
+        """Joint limits, and no controls."""
+        return self._model.limits, np.zeros((0, 2))

@@ -150,30 +150,35 @@ class NearRigidModel(LawModel):
                              position=abs(position) + abs(bound),
                              part=Part("limit" if distance <= 0 else "next limit", i, sign),
                              )  # fmt: skip
-        inverse = np.linalg.inv(mass) if self.laws.frictions else mass
         for i, friction in enumerate(self.laws.frictions):
             place = self.tree.tree.velocities[friction.joint].start
             rows.add_rate(
                 Kind.FRICTION, np.eye(len(posture.m))[place], bound=friction.force,
-                softness=rules.dry_share * float(inverse[place, place]),
+                softness=rules.dry_friction_share * float(posture.inverse[place, place]),
                 part=Part("dry friction", i),
             )  # fmt: skip
+        axes = self._world_axes(posture)
+        mobility = axes / np.diagonal(axes.T @ mass @ axes) @ axes.T
         for contact in contacts:
-            self._add_point(rows, posture, contact)
+            self._add_point(rows, posture, contact, mobility)
         return rows
 
-    def _add_point(self, rows: Rows, posture: Posture, contact: ContactPoint) -> None:
-        """Add the rows of a contact."""
+    def _add_point(
+        self, rows: Rows, posture: Posture, contact: ContactPoint, mobility: Array
+    ) -> None:
+        """Add the rows of a contact.
+
+        Args:
+            rows, posture, contact: as in `rows`.
+            mobility: inverse of the diagonal of M + h D along the axes of the world, (nv, nv); the
+                law takes it for the whole inverse.
+        """
         rules, h = self.rules, self.rules.step
         surface, touched = (self.laws.compliant[i] for i in contact.surfaces)
         pair = mix_compliant(surface, touched, self.laws.mixing)
         first, other = (posture.jacobian(i, contact.position) for i in contact.surfaces)
         jacobian = contact.frame @ (other[0] - first[0])
-        # The documented inverse inertia: of the diagonal of M, along the axes of the world.
-        axes = self._world_axes(posture)
-        diagonal = np.diagonal(axes.T @ self._mass(posture) @ axes)
-        turned = jacobian @ axes
-        weight = float(np.linalg.norm(turned / diagonal @ turned.T)) / 3
+        weight = float(np.linalg.norm(jacobian @ mobility @ jacobian.T)) / 3
         depth, rate = max(0.0, -contact.distance), float(jacobian[0] @ posture.m)
         elastic = pair.stiffness * depth
         sliding = pair.friction * elastic * max(0.0, 1 - pair.dissipation * rate)
@@ -185,12 +190,13 @@ class NearRigidModel(LawModel):
             )
         )  # fmt: skip
         # A vector product has no term of equal axes: on a joint's axis an arm is exactly zero.
-        sizes = np.abs(contact.position).sum() - np.abs(contact.position)
-        arms = sizes @ (np.abs(first[1]) + np.abs(other[1]))
+        lengths = np.abs(contact.position).sum() - np.abs(contact.position)
+        arms = lengths @ (np.abs(first[1]) + np.abs(other[1]))
         # The largest friction has the rounding of the normal velocity.
-        damped = pair.dissipation * float(np.abs(jacobian[0]) @ np.abs(posture.m))
-        loose = damped * pair.friction * elastic / sliding if sliding else 0.0
-        for row, size, share in zip(jacobian, (depth / h**2, 0, 0), (0, loose, loose), strict=True):
+        rates = pair.dissipation * float(np.abs(jacobian[0]) @ np.abs(posture.m))
+        rounding = rates * pair.friction * elastic / sliding if sliding else 0.0
+        sizes, shares = (depth / h**2, 0.0, 0.0), (0.0, rounding, rounding)
+        for row, size, share in zip(jacobian, sizes, shares, strict=True):
             rows.add_rate(Kind.BLOCK, row, size=size, arms=arms + share * np.abs(row))
 
     def _world_axes(self, posture: Posture) -> Array:
@@ -204,7 +210,7 @@ class NearRigidModel(LawModel):
 
     def _mass(self, posture: Posture) -> Array:
         """Return the mass matrix of constraint forces, (nv, nv): M + h D, or M."""
-        return self._damped_mass(posture) if self.rules.damped else posture.mass
+        return self._damped_mass(posture) if self.rules.damped_mass else posture.mass
 
     def _damped_mass(self, posture: Posture) -> Array:
         result: Array = posture.mass + self.rules.step * np.diag(self._joint_damping)

@@ -201,18 +201,15 @@ class Rows:
             arms: magnitudes of the positions whose differences are arms in the row, (nv,).
             part: of the laws that the row belongs to.
         """
-        self.parts.append(part)
         d, full = impedance(softness, violation if depth is None else depth)
         k, b = gains(softness.reference, full, self.step, safe=self.safe)
         rate = float(row @ self.velocities)
         size = b * float(np.abs(row) @ np.abs(self.velocities)) + abs(bias)
-        self.arms.append(arms + np.zeros_like(row))
-        self.kinds.append(kind)
-        self.jacobian.append(row)
-        self.reference.append(-b * rate - k * d * violation - bias)
-        self.softness.append(max(SMALLEST, (1 - d) / d * weight))
-        self.sizes.append(size + k * d * (abs(violation) + position))
-        self.bounds.append(bound)
+        self._append(
+            kind, row, reference=-b * rate - k * d * violation - bias,
+            softness=max(SMALLEST, (1 - d) / d * weight),
+            size=size + k * d * (abs(violation) + position), bound=bound, arms=arms, part=part,
+        )  # fmt: skip
 
     def add_rate(
         self,
@@ -232,14 +229,24 @@ class Rows:
             softness: R.
             size: further magnitudes in x.
         """
-        self.parts.append(part)
-        self.arms.append(arms + np.zeros_like(row))
+        self._append(
+            kind, row, reference=-float(row @ self.velocities) / self.step, softness=softness,
+            size=float(np.abs(row) @ np.abs(self.velocities)) / self.step + size,
+            bound=bound, arms=arms, part=part,
+        )  # fmt: skip
+
+    def _append(
+        self, kind: Kind, row: Array, *, reference: float, softness: float, size: float,
+        bound: float, arms: Array | float, part: Part,
+    ) -> None:  # fmt: skip
         self.kinds.append(kind)
         self.jacobian.append(row)
-        self.reference.append(-float(row @ self.velocities) / self.step)
+        self.reference.append(reference)
         self.softness.append(softness)
-        self.sizes.append(float(np.abs(row) @ np.abs(self.velocities)) / self.step + size)
+        self.sizes.append(size)
         self.bounds.append(bound)
+        self.arms.append(arms + np.zeros_like(row))
+        self.parts.append(part)
 
     def problem(self, mass: Array, free: Array) -> Problem:
         """Return the problem of these rows; arguments as its attributes."""
@@ -414,8 +421,9 @@ MAX_ITERATIONS, ROUGHLY = 200, 1e-12
 """Newton iterations, and the share of the forces below which only rounding is left."""
 
 TOLERANCE = 1e-5
-"""Largest share of the momentum, or of its change, that a solver may leave; Drake's leaves 1e-6 in
-another norm.
+"""Largest force that a solver may leave, as a share of the momentum per step, or of its change.
+
+Documented tolerances are 1e-6, of norms that weigh velocities by their inertia.
 """
 
 LAST_DIGITS = 4 * float(np.finfo(float).eps)

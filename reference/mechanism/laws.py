@@ -326,9 +326,10 @@ class NearRigidRules:
 
     Attributes:
         step: s.
-        damped: whether constraints push against joint dampers too, at the step's end.
-        stops: whether it has joint limits.
-        dry_share: softness of dry friction, as a share of its inverse inertia; 0 for no friction.
+        damped_mass: whether constraint forces act on M + h D, with joint dampers D, or on M.
+        has_limits: whether joint limits act.
+        dry_friction_share: softness of dry friction, as a share of its inverse inertia; 0 if it
+            does not act.
         share: smallest softness of a row, as a share of its inverse inertia.
         stiffness: of a limit, N/m or N m/rad.
         dissipation: time in which a limit dissipates, s.
@@ -342,9 +343,9 @@ class NearRigidRules:
     """
 
     step: float
-    damped: bool = True
-    stops: bool = True
-    dry_share: float = 0.0
+    damped_mass: bool = True
+    has_limits: bool = True
+    dry_friction_share: float = 0.0
     share: float = 0.0
     stiffness: float = np.inf
     dissipation: float = 0.0

@@ -36,7 +36,7 @@ def test_dry_friction_follows_its_law(tmp_path: Path, floating: bool) -> None:
     assert wrong.record.outcome is Outcome.DIFFERS
 
 
-@pytest.mark.parametrize("change", [{"dry_share": 1e-8}, {"damped": True}], ids=str)
+@pytest.mark.parametrize("change", [{"dry_friction_share": 1e-8}, {"damped_mass": True}], ids=str)
 def test_other_rules_are_detected(tmp_path: Path, change: dict[str, Any]) -> None:
     """Catch a setting that the law does not depend on."""
     problem = problem_of("dart", tmp_path, URDF_ARM.replace(RIGHT, STICKING))

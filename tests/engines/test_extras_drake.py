@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities
+from physics_crosscheck.harness.checks.acting_impulses import urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.diagnosis.law_problem import (
@@ -103,7 +103,7 @@ def test_numbers_act_as_stated(tmp_path: Path) -> None:
     (tmp_path / "ball.urdf").write_text(BALL)
     settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": True}
     spec = ModelSpec(tmp_path / "ball.urdf", settings=settings)
-    rows = {row.quantity: row.value for row in impulse_quantities(spec, "drake")}
+    rows = {row.quantity: row.value for row in urdf_quantities(spec, "drake")}
     model = engines()["drake"].load_whole(spec)
     assert model is not None
     (start,) = model.starts
@@ -111,7 +111,7 @@ def test_numbers_act_as_stated(tmp_path: Path) -> None:
     assert rows["rest depth"] == pytest.approx(start.z[2] - rest.z[2], rel=1e-6)
     assert rows["friction"] == pytest.approx(2 / 3)
     (tmp_path / "leg.urdf").write_text(URDF_LEG)
-    legs = impulse_quantities(ModelSpec(tmp_path / "leg.urdf", settings=settings), "drake")
+    legs = urdf_quantities(ModelSpec(tmp_path / "leg.urdf", settings=settings), "drake")
     contacts = {row.subject for row in legs if row.quantity == "friction"}
     assert contacts == {"ground with body#1", "ground with body#2", "ground with shin"}
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.checks.acting_impulses import impulse_quantities, merged
+from physics_crosscheck.harness.checks.acting_impulses import merged, urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.engines.protocol import ModelSpec, WholeState
 from physics_crosscheck.harness.engines.registry import engines
@@ -29,7 +29,7 @@ def spec_of(tmp_path: Path, text: str, *, floating: bool = False) -> ModelSpec:
 
 def quantities(spec: ModelSpec) -> dict[tuple[str, str], float]:
     """Return the quantities by subject and name."""
-    rows = impulse_quantities(spec, "pybullet")
+    rows = urdf_quantities(spec, "pybullet")
     return {(row.subject, row.quantity): float(row.value or 0.0) for row in rows}
 
 
@@ -102,6 +102,6 @@ def test_limit_rebounds_at_most_by_its_share(tmp_path: Path) -> None:
 
 def test_equal_rows_are_one_line(tmp_path: Path) -> None:
     """Catch a list of one line for each joint."""
-    rows = impulse_quantities(spec_of(tmp_path, URDF_ARM), "pybullet")
+    rows = urdf_quantities(spec_of(tmp_path, URDF_ARM), "pybullet")
     lines = [row for row in merged(rows) if row.quantity == "time constant"]
     assert [row.subject for row in lines] == ["limits of shoulder", "drive of shoulder, elbow"]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.checks.acting import LARGEST, acting_quantities
-from physics_crosscheck.harness.checks.acting_impulses import DRAG, impulse_quantities, merged
+from physics_crosscheck.harness.checks.acting_impulses import DRAG, merged, urdf_quantities
 from physics_crosscheck.harness.commands.compare.candidate import Facts
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
@@ -53,7 +53,7 @@ def _table(facts: Facts, *, apart: bool) -> Mapping[_Key, ActingQuantity]:
         rows = acting_quantities(facts.compiled, apart=apart)
     else:
         try:
-            rows = impulse_quantities(candidate.sidecar.spec(candidate.engine), candidate.engine)
+            rows = urdf_quantities(candidate.sidecar.spec(candidate.engine), candidate.engine)
         except EngineError:
             return {}
     return {(row.subject, row.quantity): row for row in rows}

@@ -54,7 +54,7 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
-from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_model, near_rigid_model
+from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
@@ -63,7 +63,6 @@ from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     ImpulseLaws,
-    ImpulseRules,
     Laws,
     SoftLimit,
 )
@@ -128,12 +127,9 @@ def _load_laws(facts: Facts) -> _LawSide | None:
         model = None if facts.compiled is None else law_model(facts.compiled)
         if model is not None and model.laws.uncovered:
             return None
-    elif isinstance(whole.rules, ImpulseRules):
-        robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
-        model = impulse_model(robot, whole.rules)
     else:
         robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
-        model = near_rigid_model(robot, whole.rules)
+        model = ruled_model(robot, whole.rules)
     return None if model is None else _LawSide(facts=facts, model=model, whole=whole)
 
 

@@ -46,7 +46,7 @@ from physics_crosscheck.harness.engines.protocol import (
     StepRule,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import each_alone
+from physics_crosscheck.harness.engines.runge_kutta import each_alone, rates
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
 from physics_crosscheck.harness.engines.sdf_sidecar import (
     DeclaredSdf,
@@ -73,7 +73,6 @@ from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, Urdf
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, Declarations
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
-    coordinate_rate,
     exponential,
     from_quaternion,
     minimal_coordinates,
@@ -102,13 +101,13 @@ class WorldSteps(Stepper):
     def __init__(
         self, world: Any, body: Any, floats: bool, springs: SpringForces, exact: bool = False
     ) -> None:
-        self._world, self._body, self.floats, self._springs = world, body, floats, springs
+        self._world, self._body, self._floats, self._springs = world, body, floats, springs
         self._turned = exact and floats
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, q: Array, v: Array) -> None:
         """Set a state, and discard constraint impulses of earlier motions."""
-        if self.floats:
+        if self._floats:
             self._near = unit_quaternion(q[3:FREE])
             spin = from_quaternion(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
             q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
@@ -126,7 +125,7 @@ class WorldSteps(Stepper):
     def position(self) -> Array:
         """Return the position, with rotation coordinates nearer to the last ones."""
         q: Array = self._body.getPositions()
-        if not self.floats:
+        if not self._floats:
             return q
         turn = exponential(q[:3])
         turned = minimal_coordinates(turn, self._near)
@@ -135,16 +134,19 @@ class WorldSteps(Stepper):
 
     def state(self) -> tuple[Array, Array]:
         """Return positions and velocities."""
-        z, v = self.position(), self._body.getVelocities()
-        if not self.floats:
-            return z, v
-        spin = from_quaternion(self._near).T @ v[:3]
-        return z, np.concatenate([v[3:FREE], coordinate_rate(z[3:FREE], spin), v[FREE:]])
+        z = self.position()
+        m = self.velocities(from_quaternion(self._near))
+        return z, rates(z, m) if self._floats else m
 
     def velocities(self, turn: Array) -> Array:
-        """Return stored velocities for a rotation of the root, (3, 3)."""
-        v: Array = self._body.getVelocities()
-        return np.concatenate([v[3:FREE], turn.T @ v[:3], v[FREE:]]) if self.floats else v
+        """Return velocities in `RungeKutta`'s convention, for a rotation of the root, (3, 3)."""
+        return self._along_root(self._body.getVelocities(), turn)
+
+    def _along_root(self, values: Array, turn: Array) -> Array:
+        """Return DART's velocities or accelerations in `RungeKutta`'s convention."""
+        if not self._floats:
+            return values
+        return np.concatenate([values[3:FREE], turn.T @ values[:3], values[FREE:]])
 
     def step(self, h: float, force: Array | None) -> None:
         """Step the world, whose step is h."""
@@ -169,8 +171,8 @@ class WorldSteps(Stepper):
 
     def accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of positions, velocities and forces in `RungeKutta`'s convention."""
-        q, v = x, m
-        if self.floats:
+        q, v, turn = x, m, np.eye(3)
+        if self._floats:
             turn = from_quaternion(x[3:7])
             q = np.concatenate([_rotation_vector(x[3:7]), x[:3], x[7:]])
             v = np.concatenate([turn @ m[3:FREE], m[:3], m[FREE:]])
@@ -181,16 +183,13 @@ class WorldSteps(Stepper):
         self._body.setTimeStep(INSTANT)
         self._body.computeForwardDynamics()
         self._body.setTimeStep(step)
-        a: Array = self._body.getAccelerations()
-        if not self.floats:
-            return a
-        return np.concatenate([a[3:FREE], turn.T @ a[:3], a[FREE:]])
+        return self._along_root(self._body.getAccelerations(), turn)
 
     def _pushes(self, force: Array | None) -> Array:
-        free = FREE if self.floats else 0
+        free = FREE if self._floats else 0
         q, v = self._body.getPositions(), self._body.getVelocities()
         pushes = np.zeros(len(v)) if force is None else force.copy()
-        if self.floats and force is not None:
+        if self._floats and force is not None:
             turn = from_quaternion(exponential(q[:3]))
             pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
         if not self._springs.empty:
@@ -274,7 +273,7 @@ class DartEngine(UrdfEngine):
         model = self.load(replace(spec, settings={**spec.settings, **WHOLE_SETTINGS}))
         assert isinstance(model, DartModel)
         robot = model.declared.robot
-        if not any(float(one.get("friction", "0")) for one in robot.findall("joint/dynamics")):
+        if not any(joint.friction for joint in model.declared.file.joints.values()):
             return None
         return DartWhole(model, model.stepper, tuple(_without_law(robot)))
 

@@ -135,17 +135,17 @@ class DrakeModel(TreeModel):
     def complete(self, plant: Any) -> None:
         """Add elements that Drake's parser ignores, before the plant is finalized."""
 
-    def build_in(self, builder: Any, touched: Callable[[Any], None]) -> Any:
+    def build_in(self, builder: Any, prepare: Callable[[Any], None]) -> Any:
         """Build a plant of the file's step in a diagram, with shapes.
 
         Args:
             builder: of the diagram.
-            touched: adds shapes before the plant is finalized.
+            prepare: changes the plant before it is finalized.
         """
         from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 
         plant, _ = AddMultibodyPlantSceneGraph(builder, self.step)
-        return self._parsed(plant, self.step, touched)
+        return self._parsed(plant, self.step, prepare)
 
     def _build(self, h: float) -> Any:
         """Build a plant with this step; 0 gives a continuous plant."""
@@ -153,7 +153,7 @@ class DrakeModel(TreeModel):
 
         return self._parsed(MultibodyPlant(h), h)
 
-    def _parsed(self, plant: Any, h: float, touched: Callable[[Any], None] | None = None) -> Any:
+    def _parsed(self, plant: Any, h: float, prepare: Callable[[Any], None] | None = None) -> Any:
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import DiscreteContactApproximation
 
@@ -165,8 +165,8 @@ class DrakeModel(TreeModel):
             with collect_log(self._messages):
                 Parser(plant).AddModelsFromString(self._text, self._kind)
                 self.complete(plant)
-                if touched is not None:
-                    touched(plant)
+                if prepare is not None:
+                    prepare(plant)
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:

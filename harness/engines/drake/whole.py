@@ -15,10 +15,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.drake.model import DrakeModel, collect_log
-from physics_crosscheck.harness.engines.drake.plant import Plant
-from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
+from physics_crosscheck.harness.engines.drake.plant import Plant, moving_joints
+from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeState
 from physics_crosscheck.harness.engines.runge_kutta import place, to_state
-from physics_crosscheck.harness.engines.tree_model import SpringForces
+from physics_crosscheck.harness.engines.tree_model import SpringForces, UndrivenWhole
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
     ContactPoint,
@@ -38,11 +38,13 @@ SURFACE_TAGS = (
     "drake:proximity_properties", "drake:mu_static", "drake:mu_dynamic",
     "drake:point_contact_stiffness", "drake:hunt_crossley_dissipation",
 )  # fmt: skip
+"""Tags of a surface, as in `NearRigidRules`."""
 
 DEEP = 100.0
 """Depth at which every shape is below the floor, m."""
 
 FORMS = ("box", "sphere", "cylinder", "drake:capsule", "drake:ellipsoid")
+"""Tags of the shapes whose contacts are compared."""
 
 
 def simple_shapes(robot: XmlElement) -> None:
@@ -58,7 +60,7 @@ def _is_simple(shape: XmlElement) -> bool:
     return form is not None and form.tag in FORMS
 
 
-class DrakeWhole(WholeModel):
+class DrakeWhole(UndrivenWhole):
     """A URDF with its limits and shapes, and a floor under a floating root.
 
     Args:
@@ -67,21 +69,19 @@ class DrakeWhole(WholeModel):
         uncovered: parts of the file that have no law here.
     """
 
-    controls = activations = 0
     edits = (
         "couplings released", "contact_model=point",
         "a floor of friction 1 under a floating root",
     )  # fmt: skip
-    speed = 0.4
 
     def __init__(self, model: DrakeModel, robot: XmlElement, uncovered: tuple[str, ...]) -> None:
         from pydrake.systems.framework import DiagramBuilder
 
-        self._model, self._floats = model, model.floats
-        self.coordinates, self.step, self.uncovered = model.coordinates, model.step, uncovered
-        builder, self._surfaces = DiagramBuilder(), dict[Any, int]()
+        super().__init__(model, uncovered)
+        self._floats, self._surfaces = model.floats, dict[Any, int]()
+        builder = DiagramBuilder()
         self._drake = model.build_in(builder, self._prepare)
-        with collect_log([]):  # half spaces touch no deformable bodies
+        with collect_log([]):  # a warning that half spaces touch no deformable bodies
             self._diagram = builder.Build()
             self._root = self._diagram.CreateDefaultContext()
         context = self._drake.GetMyMutableContextFromRoot(self._root)
@@ -92,7 +92,9 @@ class DrakeWhole(WholeModel):
             surface_tags=SURFACE_TAGS,
             shapes=tuple(self._number_shapes(robot)),
         )  # fmt: skip
-        self._home = self._on_floor() if self._floats else model.home
+        self._damping = self._joint_damping()
+        if self._floats:
+            self.home = self._on_floor()
 
     def _prepare(self, plant: Any) -> None:
         """Let shapes touch in points, and put a floor under a floating root."""
@@ -124,23 +126,12 @@ class DrakeWhole(WholeModel):
 
     def _on_floor(self) -> Array:
         """Return the drawn configuration, lifted until its lowest shape touches the floor."""
-        home = self._model.home.copy()
+        home = self.home.copy()
         home[2] = -DEEP
         self._set(WholeState(home, np.zeros(len(home)), home[:0], home[:0]))
         depths = [-contact.distance for contact in self._contacts() if 0 in contact.surfaces]
         home[2] += max(depths, default=DEEP)
         return home
-
-    @property
-    def starts(self) -> Iterator[WholeState]:
-        """The drawn configuration."""
-        home = self._home
-        yield WholeState(home, np.zeros(len(home)), home[:0], home[:0])
-
-    @property
-    def ranges(self) -> tuple[Array, Array]:
-        """Joint limits, and no controls."""
-        return self._model.limits, np.zeros((0, 2))
 
     def moved(self, state: WholeState, steps: int) -> WholeState:
         """Return the state after some steps; NaN velocities after Drake has failed."""
@@ -176,25 +167,33 @@ class DrakeWhole(WholeModel):
             solver_residual=residual,
         )
 
+    def _joint_damping(self) -> Array:
+        """Return the damping of each velocity, in Drake's order, (nv,)."""
+        damping = np.zeros(self._drake.num_velocities())
+        for joint in moving_joints(self._drake):
+            there = slice(joint.velocity_start(), joint.velocity_start() + joint.num_velocities())
+            damping[there] = joint.default_damping_vector()
+        return damping
+
     def _residual(self, acceleration: Array, after: Array) -> Array:
-        """Return what the solver left, and the forces of limits, in Drake's order."""
+        """Return the force that the solver left, and those of limits, in Drake's order.
+
+        Args:
+            acceleration: mean of the step, (nv,).
+            after: velocities after it, (nv,).
+        """
         from pydrake.multibody.tree import ModelInstanceIndex
 
         plant, context = self._drake, self._plant.context
-        damping = np.zeros_like(after)
-        for index in plant.GetJointIndices():
-            joint = plant.get_joint(index)
-            there = slice(joint.velocity_start(), joint.velocity_start() + joint.num_velocities())
-            damping[there] = joint.default_damping_vector()
-        touch = np.zeros_like(after)
+        contact_forces = np.zeros_like(after)
         for i in range(plant.num_model_instances()):
             instance = ModelInstanceIndex(i)
             if plant.num_velocities(instance):
                 port = plant.get_generalized_contact_forces_output_port(instance)
-                plant.SetVelocitiesInArray(instance, port.Eval(context), touch)
+                plant.SetVelocitiesInArray(instance, port.Eval(context), contact_forces)
         inertial = plant.CalcMassMatrix(context) @ acceleration + plant.CalcBiasTerm(context)
         gravity = plant.CalcGravityGeneralizedForces(context)
-        result: Array = inertial - gravity + damping * after - touch
+        result: Array = inertial - gravity + self._damping * after - contact_forces
         return result
 
     def _set(self, state: WholeState) -> Array:

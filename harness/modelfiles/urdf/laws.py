@@ -35,35 +35,24 @@ from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
 
 
-def impulse_model(robot: Robot, rules: ImpulseRules) -> ImpulseModel | None:
-    """Return the laws of a URDF on its bodies; None without joints.
+def ruled_model(
+    robot: Robot, rules: ImpulseRules | NearRigidRules
+) -> ImpulseModel | NearRigidModel | None:
+    """Return the laws of a URDF on its bodies, with settings of an engine; None without joints.
 
     Args:
         robot: the file, with joints that follow others set free.
         rules: of the engine.
 
     Raises:
-        TreeError: if the file has no tree.
+        TreeError: if the file has no tree, or a joint has too many degrees of freedom.
     """
     if robot.tree is None:
         raise TreeError("joints without a tree")
     file = read_urdf(Document(robot.file))
-    return _model(file, robot.tree, rules, floats=robot.floats)
-
-
-def near_rigid_model(robot: Robot, rules: NearRigidRules) -> NearRigidModel | None:
-    """Return the near-rigid limits and contacts of a URDF on its bodies; None without joints.
-
-    Args:
-        robot: the file, with joints that follow others set free.
-        rules: of the engine.
-
-    Raises:
-        TreeError: if the file has no tree, or a joint has several degrees of freedom.
-    """
-    if robot.tree is None:
-        raise TreeError("joints without a tree")
-    return _near_rigid(read_urdf(Document(robot.file)), robot.tree, rules)
+    if isinstance(rules, ImpulseRules):
+        return _model(file, robot.tree, rules, floats=robot.floats)
+    return _near_rigid(file, robot.tree, rules)
 
 
 def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidModel | None:
@@ -77,12 +66,12 @@ def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidM
     ranges = (
         (i, file.stated_bounds(link.name))
         for i, link in enumerate(tree.links)
-        if link.kind != "free" and rules.stops
+        if link.kind != "free" and rules.has_limits
     )
     dry = (
         SoftFriction(joint=i, force=file.joints[link.name].friction, softness=softness)
         for i, link in enumerate(tree.links)
-        if link.kind != "free" and rules.dry_share
+        if link.kind != "free" and rules.dry_friction_share
     )
     limits = (
         SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
