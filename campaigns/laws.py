@@ -40,6 +40,7 @@ from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.solving.collocation import ReferenceError
 
 RESOLUTION = 1e-9
 SIZES = (1e-6, 1e-2)
@@ -348,7 +349,7 @@ def count_tested(paths: Iterable[Path], engine: str, *, floating: bool) -> None:
         try:
             task = model_task(prepare_tree(path, floating=floating), engine)
             counted = counted_numbers(task, robot_numbers(path, task.spec.settings))
-        except (FileError, RobotError) as error:
+        except (FileError, RobotError, ReferenceError) as error:
             print(f"{path.name}: {str(error)[:100]}")
             continue
         file = Counter[str]()

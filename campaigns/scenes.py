@@ -1,8 +1,9 @@
 """Whole steps of random scenes, compared with the law of their engine.
 
 `python -m campaigns.scenes mujoco --count 2000` draws bodies on a plane and on each other, with an
-arm at its limits; `mjx` draws the same. `pybullet` draws URDFs on a floor, `pymunk` bodies in a
-plane. A law is correct if no error exceeds its uncertainty, also if MuJoCo's solver stops early.
+arm at its limits; `mjx` draws the same. `pybullet` and `drake` draw URDFs on a floor, `pymunk`
+bodies in a plane. A law is correct if no error exceeds its uncertainty, also if MuJoCo's solver
+stops early.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from campaigns.laws import RESOLUTION, spec_of
 from physics_crosscheck.harness.checks.law_comparison import Evaluated, LawComparison, LawDefect
 from physics_crosscheck.harness.checks.law_states import evaluated_states
 from physics_crosscheck.harness.checks.planar_step import check_planar_step
-from physics_crosscheck.harness.checks.whole_step import check_whole_step
+from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
@@ -107,10 +108,21 @@ def impulse_result(file: Path) -> SceneResult:
     """Compare a scene of PyBullet or pymunk, whose laws are impulses."""
     if file.suffix == ".py":
         spec = ModelSpec(file, settings={"step": 0.004})
-        check = check_planar_step(spec, spec, "pymunk", RESOLUTION)
-    else:
-        engine, spec = spec_of(file, floating=True)
-        check = check_whole_step(file, spec, engine, RESOLUTION)
+        return scene_result(check_planar_step(spec, spec, "pymunk", RESOLUTION))
+    engine, spec = spec_of(file, floating=True)
+    return scene_result(check_whole_step(file, spec, engine, RESOLUTION))
+
+
+def drake_result(file: Path) -> SceneResult:
+    """Compare a scene in Drake: on a floor, or with a fixed root at a longer step."""
+    floating = "<collision>" in file.read_text().partition("</link>")[0]
+    _, spec = spec_of(file, floating=floating)
+    spec = replace(spec, settings={**spec.settings, "step": 0.001 if floating else 0.005})
+    return scene_result(check_whole_step(file, spec, "drake", RESOLUTION))
+
+
+def scene_result(check: WholeStepCheck | None) -> SceneResult:
+    """Return the result of whole steps."""
     assert check is not None
     record, judged = check.record, check.judgement
     if judged is None:
@@ -276,6 +288,65 @@ def _link(draw: SceneDraw, name: str) -> str:
     )
 
 
+def drake_scene(rng: np.random.Generator) -> str:
+    """Draw a URDF: a body with shapes for a floor, or a fixed one without, and links on it."""
+    draw = SceneDraw(rng)
+    count, joints = int(rng.integers(1, 7)), []
+    shapes = [0 if rng.uniform() < 0.15 else int(rng.integers(1, 3))]
+    shapes += [int(rng.integers(0, 3)) for _ in range(1, count)]
+    for k in range(1, count):
+        axis = " ".join(f"{one:.6g}" for one in rng.normal(size=3))
+        kind = draw.pick("revolute", "prismatic", "continuous", "fixed")
+        joints.append(
+            f'<joint name="j{k}" type="{kind}">'
+            f'<parent link="l{rng.integers(k)}"/><child link="l{k}"/>'
+            f'<origin xyz="{draw.numbers(-0.3, 0.3, 3)}" rpy="{draw.numbers(-1, 1, 3)}"/>'
+            f'<axis xyz="{axis}"/><dynamics damping="{draw.pick(0, draw.number(0, 1))}"/>'
+            f'<limit lower="{draw.number(-1, -0.01)}" upper="{draw.number(0.01, 1)}"'
+            ' effort="5" velocity="5"/></joint>'
+        )
+    links = "".join(
+        f'<link name="l{k}">{_turned_inertia(draw)}'
+        f"{''.join(_drake_shape(draw) for _ in range(drawn))}</link>"
+        for k, drawn in enumerate(shapes)
+    )
+    uri = "http://drake.mit.edu"
+    return f'<robot name="scene" xmlns:drake="{uri}">{links}{"".join(joints)}</robot>'
+
+
+def _turned_inertia(draw: SceneDraw) -> str:
+    mass = 10 ** draw.rng.uniform(-1, 1)
+    a, b, c = draw.rng.uniform(0.003, 0.03, 3)
+    moments = {"ixx": b + c, "iyy": a + c, "izz": a + b}
+    inertia = " ".join(f'{key}="{mass * value:.6g}"' for key, value in moments.items())
+    return (
+        f'<inertial><origin xyz="{draw.numbers(-0.05, 0.05, 3)}" rpy="{draw.numbers(-1, 1, 3)}"/>'
+        f'<mass value="{mass:.6g}"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+
+
+def _drake_shape(draw: SceneDraw) -> str:
+    shape = draw.pick(
+        f'<box size="{draw.numbers(0.05, 0.3, 3)}"/>',
+        f'<sphere radius="{draw.number(0.03, 0.15)}"/>',
+        f'<cylinder radius="{draw.number(0.03, 0.1)}" length="{draw.number(0.05, 0.3)}"/>',
+    )
+    friction = draw.number(0.05, 1.2)
+    surface = "".join(
+        str(draw.pick("", text))
+        for text in (
+            f'<drake:mu_dynamic value="{friction}"/><drake:mu_static value="{friction}"/>',
+            f'<drake:point_contact_stiffness value="{10 ** draw.rng.uniform(3, 7):.6g}"/>',
+            f'<drake:hunt_crossley_dissipation value="{draw.pick(0, draw.number(0, 100))}"/>',
+        )
+    )
+    return (
+        f'<collision><origin xyz="{draw.numbers(-0.1, 0.1, 3)}" rpy="{draw.numbers(-3, 3, 3)}"/>'
+        f"<geometry>{shape}</geometry><drake:proximity_properties>{surface}"
+        "</drake:proximity_properties></collision>"
+    )
+
+
 def pymunk_scene(rng: np.random.Generator) -> str:
     """Draw a Space: circles, boxes and segments on a floor, with joints between them."""
     draw = SceneDraw(rng)
@@ -347,6 +418,7 @@ ENGINES: Mapping[str, tuple[str, Draw, Compare]] = {
     "mujoco": (".xml", mujoco_scene, mujoco_result),
     "mjx": (".xml", mjx_scene, mjx_result),
     "pybullet": (".urdf", pybullet_scene, impulse_result),
+    "drake": (".urdf", drake_scene, drake_result),
     "pymunk": (".py", pymunk_scene, impulse_result),
 }
 """File suffix, draw and comparison of scenes by engine."""

@@ -30,7 +30,7 @@ from physics_crosscheck.reference.laws.constraints import mixed_friction
 from physics_crosscheck.reference.laws.drives import Driven
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.soft import Kind, Part, Rows
-from physics_crosscheck.reference.laws.step import LawModel, LawStep
+from physics_crosscheck.reference.laws.step import DIGITS, LawModel, LawStep
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
     ContactPoint,
@@ -105,6 +105,25 @@ def mix_compliant(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class NearRigidStep(LawStep):
+    """Forces at one state.
+
+    Attributes:
+        step: s.
+    """
+
+    step: float
+
+    def uncertainty(self, a: Array, unbalanced: Array) -> Array:
+        """Return the uncertainty of accelerations, (nv,), which are differences of velocities."""
+        m = self.posture.m
+        sizes = np.abs(m) + np.abs(m + self.step * a)
+        rounding = DIGITS * np.finfo(float).eps * sizes / self.step
+        result: Array = super().uncertainty(a, unbalanced) + rounding
+        return result
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class NearRigidModel(LawModel):
     """A tree of slides and hinges, after an optional free root, without drives.
 
@@ -118,10 +137,11 @@ class NearRigidModel(LawModel):
 
     def evaluate(
         self, posture: Posture, controls: Array, states: Array, contacts: Sequence[ContactPoint]
-    ) -> LawStep:
+    ) -> NearRigidStep:
         """Evaluate the laws at a state; arguments as in `LawModel.evaluate`."""
         rows, nv = self.rows(posture, contacts), len(posture.m)
-        return LawStep(
+        return NearRigidStep(
+            step=self.rules.step,
             posture=posture,
             problem=rows.problem(self._mass(posture), self._free(posture)),
             driven=Driven(

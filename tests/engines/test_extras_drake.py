@@ -90,6 +90,14 @@ def test_planted_faults_of_surfaces_are_detected(tmp_path: Path, fault: str) -> 
     assert outcome is (Outcome.DIFFERS if acts else Outcome.AGREES)
 
 
+def test_surface_with_a_word_is_refused_by_line(tmp_path: Path) -> None:
+    """Catch Drake's message, which has no line."""
+    text = URDF_LEG.replace('dissipation value="7"', 'dissipation value="7 s/m"')
+    (reason,) = checked("drake", tmp_path, text, floating=True).record.uncovered
+    line = text[: text.index("7 s/m")].count("\n") + 1
+    assert f".urdf:{line}: value of <drake:hunt_crossley_dissipation> is '7 s/m'" in reason
+
+
 BALL = """<robot name="ball" xmlns:drake="http://drake.mit.edu"><link name="body"><inertial>
 <mass value="2"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>
 <collision><geometry><sphere radius=".1"/></geometry><drake:proximity_properties>

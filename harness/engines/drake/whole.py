@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.engines.drake.model import DrakeModel, collect_log
 from physics_crosscheck.harness.engines.drake.plant import Plant, moving_joints
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeState
 from physics_crosscheck.harness.engines.runge_kutta import place, to_state
+from physics_crosscheck.harness.engines.source import refused
 from physics_crosscheck.harness.engines.tree_model import SpringForces, UndrivenWhole
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
@@ -48,11 +51,25 @@ FORMS = ("box", "sphere", "cylinder", "drake:capsule", "drake:ellipsoid")
 
 
 def simple_shapes(robot: XmlElement) -> None:
-    """Remove the collision elements of meshes and of unknown forms."""
+    """Remove the collision elements of meshes and of unknown forms.
+
+    Raises:
+        EngineError: if a surface has a word for a number; Drake's message has no line.
+    """
     for link in robot.findall("link"):
         for shape in link.findall("collision"):
             if not _is_simple(shape):
                 link.remove(shape)
+            _check_surface(shape)
+
+
+def _check_surface(shape: XmlElement) -> None:
+    parent, *tags = SURFACE_TAGS
+    for number in shape.findall(f"{parent}/*"):
+        value = number.get("value", "")
+        if number.tag in tags and read_numbers(value, 1) is None:
+            sentence = f"value of <{number.tag}> is {quote(value)}; write a finite number"
+            raise refused(number, sentence)
 
 
 def _is_simple(shape: XmlElement) -> bool:
