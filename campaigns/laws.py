@@ -57,11 +57,11 @@ MOVING = ("armature", "damping", "stiffness")
 """Attributes of `KINDS` whose numbers are tested by motions, not by whole steps."""
 
 
-def spec_of(file: Path, *, floating: bool = False) -> tuple[str, ModelSpec]:
-    """Return the default engine of a file, and the model to load in it."""
+def spec_of(file: Path, engine: str = "", *, floating: bool = False) -> tuple[str, ModelSpec]:
+    """Return the engine, or if that is empty the default one of a file, and the model to load."""
     if file.suffix != ".urdf":
-        return "mujoco", ModelSpec(file)
-    return "pybullet", ModelSpec(
+        return engine or "mujoco", ModelSpec(file)
+    return engine or "pybullet", ModelSpec(
         file, settings={**SETTINGS, **STANDALONE_SETTINGS, "floating": floating}
     )
 
@@ -69,8 +69,7 @@ def spec_of(file: Path, *, floating: bool = False) -> tuple[str, ModelSpec]:
 def compare_file(file: Path, other: str = "", *, floating: bool = False) -> tuple[str, str]:
     """Compare a file, in engine `other` if that is not empty; return its outcome and a line."""
     began = time.process_time()
-    usual, spec = spec_of(file, floating=floating)
-    engine = other or usual
+    engine, spec = spec_of(file, other, floating=floating)
     try:
         check = check_whole_step(file, spec, engine, RESOLUTION)
     except FileError as error:
@@ -114,9 +113,9 @@ class LawBaseline:
     problem: AnyLawProblem
 
     @staticmethod
-    def from_file(file: Path, *, floating: bool = False) -> LawBaseline | None:
+    def from_file(file: Path, engine: str = "", *, floating: bool = False) -> LawBaseline | None:
         """Return the baseline of a file; None if it has no law or does not agree with it."""
-        engine, spec = spec_of(file, floating=floating)
+        engine, spec = spec_of(file, engine, floating=floating)
         task = model_task(prepare_tree(file, states=2, floating=floating), engine)
         task = task.with_settings(**spec.settings)
         problem = law_problem(task)
@@ -205,10 +204,11 @@ def plant_faults(
     rng: np.random.Generator,
     kinds: Collection[str] = KINDS,
     *,
+    engine: str = "",
     floating: bool = False,
 ) -> Iterator[tuple[str, str, str, LawFault]]:
     """Change numbers of a file; yield the attribute, size and address of each, and its result."""
-    baseline = LawBaseline.from_file(file, floating=floating)
+    baseline = LawBaseline.from_file(file, engine, floating=floating)
     if baseline is None:
         print(file.name, "skipped: no law, or the file does not agree with it")
         return
@@ -225,7 +225,7 @@ def plant_faults(
                 fault = baseline.judge_fault(int(i), value)
                 yield key, size, numbers.numerals[int(i)].address, fault
     if set(MOVING) & set(kinds):
-        yield from _plant_in_motions(file, each, rng, kinds, floating=floating)
+        yield from _plant_in_motions(file, each, rng, kinds, engine=engine, floating=floating)
 
 
 def _plant_in_motions(
@@ -234,10 +234,11 @@ def _plant_in_motions(
     rng: np.random.Generator,
     kinds: Collection[str],
     *,
+    engine: str,
     floating: bool,
 ) -> Iterator[tuple[str, str, str, LawFault]]:
     """Change the numbers of `MOVING`; yield as `plant_faults`."""
-    baseline = FaultBaseline.from_file(file, spec_of(file)[0], floating=floating)
+    baseline = FaultBaseline.from_file(file, spec_of(file, engine)[0], floating=floating)
     groups = dict[str, list[int]]()
     for i in baseline.numbers.relevant_numbers:
         number = baseline.numbers.numerals[i]
@@ -256,13 +257,20 @@ def _plant_in_motions(
 
 
 def count_faults(
-    paths: Iterable[Path], each: int, seed: int, kinds: Collection[str], *, floating: bool
+    paths: Iterable[Path],
+    each: int,
+    seed: int,
+    kinds: Collection[str],
+    *,
+    engine: str,
+    floating: bool,
 ) -> None:
     """Print how many faults act, differ and are named, by attribute and size."""
     rng, total = np.random.default_rng(seed), dict[tuple[str, str], Counter[str]]()
     for path in paths:
         began, counts = time.process_time(), dict[tuple[str, str], Counter[str]]()
-        for key, size, address, fault in plant_faults(path, each, rng, kinds, floating=floating):
+        planted = plant_faults(path, each, rng, kinds, engine=engine, floating=floating)
+        for key, size, address, fault in planted:
             count = counts.setdefault((key, size), Counter())
             acts = not fault.acts <= RESOLUTION
             caught = fault.outcome == "DIFFERS"
@@ -405,7 +413,8 @@ def main() -> None:
         count_acting(options.paths, floating=options.floating)
     else:
         kinds = options.kind or KINDS
-        count_faults(options.paths, options.each, options.seed, kinds, floating=options.floating)
+        where = {"engine": options.engine, "floating": options.floating}
+        count_faults(options.paths, options.each, options.seed, kinds, **where)
 
 
 if __name__ == "__main__":

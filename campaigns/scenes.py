@@ -1,9 +1,9 @@
 """Whole steps of random scenes, compared with the law of their engine.
 
 `python -m campaigns.scenes mujoco --count 2000` draws bodies on a plane and on each other, with an
-arm at its limits; `mjx` draws the same. `pybullet` and `drake` draw URDFs on a floor, `pymunk`
-bodies in a plane. A law is correct if no error exceeds its uncertainty, also if MuJoCo's solver
-stops early.
+arm at its limits; `mjx` draws the same. `pybullet`, `drake` and `mujoco-urdf` draw URDFs on a
+floor, `pymunk` bodies in a plane. A law is correct if no error exceeds its uncertainty, also if
+MuJoCo's solver stops early.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -113,12 +114,12 @@ def impulse_result(file: Path) -> SceneResult:
     return scene_result(check_whole_step(file, spec, engine, RESOLUTION))
 
 
-def drake_result(file: Path) -> SceneResult:
-    """Compare a scene in Drake: on a floor, or with a fixed root at a longer step."""
+def urdf_result(file: Path, engine: str) -> SceneResult:
+    """Compare a scene in an engine: on a floor, or with a fixed root at a longer step."""
     floating = "<collision>" in file.read_text().partition("</link>")[0]
-    _, spec = spec_of(file, floating=floating)
+    engine, spec = spec_of(file, engine, floating=floating)
     spec = replace(spec, settings={**spec.settings, "step": 0.001 if floating else 0.005})
-    return scene_result(check_whole_step(file, spec, "drake", RESOLUTION))
+    return scene_result(check_whole_step(file, spec, engine, RESOLUTION))
 
 
 def scene_result(check: WholeStepCheck | None) -> SceneResult:
@@ -288,7 +289,7 @@ def _link(draw: SceneDraw, name: str) -> str:
     )
 
 
-def drake_scene(rng: np.random.Generator) -> str:
+def urdf_scene(rng: np.random.Generator) -> str:
     """Draw a URDF: a body with shapes for a floor, or a fixed one without, and links on it."""
     draw = SceneDraw(rng)
     count, joints = int(rng.integers(1, 7)), []
@@ -301,13 +302,14 @@ def drake_scene(rng: np.random.Generator) -> str:
             f'<joint name="j{k}" type="{kind}">'
             f'<parent link="l{rng.integers(k)}"/><child link="l{k}"/>'
             f'<origin xyz="{draw.numbers(-0.3, 0.3, 3)}" rpy="{draw.numbers(-1, 1, 3)}"/>'
-            f'<axis xyz="{axis}"/><dynamics damping="{draw.pick(0, draw.number(0, 1))}"/>'
+            f'<axis xyz="{axis}"/><dynamics damping="{draw.pick(0, draw.number(0, 1))}"'
+            f' friction="{draw.pick(0, draw.number(0, 1))}"/>'
             f'<limit lower="{draw.number(-1, -0.01)}" upper="{draw.number(0.01, 1)}"'
             ' effort="5" velocity="5"/></joint>'
         )
     links = "".join(
         f'<link name="l{k}">{_turned_inertia(draw)}'
-        f"{''.join(_drake_shape(draw) for _ in range(drawn))}</link>"
+        f"{''.join(_urdf_shape(draw) for _ in range(drawn))}</link>"
         for k, drawn in enumerate(shapes)
     )
     uri = "http://drake.mit.edu"
@@ -325,7 +327,7 @@ def _turned_inertia(draw: SceneDraw) -> str:
     )
 
 
-def _drake_shape(draw: SceneDraw) -> str:
+def _urdf_shape(draw: SceneDraw) -> str:
     shape = draw.pick(
         f'<box size="{draw.numbers(0.05, 0.3, 3)}"/>',
         f'<sphere radius="{draw.number(0.03, 0.15)}"/>',
@@ -418,7 +420,8 @@ ENGINES: Mapping[str, tuple[str, Draw, Compare]] = {
     "mujoco": (".xml", mujoco_scene, mujoco_result),
     "mjx": (".xml", mjx_scene, mjx_result),
     "pybullet": (".urdf", pybullet_scene, impulse_result),
-    "drake": (".urdf", drake_scene, drake_result),
+    "drake": (".urdf", urdf_scene, partial(urdf_result, engine="drake")),
+    "mujoco-urdf": (".urdf", urdf_scene, partial(urdf_result, engine="mujoco")),
     "pymunk": (".py", pymunk_scene, impulse_result),
 }
 """File suffix, draw and comparison of scenes by engine."""

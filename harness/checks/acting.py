@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,7 +54,12 @@ def acting_quantities(compiled: CompiledTree, *, apart: bool = False) -> tuple[A
         model = law_model(compiled)
     except TreeError:
         model = None
-    return () if model is None else tuple(Acting(model, compiled, apart=apart).quantities())
+    if model is None:
+        return ()
+    bodies = ("", *(body.name for body in compiled.bodies))
+    shapes = tuple(one.name.partition(":")[2] for one in compiled.placed)
+    acting = Acting(model=model, bodies=bodies, shapes=shapes, apart=apart)
+    return tuple(acting.quantities())
 
 
 def declared_quantities(system: System) -> Iterator[ActingQuantity]:
@@ -68,12 +73,18 @@ def declared_quantities(system: System) -> Iterator[ActingQuantity]:
                 yield replace(row, declared=True)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Acting:
-    """The laws of a file, in its drawn configuration at rest."""
+    """The laws of a file, in its drawn configuration at rest.
+
+    Attributes:
+        bodies, shapes: names by index; the ground is the first body.
+        apart: whether each joint and body has its rows, without names of shapes.
+    """
 
     model: LawModel
-    compiled: CompiledTree
+    bodies: Sequence[str]
+    shapes: Sequence[str] = ()
     apart: bool = False
 
     def quantities(self) -> Iterator[ActingQuantity]:
@@ -108,11 +119,12 @@ class Acting:
                     rest = [
                         pair for pair in pairs if self.model.laws.surfaces[pair[1]].body == body
                     ]
-                    subject = f"ground with {self.compiled.bodies[body - 1].name}"
+                    subject = f"ground with {self.bodies[body]}"
                     yield from self._contact(subject, parameters, rule, rest)
             return
         for (parameters, rule), pairs in alike.items():
-            subject = f"{self._shape(pairs[0][0])} with {_listed(self._shape(j) for _, j in pairs)}"
+            touched = _listed(self.shapes[j] for _, j in pairs)
+            subject = f"{self.shapes[pairs[0][0]]} with {touched}"
             yield from self._contact(subject, parameters, rule, pairs)
 
     def _pairs(self) -> Iterator[tuple[tuple[int, int], ContactParameters, str]]:
@@ -131,9 +143,6 @@ class Acting:
 
     def _moves(self, surface: Surface) -> bool:
         return self.model.tree.bodies[surface.body][0] >= 0
-
-    def _shape(self, index: int) -> str:
-        return self.compiled.placed[index].name.partition(":")[2]
 
     def _contact(
         self, subject: str, contact: ContactParameters, rule: str, pairs: list[tuple[int, int]]

@@ -17,6 +17,7 @@ from physics_crosscheck.harness.checks.acting import (
     FORCE_UNITS,
     LARGEST,
     NAMED,
+    Acting,
 )
 from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
 from physics_crosscheck.harness.documents.document import Document
@@ -33,10 +34,12 @@ from physics_crosscheck.reference.laws.acting import SLOPE, recovery_time
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, mix_compliant
 from physics_crosscheck.reference.laws.planar import LIMITS, SPRINGS, PlanarModel
+from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     HardSurface,
     ImpulseLaws,
+    SoftRules,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarJoint, PlanarLaws
 from physics_crosscheck.reference.mechanism.tree import TreeError
@@ -63,6 +66,10 @@ def urdf_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
             return ()
         if isinstance(laws, NearRigidModel):
             return tuple(near_rigid_quantities(laws))
+        if isinstance(laws, LawModel):
+            assert isinstance(model.rules, SoftRules)
+            acting = Acting(model=laws, bodies=model.rules.bodies, apart=True)
+            return tuple(acting.quantities())
         # A fixed root meets the floor of a setting only.
         floor = laws.laws.root is not None or bool(spec.settings.get("floor"))
         links = read_urdf(Document(robot.file)).links.items() if floor else ()

@@ -54,7 +54,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import ActingState
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
-from physics_crosscheck.reference.mechanism.laws import ImpulseRules, NearRigidRules
+from physics_crosscheck.reference.mechanism.laws import ImpulseRules, Rules, SoftRules
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 
@@ -236,11 +236,11 @@ def _check_rules(
     file: Path,
     spec: ModelSpec,
     model: WholeModel,
-    rules: ImpulseRules | NearRigidRules,
+    rules: Rules,
     resolution: float,
     steps: KeptSteps,
 ) -> WholeStepCheck:
-    """Compare steps by impulses, or by near-rigid limits and compliant contacts."""
+    """Compare steps by impulses or by convex laws, with the settings of an engine."""
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
     parts = _parts_of(rules, floats=robot.floats)
     covered = tuple(format_omission(one) for one in robot.left_out if one.what in parts)
@@ -307,8 +307,11 @@ SHOWN = ("contacts", "limits", "drives at a limit", "motors at a limit")
 """Forces that a picture marks."""
 
 
-def _parts_of(rules: ImpulseRules | NearRigidRules, *, floats: bool) -> tuple[str, ...]:
+def _parts_of(rules: Rules, *, floats: bool) -> tuple[str, ...]:
     """Return the parts of a URDF that only whole steps compare; a fixed root meets no floor."""
+    if isinstance(rules, SoftRules):
+        shapes = ("collision geometry",) if rules.laws.surfaces else ()
+        return ("limits of position", "dry friction", *shapes)
     if isinstance(rules, ImpulseRules):
         contacts = ("collision geometry", "<contact> of <link>") if floats else ()
         return ("limits of position", "limits of effort", *contacts)

@@ -47,7 +47,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
-from physics_crosscheck.harness.modelfiles.urdf.laws import impulse_numbers, near_rigid_numbers
+from physics_crosscheck.harness.modelfiles.urdf.laws import convex_numbers, impulse_numbers
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
@@ -55,7 +55,7 @@ from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
 from physics_crosscheck.reference.laws.mistakes import LawMistake, hard_mistakes, soft_mistakes
 from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
-from physics_crosscheck.reference.mechanism.laws import NearRigidRules
+from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
@@ -448,12 +448,12 @@ def _ruled_problem(
     task: TreeTask, numbers: UrdfNumbers, model: WholeModel, steps: KeptSteps
 ) -> AnyLawProblem | None:
     """Compare a URDF with the law whose settings the engine has."""
-    if isinstance(model.rules, NearRigidRules):
-        limited = near_rigid_numbers(numbers, model.rules)
-        laws = limited.laws({})
-        return None if laws is None else _problem(task, limited, LawComparison(laws, model), steps)
     if model.rules is None:
         return None
+    if not isinstance(model.rules, ImpulseRules):
+        soft = convex_numbers(numbers, model.rules)
+        laws = soft.laws({})
+        return None if laws is None else _problem(task, soft, LawComparison(laws, model), steps)
     hard = impulse_numbers(numbers, model.rules)
     impulses = hard.laws({})
     if impulses is None:

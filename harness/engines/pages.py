@@ -52,6 +52,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "solref": "Time constant and damping ratio of all equalities",
     "solimp": "Impedance of all equalities",
     "exact_frames": "Compute inertial frames within 1e-6 of the body frame exactly",
+    "shape_masses": "Give links without `<inertial>` the masses of their shapes",
     "compensated": "Apply gravity compensation even if no actuator acts",
     "bits": "Precision, 32 or 64 bits",
     "link_damping": "Linear and angular damping of every link",
@@ -99,7 +100,7 @@ _SPACE: Mapping[str, str] = MappingProxyType({
 
 _MUJOCO: Mapping[str, object] = MappingProxyType({
     "integrator": "of the file", "solref": "of the file", "solimp": "of the file",
-    "exact_frames": False, "compensated": False,
+    "exact_frames": False, "compensated": False, "shape_masses": True,
 })  # fmt: skip
 
 _ADAPTER_DEFAULTS: Mapping[str, Mapping[str, object]] = MappingProxyType({

@@ -24,9 +24,8 @@ from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.reference.mechanism.laws import (
     ContactPoint,
-    ImpulseRules,
     Laws,
-    NearRigidRules,
+    Rules,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarLaws
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
@@ -407,7 +406,7 @@ class WholeModel(ABC):
     edits: tuple[str, ...]
     uncovered: tuple[str, ...] = ()
     speed: float = 0.1
-    rules: ImpulseRules | NearRigidRules | None = None
+    rules: Rules | None = None
 
     def applied(self, laws: Laws) -> Laws:
         """Return the laws of a file with the choices that the engine documents otherwise."""

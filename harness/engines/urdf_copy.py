@@ -50,12 +50,12 @@ def zero_missing_inertials(robot: XmlElement) -> None:
         inertial.add("inertia", moments)
 
 
-def bare_cause(links: Sequence[XmlElement], title: str) -> str:
-    """Return the cause that a diagnosis reports."""
+def bare_cause(links: Sequence[XmlElement], given: str) -> str:
+    """Return the cause that a diagnosis reports; `given` is what an engine gives the links."""
     names = [f"{link.get('name', '')}, line {link.place[1]}" for link in links]
     shown = shortened(names, separator="; ")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
-    return f"{title}'s own 1 kg and 1 kg m^2 of {count} without <inertial> ({shown})"
+    return f"{given} of {count} without <inertial> ({shown})"
 
 
 Change = Callable[[XmlElement], None]
@@ -104,6 +104,48 @@ def without_shapes(robot: XmlElement) -> None:
     """Remove visual and collision shapes, so that no meshes are loaded."""
     without_visuals(robot)
     _without(robot, "collision")
+
+
+def with_forms(forms: Collection[str]) -> Change:
+    """Return a change that removes collision shapes of other forms than these."""
+
+    def change(robot: XmlElement) -> None:
+        for link in robot.findall("link"):
+            for shape in link.findall("collision"):
+                if not has_form(shape, forms):
+                    link.remove(shape)
+
+    return change
+
+
+def collision_shapes(link: XmlElement) -> Iterator[tuple[str, XmlElement]]:
+    """Yield the collision shapes of a link with their names, as in `Model.shapes`.
+
+    The index counts all shapes of the link, visual ones first.
+    """
+    first = len(link.findall("visual"))
+    for index, shape in enumerate(link.findall("collision"), start=first):
+        yield f"collision:{link.get('name', '')}#{index}", shape
+
+
+def has_form(shape: XmlElement, forms: Collection[str]) -> bool:
+    """Return whether a collision shape has one of these forms."""
+    form = shape.find("geometry/*")
+    return form is not None and form.tag in forms
+
+
+def without_law(robot: XmlElement, forms: Collection[str]) -> Iterator[str]:
+    """Yield the parts of a URDF that act in an engine and have no law here.
+
+    Args:
+        robot: the file.
+        forms: of the shapes whose contacts are compared.
+    """
+    joints = robot.findall("joint")
+    if any(one.tag not in forms for one in robot.findall("link/collision/geometry/*")):
+        yield "contacts of meshes"
+    if any(joint.find("mimic") is not None for joint in joints):
+        yield "couplings"
 
 
 def without_visuals(robot: XmlElement) -> None:

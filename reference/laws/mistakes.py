@@ -62,7 +62,8 @@ _UNITS = (
 def soft_mistakes(model: LawModel) -> Iterator[LawMistake[LawModel]]:
     """Yield the mistakes that convex laws have a place for."""
     laws = model.laws
-    for name, change in (*_contact_mistakes(laws), *_lost(model), *_drive_mistakes(laws)):
+    of_contacts = _contact_mistakes(laws) if laws.surfaces or laws.compliant[1:] else ()
+    for name, change in (*of_contacts, *_lost(model), *_drive_mistakes(laws)):
         if change(laws) != laws:
             yield LawMistake(name=name, change=partial(_under, change))
     merged = LawMistake(

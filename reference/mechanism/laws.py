@@ -358,6 +358,21 @@ class NearRigidRules:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SoftRules:
+    """Settings of an engine whose constraints are soft (`reference.laws.soft`), for a URDF.
+
+    Attributes:
+        laws: all but limits and dry friction, which the file states.
+        softness: of these.
+        bodies: names of the links that bodies begin with, by index; the ground first.
+    """
+
+    laws: Laws
+    softness: Softness
+    bodies: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class ImpulseRules:
     """Settings of an engine whose constraints are impulses, and what its files leave open.
 
@@ -393,6 +408,10 @@ class ImpulseRules:
     controls: tuple[str, ...]
     bodies: tuple[str, ...]
     mixing: Mixing = "product"
+
+
+Rules = ImpulseRules | NearRigidRules | SoftRules
+"""Settings of an engine, for the laws of a URDF."""
 
 
 @dataclass(frozen=True, kw_only=True)

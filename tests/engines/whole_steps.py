@@ -1,4 +1,4 @@
-"""Whole steps of URDFs in engines of an extra."""
+"""Whole steps of URDFs in engines whose laws have settings of their own."""
 
 from __future__ import annotations
 

@@ -375,10 +375,8 @@ def hard_rows(file: Path, model: ImpulseModel, joints: Mapping[str, str]) -> Ite
                          lines=lines)  # fmt: skip
 
 
-def near_rigid_rows(
-    file: Path, model: NearRigidModel, joints: Mapping[str, str]
-) -> Iterator[LawRow]:
-    """Yield the rows of a URDF in an engine of near-rigid laws; arguments as in `hard_rows`."""
+def convex_rows(file: Path, model: LawModel, joints: Mapping[str, str]) -> Iterator[LawRow]:
+    """Yield the rows of a URDF in an engine of convex laws; arguments as in `hard_rows`."""
     urdf, laws, links = read_urdf(Document(file)), model.laws, model.tree.tree.links
     tables: tuple[tuple[str, str, Sequence[SoftLimit | SoftFriction]], ...] = (
         ("limits", "limit", laws.limits),
@@ -391,6 +389,8 @@ def near_rigid_rows(
                 lines = _line(file, urdf.joints[name].element.find(tag), "")
                 yield LawRow(key=(table, "joint", joints[name]), subject=f"joint {joints[name]}",
                              index=i, row=row, lines=lines)  # fmt: skip
+    if not isinstance(model, NearRigidModel):
+        return
     for i, (link, index) in enumerate(model.rules.shapes, start=1):
         shape = urdf.links[link].element.findall("collision")[index]
         surface = shape.find(model.rules.surface_tags[0]) or shape

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import NoneType
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -34,9 +35,9 @@ from physics_crosscheck.harness.commands.compare.law_rows import (
     Names,
     Row,
     SoftRows,
+    convex_rows,
     hard_as_soft,
     hard_rows,
-    near_rigid_rows,
     shape_names,
     soft_as_hard,
     with_attribute,
@@ -58,13 +59,15 @@ from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
-from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     ImpulseLaws,
+    ImpulseRules,
     Laws,
+    SoftFriction,
     SoftLimit,
+    SoftRules,
 )
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
@@ -90,7 +93,7 @@ def compare_laws(task: LawsTask) -> tuple[ComparedProperty, ...] | None:
     """
     try:
         b, a = (_load_laws(facts) for facts in reversed(task.facts))  # A stays loaded
-        if a is None or b is None or a.near_rigid != b.near_rigid:
+        if a is None or b is None or not _have_common_rows(a, b):
             return None
         rows = _rows(a, b, task.pairs)
         differences = tuple(_differences(*rows))
@@ -107,10 +110,11 @@ class _LawSide:
     model: LawModel | ImpulseModel
     whole: WholeModel
 
-    @property
-    def near_rigid(self) -> bool:
-        """True for near-rigid laws, whose rows no other law has."""
-        return isinstance(self.model, NearRigidModel)
+
+def _have_common_rows(a: _LawSide, b: _LawSide) -> bool:
+    """Return whether two files have rows in common: a compiled file has none of near-rigid laws."""
+    kinds = {type(side.whole.rules) for side in (a, b)}
+    return len(kinds) == 1 or kinds in ({NoneType, ImpulseRules}, {NoneType, SoftRules})
 
 
 def _load_laws(facts: Facts) -> _LawSide | None:
@@ -150,11 +154,15 @@ def _rows(
     soft_a, soft_b = _soft_sides(a, b, pairs, (names_a, names_b))
     mine, theirs = _own_rows(a, soft_a, names_a), _own_rows(b, soft_b, names_b)
     by_name = {pair.a: pair for pair in pairs}
-    theirs = [_in_a(row, by_name) for row in theirs]
-    if soft_a is not None and soft_b is None:
+    indices = {link.name: i for i, link in enumerate(a.model.tree.tree.links)}
+    theirs = [_in_a(row, by_name, indices) for row in theirs]
+    if SoftRules in {type(side.whole.rules) for side in (a, b)}:  # a URDF has no other rows
+        mine, theirs = ([one for one in rows if one.key[:2] in _OF_JOINTS]
+                        for rows in (mine, theirs))  # fmt: skip
+    elif soft_a is not None and soft_b is None:
         theirs = list(hard_as_soft(theirs, soft_a))
         mine = [row for row in mine if row.key in {other.key for other in theirs}
-                or row.key[:2] in (("limits", "joint"), ("frictions", "joint"))]  # fmt: skip
+                or row.key[:2] in _OF_JOINTS]  # fmt: skip
     elif soft_a is None and soft_b is not None:
         theirs = list(soft_as_hard({row.key: row for row in theirs}, soft_b, mine))
         mine = [row for row in mine if row.key[0] == "joints"]
@@ -166,10 +174,13 @@ def _own_rows(loaded: _LawSide, soft: SoftRows | None, names: Mapping[str, str])
     if soft is not None:
         return list(soft.rows())
     file, model = loaded.facts.candidate.sidecar.model, loaded.model
-    if isinstance(model, NearRigidModel):
-        return list(near_rigid_rows(file, model, names))
-    assert isinstance(model, ImpulseModel)
-    return list(hard_rows(file, model, names))
+    if isinstance(model, ImpulseModel):
+        return list(hard_rows(file, model, names))
+    return list(convex_rows(file, model, names))
+
+
+_OF_JOINTS = ("limits", "joint"), ("frictions", "joint")
+"""First parts of the keys of the rows that all convex laws have."""
 
 
 def _soft_sides(
@@ -213,8 +224,10 @@ def _soft_sides(
     return sides[0], sides[1]
 
 
-def _in_a(row: LawRow, pairs: Mapping[str, JointPair]) -> LawRow:
-    """Return a limit of B in the coordinate of A."""
+def _in_a(row: LawRow, pairs: Mapping[str, JointPair], indices: Mapping[str, int]) -> LawRow:
+    """Return a row of B with the joint of A, and a limit in its coordinate."""
+    if row.key[:2] in _OF_JOINTS and isinstance(row.row, SoftLimit | SoftFriction):
+        row = replace(row, row=replace(row.row, joint=indices[row.key[-1]]))
     pair, limit = pairs.get(row.key[-1]), row.row
     if pair is None or not isinstance(limit, SoftLimit | HardJoint) or row.key[1] == "tendon":
         return row

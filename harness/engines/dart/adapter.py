@@ -454,7 +454,7 @@ def _corrective_settings(
     floats = bool(settings["floating"])
     bare = bare_links(declared.robot, floats=floats) if settings["bare_links"] else []
     lost = "" if settings["trimmed_numbers"] else dropped_cause(declared.file.document, "DART")
-    causes = {bare_cause(bare, "DART"): BARE} if bare else {}
+    causes = {bare_cause(bare, "DART's own 1 kg and 1 kg m^2"): BARE} if bare else {}
     return {**causes, **({lost: TRIMMED} if lost else {})}
 
 

@@ -41,7 +41,7 @@ from physics_crosscheck.harness.engines.drake.whole import (
     FORMS,
     WHOLE_SETTINGS,
     DrakeWhole,
-    simple_shapes,
+    refuse_words,
 )
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
@@ -70,8 +70,10 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     followers_of,
     mimics_of,
+    with_forms,
     without_bounds,
     without_crossed_bounds,
+    without_law,
     without_shapes,
     without_visuals,
 )
@@ -195,7 +197,7 @@ def _changes(spec: ModelSpec, stepping: str, *, touches: bool) -> list[Change]:
         kept = kept_mimics(file.mimics, followers_of(spec.settings, f"{spec.path}.toml"))
         return [*bounds, sdf_mimics_of(()) if free else own_mimics(kept)]
     bounds_change = without_bounds if smooth else without_crossed_bounds
-    shapes = (without_visuals, simple_shapes) if touches else (without_shapes,)
+    shapes = (without_visuals, with_forms(FORMS), refuse_words) if touches else (without_shapes,)
     return [*shapes, bounds_change, *([mimics_of(())] if free else [])]
 
 
@@ -387,17 +389,8 @@ class DrakeEngine(UrdfEngine):
         with engine_errors(spec.path, self.title):
             model = DrakeUrdf(whole, DEFAULTS, touches=True)
             robot = model.declared.robot
-            return DrakeWhole(model, robot, tuple(_without_law(robot)))
+            return DrakeWhole(model, robot, tuple(without_law(robot, FORMS)))
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
         return sample_urdf(), sample_sdf(), sample_mjcf()
-
-
-def _without_law(robot: XmlElement) -> Iterator[str]:
-    """Yield the parts of a URDF that act in Drake and have no law here."""
-    joints = robot.findall("joint")
-    if any(one.tag not in FORMS for one in robot.findall("link/collision/geometry/*")):
-        yield "contacts of meshes"
-    if any(joint.find("mimic") is not None for joint in joints):
-        yield "couplings"

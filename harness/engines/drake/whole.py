@@ -22,6 +22,7 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineStep, Whole
 from physics_crosscheck.harness.engines.runge_kutta import place, to_state
 from physics_crosscheck.harness.engines.source import refused
 from physics_crosscheck.harness.engines.tree_model import SpringForces, UndrivenWhole
+from physics_crosscheck.harness.engines.urdf_copy import has_form
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
     ContactPoint,
@@ -50,38 +51,25 @@ FORMS = ("box", "sphere", "cylinder", "drake:capsule", "drake:ellipsoid")
 """Tags of the shapes whose contacts are compared."""
 
 
-def simple_shapes(robot: XmlElement) -> None:
-    """Remove the collision elements of meshes and of unknown forms.
+def refuse_words(robot: XmlElement) -> None:
+    """Check the numbers of surfaces.
 
     Raises:
-        EngineError: if a surface has a word for a number; Drake's message has no line.
+        EngineError: if one is a word; Drake's message has no line.
     """
-    for link in robot.findall("link"):
-        for shape in link.findall("collision"):
-            if not _is_simple(shape):
-                link.remove(shape)
-            _check_surface(shape)
-
-
-def _check_surface(shape: XmlElement) -> None:
     parent, *tags = SURFACE_TAGS
-    for number in shape.findall(f"{parent}/*"):
+    for number in robot.findall(f"link/collision/{parent}/*"):
         value = number.get("value", "")
         if number.tag in tags and read_numbers(value, 1) is None:
             sentence = f"value of <{number.tag}> is {quote(value)}; write a finite number"
             raise refused(number, sentence)
 
 
-def _is_simple(shape: XmlElement) -> bool:
-    form = shape.find("geometry/*")
-    return form is not None and form.tag in FORMS
-
-
 class DrakeWhole(UndrivenWhole):
     """A URDF with its limits and shapes, and a floor under a floating root.
 
     Args:
-        model: the loaded model, with `WHOLE_SETTINGS` and `simple_shapes`.
+        model: the loaded model, with `WHOLE_SETTINGS` and shapes of `FORMS`.
         robot: the file.
         uncovered: parts of the file that have no law here.
     """
@@ -134,7 +122,7 @@ class DrakeWhole(UndrivenWhole):
             name = link.get("name", "")
             body = self._drake.GetBodyByName(name)
             shapes = enumerate(link.findall("collision"))
-            kept = [index for index, shape in shapes if _is_simple(shape)]
+            kept = [index for index, shape in shapes if has_form(shape, FORMS)]
             numbers = self._drake.GetCollisionGeometriesForBody(body)
             numbers = [one for one in numbers if one not in self._surfaces]  # the floor
             for index, number in zip(kept, numbers, strict=True):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache, cached_property
+from dataclasses import replace
+from functools import cache, cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.installed import version_of
@@ -51,6 +53,7 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     placed_shapes,
     shape_name,
     without_idle_files,
+    without_mesh_files,
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import (
     keep_equalities,
@@ -59,7 +62,14 @@ from physics_crosscheck.harness.engines.mujoco.smooth import (
 )
 from physics_crosscheck.harness.engines.mujoco.state import States
 from physics_crosscheck.harness.engines.mujoco.tree import compiled_tree
-from physics_crosscheck.harness.engines.mujoco.urdf import changes, complete_urdf
+from physics_crosscheck.harness.engines.mujoco.urdf import (
+    SHAPE_MASSES,
+    changes,
+    complete_urdf,
+    name_collisions,
+    shaped_links,
+)
+from physics_crosscheck.harness.engines.mujoco.urdf_whole import urdf_whole
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import (
@@ -85,7 +95,12 @@ from physics_crosscheck.harness.engines.urdf import (
     load_urdf,
     sample_urdf,
 )
-from physics_crosscheck.harness.engines.urdf_copy import followers_of, temporary_urdf
+from physics_crosscheck.harness.engines.urdf_copy import (
+    Change,
+    bare_cause,
+    followers_of,
+    temporary_urdf,
+)
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 
@@ -96,12 +111,16 @@ class PoseEvaluator:
     Args:
         model: compiled; for a URDF, without fusing links on fixed joints.
         body: the file's word for a body: `body`, or `link` in a URDF.
+        scales: of meshes, by name, if their files are replaced.
     """
 
-    def __init__(self, model: Any, body: str) -> None:
+    def __init__(
+        self, model: Any, body: str, scales: Mapping[str, tuple[float, ...]] | None = None
+    ) -> None:
         import mujoco
 
-        self._model, self._data = model, mujoco.MjData(model)
+        self._model, self._data, self._scales = model, mujoco.MjData(model), scales or {}
+        self._named = body == "link"
         kinds = {
             body: (model.nbody, model.body, "xpos", "xmat"),
             "centre": (model.nbody, model.body, "xipos", "xmat"),
@@ -121,6 +140,7 @@ class PoseEvaluator:
             count, _, *fields = kinds[kind]
             for i in range(count):
                 self._rows.setdefault(shape_name(kind, "", i), (fields[0], fields[1], i))
+        self._rows = {self._place(place): row for place, row in self._rows.items()}
         self._meshes = {
             i: mesh_offset(model, mesh)
             for i in range(model.ngeom)
@@ -129,13 +149,20 @@ class PoseEvaluator:
 
     @cached_property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
-        """Geoms and sites with their sizes."""
-        return {shape.name: shape.size for shape in placed_shapes(self._model)}
+        """Geoms and sites with their sizes, or the scales of meshes; those of a URDF have names."""
+        return {
+            self._place(shape.name): self._scales.get(shape.mesh, shape.size)
+            for shape in placed_shapes(self._model)
+        }
+
+    def _place(self, name: str) -> str:
+        return name.removeprefix("geom:") if self._named else name
 
     @property
     def places(self) -> tuple[str, ...]:
         """All places with a name."""
-        return tuple(place for place in self._rows if ":#" not in place)
+        places = (one for one in self._rows if not one.startswith("collision:"))
+        return tuple(place for place in places if ":#" not in place)
 
     def evaluate(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return origins (K, F, 3) and rotations (K, F, 3, 3) at positions z, (K, nz)."""
@@ -218,7 +245,7 @@ class MujocoEngine(Engine):
         "accelerations: yes",
         "linearization: from steps",
         "steps: Euler, implicit, implicitfast: order 1; RK4: order 4",
-        "whole step: by the documented law, of MJCF",
+        "whole step: by the documented law",
     )
     default_settings_note = "2 ms and -9.81"
     takes_springs = (".urdf",)
@@ -229,7 +256,7 @@ class MujocoEngine(Engine):
         r"|.*/(texture|global|quality|hfield|size)@\w+|.*/numeric@size"
     )
     compiles: tuple[str, ...] = (".xml",)
-    places: tuple[str, ...] = (".xml",)
+    places: tuple[str, ...] = (".xml", ".urdf")
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls", "activations"})
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = (
         LeftOut(
@@ -297,11 +324,19 @@ class MujocoEngine(Engine):
         return self.model_of(model, spec, file, xml_sources, warnings, controls)
 
     def load_whole(self, spec: ModelSpec) -> MujocoWhole | None:
-        """Load an MJCF with all its forces."""
+        """Load a file with all its forces."""
         import mujoco
 
-        if spec.path.suffix != ".xml" or mujoco.mj_version() // 1_000_000 != LAW_VERSION:
+        if mujoco.mj_version() // 1_000_000 != LAW_VERSION:
             return None
+        whole = (self._urdf_whole if spec.path.suffix == ".urdf" else self._mjcf_whole)(spec)
+        if "tolerance" in spec.settings:
+            whole.solver = {**whole.solver, "tolerance": spec.settings["tolerance"]}
+        return whole
+
+    def _mjcf_whole(self, spec: ModelSpec) -> MujocoWhole:
+        import mujoco
+
         xml_sources, warnings = sources(spec.path), Warnings()
         try:
             with warnings.collecting():
@@ -310,11 +345,21 @@ class MujocoEngine(Engine):
                 model = tree.compile()
         except Exception as error:
             raise load_error(error, spec.path, xml_sources) from None
+        return self._whole_of(spec, model)
+
+    def _whole_of(self, spec: ModelSpec, model: Any) -> MujocoWhole:
         with engine_errors(spec.path, self.title):
-            whole = self.whole_of(model)
-        if "tolerance" in spec.settings:
-            whole.solver = {**whole.solver, "tolerance": spec.settings["tolerance"]}
-        return whole
+            return self.whole_of(model)
+
+    def _urdf_whole(self, spec: ModelSpec) -> MujocoWhole:
+        file, warnings = load_urdf(spec.path), Warnings()
+        try:
+            with warnings.collecting():
+                return urdf_whole(spec, file, partial(self._whole_of, spec))
+        except EngineError:
+            raise
+        except Exception as error:
+            raise load_error(error, spec.path, sources(spec.path, file.document)) from None
 
     def whole_of(self, compiled: Any) -> MujocoWhole:
         """Return the model of whole steps."""
@@ -442,11 +487,22 @@ class MujocoModel(LoadedModel):
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:
         """Settings that stiffen equalities, compensate gravity, or compute body frames exactly."""
         settings: dict[str, Mapping[str, object]] = {_SOFT: dict(_STIFF)} if self.model.neq else {}
+        if self._shaped:
+            cause = bare_cause(self._shaped, "MuJoCo's masses from the shapes")
+            settings[cause] = {SHAPE_MASSES: False}
         if idle_compensation(self.model):
             settings[UNCOMPENSATED] = {"compensated": True}
         return (
             {**settings, _SAME: {"exact_frames": True}} if rounded_frames(self.model) else settings
         )
+
+    @cached_property
+    def _shaped(self) -> list[XmlElement]:
+        """Links without `<inertial>` whose masses come from shapes."""
+        if self._urdf_file is None or not is_on(self._spec, SHAPE_MASSES, otherwise=True):
+            return []
+        floats = is_on(self._spec, "floating", otherwise=False)
+        return shaped_links(self._urdf_file.document.root, floats=floats)
 
     @property
     def integrators(self) -> dict[str, dict[str, object]]:
@@ -508,15 +564,22 @@ class MujocoModel(LoadedModel):
         # By default MuJoCo fuses links on fixed joints, such as a tool's, with their parents.
         with (
             self._warnings.collecting(),
-            temporary_urdf(file.document.root, self._spec.path, changes(self._spec)) as path,
+            temporary_urdf(file.document.root, self._spec.path, self._with_shapes) as path,
         ):
             tree = mujoco.MjSpec.from_file(str(path))
             complete_urdf(tree, self._spec, file)  # a floating root has coordinates
             tree.compiler.fusestatic = False
+            scales = without_mesh_files(tree)
             try:
-                return PoseEvaluator(tree.compile(), "link")
+                return PoseEvaluator(tree.compile(), "link", scales)
             except ValueError:  # a free joint of a link whose parent stands still must be fused
                 return PoseEvaluator(self.model, "link")
+
+    @property
+    def _with_shapes(self) -> list[Change]:
+        """Changes of a URDF that keep its collision shapes."""
+        whole = {**self._spec.settings, "smooth": False}
+        return [*changes(replace(self._spec, settings=whole)), name_collisions]
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -538,8 +601,8 @@ class MujocoModel(LoadedModel):
 
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
-        """Geoms and sites of an MJCF with their sizes; `smooth` removes the shapes of a URDF."""
-        return {} if self._urdf_file is not None else self._poses.shapes
+        """Geoms and sites of an MJCF, or collision shapes of a URDF, with their sizes."""
+        return self._poses.shapes
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return poses by MuJoCo's forward kinematics, without a step."""

@@ -114,6 +114,12 @@ def _softness(reference: Any, impedance: Any) -> Softness:
     return Softness(reference=as_pair(reference), impedance=numbers_of(impedance))
 
 
+def default_softness(tree: Any) -> Softness:
+    """Return the softness of limits and dry friction that a specification leaves to defaults."""
+    joint = tree.default.joint
+    return _softness(joint.solref_limit, joint.solimp_limit)
+
+
 def _limits(m: Any) -> Iterator[SoftLimit]:
     """Yield the ranges of joints and tendons."""
     for j in np.flatnonzero(m.jnt_limited):

@@ -39,6 +39,7 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
         "controls",
         "activations",
         "floating",
+        "shape_masses",
         "held",
         "actuators",
         "exact_frames",

@@ -41,12 +41,8 @@ def without_idle_files(tree: Any, *, contacts: bool = False) -> None:
     """
     needed = {*_meshes_with_inertia(tree), *(_acting_meshes(tree) if contacts else ())}
     for mesh in tree.meshes:
-        name = mesh.name or Path(mesh.file).stem
-        if name not in needed and mesh.file and not mesh.plugin.active:
-            # Versions before 3.4 name an unnamed mesh after its file when they compile it.
-            mesh.name = name
-            mesh.file, mesh.uservert, mesh.userface = "", _CORNERS, _FACES
-            mesh.refpos, mesh.refquat, mesh.scale = [0, 0, 0], [1, 0, 0, 0], [1, 1, 1]
+        if (mesh.name or Path(mesh.file).stem) not in needed and mesh.file:
+            _replace_file(mesh)
     import mujoco
 
     for texture in tree.textures:
@@ -54,6 +50,23 @@ def without_idle_files(tree: Any, *, contacts: bool = False) -> None:
         texture.content_type, texture.gridlayout = "", ""
         texture.builtin = int(mujoco.mjtBuiltin.mjBUILTIN_FLAT)
         texture.width = texture.height = 1
+
+
+def _replace_file(mesh: Any) -> None:
+    """Replace the file of a mesh by a few built-in corners, unless a plugin makes the mesh."""
+    if not mesh.plugin.active:
+        # Versions before 3.4 name an unnamed mesh after its file when they compile it.
+        mesh.name = mesh.name or Path(mesh.file).stem
+        mesh.file, mesh.uservert, mesh.userface = "", _CORNERS, _FACES
+        mesh.refpos, mesh.refquat, mesh.scale = [0, 0, 0], [1, 0, 0, 0], [1, 1, 1]
+
+
+def without_mesh_files(tree: Any) -> Mapping[str, Numbers]:
+    """Replace the files of all meshes; return the scale of each mesh by name."""
+    scales = {mesh.name: numbers_of(mesh.scale) for mesh in tree.meshes}
+    for mesh in tree.meshes:
+        _replace_file(mesh)
+    return scales
 
 
 def files_of_shapes(tree: Any) -> tuple[str, ...]:

@@ -12,22 +12,28 @@ from physics_crosscheck.harness.engines.mujoco.settings import is_on
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
+    bare_links,
+    collision_shapes,
     followers_of,
+    has_form,
     mimics_of,
+    with_forms,
     with_held,
-    without_shapes,
+    without_visuals,
 )
+
+FORMS = ("box", "sphere", "cylinder", "capsule")
+"""Tags of shapes that need no file."""
+
+SHAPE_MASSES = "shape_masses"
+"""The setting that keeps MuJoCo's masses of links without `<inertial>`, from their shapes."""
 
 
 def complete_urdf(tree: Any, spec: ModelSpec, file: UrdfFile) -> None:
     """Add a floating root and the springs of Gazebo and the sidecar, which a URDF can't state for
     MuJoCo.
     """
-    if is_on(spec, "floating", otherwise=False):
-        root = tree.worldbody.first_body()
-        if root is None:
-            raise EngineError(f"{spec.path}: it has no link that can float")
-        root.add_freejoint().name = file.base
+    float_root(tree, spec, file)
     held = held_joints(spec)
     for joint, (stiffness, rest) in file.springs.items():
         if joint in held:
@@ -46,6 +52,17 @@ def complete_urdf(tree: Any, spec: ModelSpec, file: UrdfFile) -> None:
         tendon.springlength = [spring.rest, spring.rest]
 
 
+def float_root(tree: Any, spec: ModelSpec, file: UrdfFile) -> bool:
+    """Add a free joint if the settings ask for one, and the root can float; return whether."""
+    floats = is_on(spec, "floating", otherwise=False) and file.can_float
+    if floats:
+        root = tree.worldbody.first_body()
+        if root is None:
+            raise EngineError(f"{spec.path}: it has no link that can float")
+        root.add_freejoint().name = file.base
+    return floats
+
+
 def spring_terms(value: float, there: Any) -> Any:
     """Return a stiffness or damping as MuJoCo stores it: a polynomial, or a number in earlier
     versions.
@@ -62,14 +79,50 @@ def changes(spec: ModelSpec) -> list[Change]:
     changes_made: list[Change] = (
         [_without_idle_shapes] if is_on(spec, "smooth", otherwise=False) else []
     )
+    if not is_on(spec, SHAPE_MASSES, otherwise=True):
+        changes_made.append(_without_masses_of_shapes)
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     if followers is not None:
         changes_made.append(mimics_of(followers))
     return [*changes_made, with_held(held)] if (held := held_joints(spec)) else changes_made
 
 
+def shaped_links(robot: XmlElement, *, floats: bool) -> list[XmlElement]:
+    """Return the links without `<inertial>` whose mass MuJoCo computes from simple shapes."""
+    if _inertia_modes(robot):
+        return []
+    links = bare_links(robot, floats=floats)
+    return [one for one in links if any(has_form(s, FORMS) for s in one.findall("collision"))]
+
+
+def _inertia_modes(robot: XmlElement) -> set[str]:
+    modes = {one.get("inertiafromgeom", "auto") for one in robot.findall("mujoco/compiler")}
+    return modes - {"auto"}
+
+
 def _without_idle_shapes(robot: XmlElement) -> None:
-    """Remove shapes, unless the file computes inertias from them."""
-    modes = (one.get("inertiafromgeom") for one in robot.findall("mujoco/compiler"))
-    if "true" not in modes:
-        without_shapes(robot)
+    """Remove shapes, except those from which MuJoCo computes inertias."""
+    if "true" in _inertia_modes(robot):
+        return
+    without_visuals(robot)
+    with_forms(FORMS)(robot)
+    kept = shaped_links(robot, floats=True)
+    for link in robot.findall("link"):
+        for shape in link.findall("collision") if link not in kept else ():
+            link.remove(shape)
+
+
+def name_collisions(robot: XmlElement) -> None:
+    """Name the collision shapes of a URDF as in `Model.shapes`, and remove all others."""
+    for link in robot.findall("link"):
+        for name, shape in collision_shapes(link):
+            shape.set("name", name)
+    without_visuals(robot)
+    with_forms((*FORMS, "mesh"))(robot)
+
+
+def _without_masses_of_shapes(robot: XmlElement) -> None:
+    """Remove the shapes of links without `<inertial>`."""
+    for link in shaped_links(robot, floats=True):
+        for shape in link.findall("collision"):
+            link.remove(shape)

@@ -374,7 +374,7 @@ class PybulletModel(LoadedModel):
         if self._scales:
             settings[scale_cause(self._scales)] = UNSCALED
         if self._bare:
-            settings[bare_cause(self._bare, "PyBullet")] = BARE
+            settings[bare_cause(self._bare, "PyBullet's own 1 kg and 1 kg m^2")] = BARE
         if self._long:
             settings[length_cause(self._long)] = UNIT
         return {**settings, axes_cause(self._lost): EXACT} if self._lost else settings

@@ -18,6 +18,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.pybullet.base import real_first
 from physics_crosscheck.harness.engines.pybullet.stepper import link_places
+from physics_crosscheck.harness.engines.urdf_copy import collision_shapes
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 
@@ -60,9 +61,7 @@ def simple_shapes(robot: XmlElement) -> None:
 
 
 def link_shapes(body: int, robot: XmlElement) -> Mapping[str, LinkShape]:
-    """Return the collision shapes of a body with `simple_shapes`, by `collision:link#index`.
-
-    The index counts all shapes of the link in the file, visual ones first.
+    """Return the collision shapes of a body with `simple_shapes`, by name.
 
     Args:
         body: PyBullet's index.
@@ -87,11 +86,10 @@ def link_shapes(body: int, robot: XmlElement) -> Mapping[str, LinkShape]:
 
 def _forms(link: XmlElement) -> Iterator[tuple[str, str]]:
     """Yield the name and the form of each shape that `simple_shapes` keeps."""
-    first = len(link.findall("visual"))
-    for index, shape in enumerate(link.findall("collision"), start=first):
+    for name, shape in collision_shapes(link):
         form = shape.find("geometry/*")
         if form is not None and form.tag in _SIZES:
-            yield f"collision:{link.get('name', '')}#{index}", form.tag
+            yield name, form.tag
 
 
 def _place(origin: Numbers, quaternion: Numbers) -> Place:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
+from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
     HardJoint,
@@ -28,16 +29,18 @@ from physics_crosscheck.reference.mechanism.laws import (
     ImpulseRules,
     Laws,
     NearRigidRules,
+    Rules,
     SoftFriction,
     SoftLimit,
+    Softness,
+    SoftRules,
 )
+from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
 
 
-def ruled_model(
-    robot: Robot, rules: ImpulseRules | NearRigidRules
-) -> ImpulseModel | NearRigidModel | None:
+def ruled_model(robot: Robot, rules: Rules) -> ImpulseModel | LawModel | None:
     """Return the laws of a URDF on its bodies, with settings of an engine; None without joints.
 
     Args:
@@ -52,39 +55,92 @@ def ruled_model(
     file = read_urdf(Document(robot.file))
     if isinstance(rules, ImpulseRules):
         return _model(file, robot.tree, rules, floats=robot.floats)
-    return _near_rigid(file, robot.tree, rules)
+    return _convex(file, robot.tree, rules)
 
 
-def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidModel | None:
-    """Return the limits and contacts of a file on its tree; None without joints."""
+def _convex(file: UrdfFile, tree: Tree, rules: NearRigidRules | SoftRules) -> LawModel | None:
+    """Return the limits, dry friction and contacts of a file on its tree; None without joints."""
     if not tree.links:
         return None
     floats = tree.links[0].kind == "free"
     if any(link.kind not in ("hinge", "slide") for link in tree.links[floats:]):
         raise TreeError("a joint with several degrees of freedom")
-    softness = near_rigid_softness(rules)
-    ranges = (
-        (i, file.stated_bounds(link.name))
-        for i, link in enumerate(tree.links)
-        if link.kind != "free" and rules.has_limits
-    )
-    dry = (
-        SoftFriction(joint=i, force=file.joints[link.name].friction, softness=softness)
-        for i, link in enumerate(tree.links)
-        if link.kind != "free" and rules.dry_friction_share
-    )
-    limits = (
-        SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
-        for i, (lower, upper) in ranges
-        if lower <= upper and np.isfinite([lower, upper]).all()
-    )
+    if isinstance(rules, SoftRules):
+        return _soft(file, tree, rules)
+    return _near_rigid(file, tree, rules)
+
+
+def _soft(file: UrdfFile, tree: Tree, rules: SoftRules) -> LawModel:
+    """Return the laws of a file on its tree, by the softness and surfaces of an engine."""
+    if rules.laws.uncovered:
+        raise TreeError(", ".join(rules.laws.uncovered))
+    tree = _without_springs(tree)
+    frames = [tree.frames[name] for name in rules.bodies[1:]]
+    masses, centers = _fused(file, tree, rules.bodies)
+    return LawModel(
+        laws=replace(
+            rules.laws,
+            # A continuous joint has none, and equal bounds are ignored, with a warning.
+            limits=tuple(
+                limit
+                for limit in _limits(file, tree, rules.softness)
+                if limit.lower < limit.upper
+                and file.joints[tree.links[limit.joint].name].bounds != ENDLESS
+            ),
+            frictions=tuple(_frictions(file, tree, rules.softness)),
+        ),
+        tree=LawTree(
+            tree=tree, paths=(), bodies=((WORLD, IDENTITY), *frames),
+            masses=masses, centers=centers,
+        ),
+        home=np.zeros(tree.nv),
+    )  # fmt: skip
+
+
+def _fused(file: UrdfFile, tree: Tree, bodies: Sequence[str]) -> tuple[Array, Array]:
+    """Return mass and centre of bodies, each a link with the links that are fused with it."""
+    above = {joint.child: joint.parent for joint in file.joints.values()}
+    masses, moments = np.zeros(len(bodies)), np.zeros((len(bodies), 3))
+    for name, link in file.links.items():
+        root = name
+        while root not in bodies and root in above:
+            root = above[root]
+        if root in bodies:
+            inertia, i = link.spatial_inertia, bodies.index(root)
+            (_, body), (_, place) = tree.frames[root], tree.frames[name]
+            center = place.origin + place.rotation @ inertia.center
+            masses[i] += inertia.mass
+            moments[i] += inertia.mass * (body.rotation.T @ (center - body.origin))
+    return masses, moments / np.where(masses > 0, masses, 1.0)[:, None]
+
+
+def _limits(file: UrdfFile, tree: Tree, softness: Softness) -> Iterator[SoftLimit]:
+    """Yield the ranges of joints, also of continuous ones that state one."""
+    for i, link in enumerate(tree.links):
+        if link.kind != "free":
+            lower, upper = file.stated_bounds(link.name)
+            if lower <= upper and np.isfinite([lower, upper]).all():
+                yield SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
+
+
+def _frictions(file: UrdfFile, tree: Tree, softness: Softness) -> Iterator[SoftFriction]:
+    """Yield the dry friction of joints."""
+    for i, link in enumerate(tree.links):
+        if link.kind != "free" and (force := file.joints[link.name].friction) > 0:
+            yield SoftFriction(joint=i, force=force, softness=softness)
+
+
+def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidModel:
+    """Return the laws of a file on its tree, by the near-rigid rows of an engine."""
+    softness, floats = near_rigid_softness(rules), tree.links[0].kind == "free"
+    limits = tuple(_limits(file, tree, softness)) if rules.has_limits else ()
+    dry = tuple(_frictions(file, tree, softness)) if rules.dry_friction_share else ()
     tree, shapes = _without_springs(tree), rules.shapes
     return NearRigidModel(
         # Dampers are part of the convex problem. A free root's rotation has no rule.
         laws=Laws(
             step=rules.step, integrator="" if floats else "euler", damps_implicitly=False,
-            limits=tuple(limits), frictions=tuple(one for one in dry if one.force > 0),
-            mixing="harmonic",
+            limits=limits, frictions=dry, mixing="harmonic",
             compliant=(rules.default, *(_compliant(file, *shape, rules) for shape in shapes)),
         ),
         tree=LawTree(
@@ -140,7 +196,7 @@ _NUMBERS = re.compile(
 """Numbers that the laws depend on, besides those of the bodies."""
 
 
-L = TypeVar("L", ImpulseModel, NearRigidModel)
+L = TypeVar("L", ImpulseModel, LawModel)
 """The laws of a URDF, with settings of an engine."""
 
 
@@ -201,9 +257,11 @@ def impulse_numbers(numbers: UrdfNumbers, rules: ImpulseRules) -> RuledNumbers[I
     return RuledNumbers(numbers=numbers, build=build)
 
 
-def near_rigid_numbers(numbers: UrdfNumbers, rules: NearRigidRules) -> RuledNumbers[NearRigidModel]:
-    """Return the numbers of a URDF whose limits are near-rigid."""
-    return RuledNumbers(numbers=numbers, build=partial(_near_rigid, rules=rules))
+def convex_numbers(
+    numbers: UrdfNumbers, rules: NearRigidRules | SoftRules
+) -> RuledNumbers[LawModel]:
+    """Return the numbers of a URDF whose laws are a convex problem."""
+    return RuledNumbers(numbers=numbers, build=partial(_convex, rules=rules))
 
 
 def _without_springs(tree: Tree) -> Tree:
