@@ -1,4 +1,4 @@
-"""URDFs in MuJoCo: whole steps by its soft law, masses from shapes, places of shapes."""
+"""URDFs in MuJoCo: whole steps by its soft law, and masses from shapes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import pytest
 from physics_crosscheck.harness.checks.acting_impulses import urdf_quantities
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
-from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
 from physics_crosscheck.harness.engines.protocol import ModelSpec
-from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.asking import compared, laws
@@ -118,42 +116,6 @@ def test_masses_from_shapes_are_named(tmp_path: Path) -> None:
     assert not others
     without = run_case(task.with_settings(shape_masses=False))
     assert without.outcome is Outcome.AGREES
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong"),
-    [
-        ('sphere radius=".1"', 'sphere radius=".1001"'),
-        ('xyz=".3 0 0"/><geom', 'xyz=".31 0 0"/><geom'),
-    ],
-)
-def test_shapes_are_compared(tmp_path: Path, right: str, wrong: str) -> None:
-    """Catch a collision shape of another size or place, without a contact."""
-    file, other = tmp_path / "robot.urdf", tmp_path / "other.urdf"
-    file.write_text(URDF_ARM)
-    assert URDF_ARM.count(right) == 1
-    other.write_text(URDF_ARM.replace(right, wrong))
-    task = model_task(prepare_tree(file, states=2), "mujoco")
-    check = case_poses(task, *task.load())
-    assert check is not None
-    assert check.record.shapes == 2
-    assert not check.findings
-    changed = task.with_file(other)
-    check = case_poses(changed, *changed.load())
-    assert check is not None
-    assert check.findings
-    assert [place.line for place in check.locations] == [
-        URDF_ARM[: URDF_ARM.index(right)].count("\n") + 1
-    ]
-
-
-def test_mesh_scales_are_compared_without_its_file(tmp_path: Path) -> None:
-    """Catch a mesh whose scale no check sees, or that needs its file."""
-    text = URDF_ARM.replace('sphere radius=".1"', 'mesh filename="no.stl" scale="1 2 3"')
-    file = tmp_path / "robot.urdf"
-    file.write_text(text)
-    spec = ModelSpec(file, settings={**SETTINGS, **STANDALONE_SETTINGS})
-    assert engines()["mujoco"].load(spec).shapes["collision:upper#0"] == (1.0, 2.0, 3.0)
 
 
 def test_numbers_act_as_stated(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Collision shapes of a URDF are in PyBullet where the file puts them, with its sizes."""
+"""Collision shapes of a URDF are in engines where the file puts them, with its sizes."""
 
 from __future__ import annotations
 
@@ -36,20 +36,37 @@ URDF = """<robot name="arm">
  <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
 
-def case_after(folder: Path, old: str, new: str) -> Case:
-    """Compare the edited file in PyBullet with the equations of the original."""
-    return case_of_edited(folder / "arm.urdf", URDF, old, new, "pybullet")
+in_both = pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
 
 
-def test_shapes_agree(tmp_path: Path) -> None:
+def case_after(folder: Path, old: str, new: str, engine: str) -> Case:
+    """Compare the edited file in an engine with the equations of the original."""
+    return case_of_edited(folder / "arm.urdf", URDF, old, new, engine)
+
+
+@in_both
+def test_shapes_agree(tmp_path: Path, engine: str) -> None:
     """Stopped by a plane, which has no size, or by a mesh without a file."""
-    case = case_after(tmp_path, 'radius="0.06"', 'radius="0.06"')
+    case = case_after(tmp_path, 'radius="0.06"', 'radius="0.06"', engine)
     assert case.outcome is Outcome.AGREES
     assert case.poses is not None
     assert (case.poses.shapes, case.poses.wrong) == (5, ())
     assert (case.poses.uncertainty or 1) < 1e-12
 
 
+def test_shape_with_a_word_has_no_place(tmp_path: Path) -> None:
+    """Stopped by a size that is no number: motions do not depend on it."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF.replace('radius="0.06"', 'radius="wide"'))
+    case = run_case(model_task(prepare_tree(path, states=4), "mujoco"))
+    assert case.outcome is Outcome.AGREES
+    assert case.whole_step is not None
+    (reason,) = case.whole_step.uncovered
+    assert "arm.urdf" in reason
+    assert "line 7" in reason or ":7" in reason
+
+
+@in_both
 @pytest.mark.parametrize(("old", "new", "words", "line"), [
     ('"0 0.1 0"', '"0 0.10000001 0"', "collision:base#1: off by up to 1e-08", 5),
     ('size="0.3 0.2 0.1"', 'size="0.3 0.2 0.10000001"', "base#1: its size is 0.15 0.1 0.05 in", 5),
@@ -62,19 +79,20 @@ def test_shapes_agree(tmp_path: Path) -> None:
     ('"0.05" length', '"0.05000001" length', "collision:hand#3: its size is 0.05 0.2 in", 16),
 ])  # fmt: skip
 def test_moved_or_scaled_shapes_differ_at_their_lines(
-    old: str, new: str, words: str, line: int, tmp_path: Path
+    old: str, new: str, words: str, line: int, tmp_path: Path, engine: str
 ) -> None:
     """Lost: shapes of a link with turned principal axes, of a cylinder, and behind a mesh."""
-    case = case_after(tmp_path, old, new)
+    case = case_after(tmp_path, old, new, engine)
     assert (case.outcome, case.kind) == (Outcome.DIFFERS, "pose")
     assert words in case.reason
     assert [one.line for one in case.locations] == [line]
 
 
-def test_their_numbers_count_as_tested(tmp_path: Path) -> None:
+@in_both
+def test_their_numbers_count_as_tested(tmp_path: Path, engine: str) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(URDF)
-    coverage = count_robot(model_task(prepare_tree(path, states=4), "pybullet"))
+    coverage = count_robot(model_task(prepare_tree(path, states=4), engine))
     # Box 9, ball 4, cylinder 5, mesh 6, capsule 5; and 5 of the joint's place.
     assert coverage.frames == 34
     assert [one.reason for one in coverage.untested if "collision" in one.reason] == [

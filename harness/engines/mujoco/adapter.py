@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -556,30 +556,31 @@ class MujocoModel(LoadedModel):
 
     @cached_property
     def _poses(self) -> PoseEvaluator:
-        import mujoco
 
-        file = self._urdf_file
+        file, spec = self._urdf_file, self._spec
         if file is None:
             return PoseEvaluator(self.model, "body")
-        # By default MuJoCo fuses links on fixed joints, such as a tool's, with their parents.
+        whole = replace(spec, settings={**spec.settings, "smooth": False})
+        for edits in ([*changes(whole), name_collisions], changes(spec)):
+            # A shape may be wrong, and a free joint of a link whose parent stands still must fuse.
+            with suppress(ValueError):
+                return self._poses_of(file, edits)
+        return PoseEvaluator(self.model, "link")
+
+    def _poses_of(self, file: UrdfFile, edits: list[Change]) -> PoseEvaluator:
+        """Return the poses of a URDF with edits."""
+        import mujoco
+
         with (
             self._warnings.collecting(),
-            temporary_urdf(file.document.root, self._spec.path, self._with_shapes) as path,
+            temporary_urdf(file.document.root, self._spec.path, edits) as path,
         ):
             tree = mujoco.MjSpec.from_file(str(path))
             complete_urdf(tree, self._spec, file)  # a floating root has coordinates
+            # By default MuJoCo fuses links on fixed joints, such as a tool's, with their parents.
             tree.compiler.fusestatic = False
             scales = without_mesh_files(tree)
-            try:
-                return PoseEvaluator(tree.compile(), "link", scales)
-            except ValueError:  # a free joint of a link whose parent stands still must be fused
-                return PoseEvaluator(self.model, "link")
-
-    @property
-    def _with_shapes(self) -> list[Change]:
-        """Changes of a URDF that keep its collision shapes."""
-        whole = {**self._spec.settings, "smooth": False}
-        return [*changes(replace(self._spec, settings=whole)), name_collisions]
+            return PoseEvaluator(tree.compile(), "link", scales)
 
     @property
     def places(self) -> tuple[str, ...]:
