@@ -55,7 +55,7 @@ def test_shapes_agree(tmp_path: Path, engine: str) -> None:
 
 
 def test_shape_with_a_word_has_no_place(tmp_path: Path) -> None:
-    """Stopped by a size that is no number: motions do not depend on it."""
+    """Stopped by a word for a size: motions do not depend on it."""
     path = tmp_path / "arm.urdf"
     path.write_text(URDF.replace('radius="0.06"', 'radius="wide"'))
     case = run_case(model_task(prepare_tree(path, states=4), "mujoco"))
