@@ -43,8 +43,9 @@ def test_numbers_without_effect_are_listed_by_name(tmp_path: Path, engine: str) 
     assert counted.seen + sum(one.count for one in counted.untested) == counted.numbers
     by_reason = {one.reason: one for one in counted.untested}
     counts = {reason: one.count for reason, one in by_reason.items()}
-    # Whole steps of MuJoCo and PyBullet have a law for a URDF, which has no drive in MuJoCo.
-    assert counts.get("joint limits", 0) == (0 if engine in ("mujoco", "pybullet") else 2)
+    # Whole steps of these engines have a law for a URDF; PyBullet alone has drives.
+    in_steps = engine in ("mujoco", "mjx", "pybullet", "drake")
+    assert counts.get("joint limits", 0) == (0 if in_steps else 2)
     assert counts.get("actuator limits", 0) == (0 if engine == "pybullet" else 1)
     assert counts["velocity limits"] == 1
     # All ten numbers of the fixed link, each by its name.

@@ -234,8 +234,11 @@ class RuledNumbers(Generic[L]):
         if not values or nominal is None or not set(values) <= set(self.law_numbers):
             return self._built(values) if values else nominal
         laws = self._built(values, nominal.tree.tree)  # these numbers leave the bodies as they are
-        # Impulses on the same tree are solved again only where their rows differ.
-        return replace(laws, tree=nominal.tree) if isinstance(laws, ImpulseModel) else laws
+        # Laws on the same tree are solved again only where their rows differ.
+        if laws is None or isinstance(laws, ImpulseModel):
+            return None if laws is None else replace(laws, tree=nominal.tree)
+        assert isinstance(nominal, LawModel)
+        return nominal.under(laws.laws)
 
     @cached_property
     def _nominal(self) -> L | None:
