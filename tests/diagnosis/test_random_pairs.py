@@ -3,12 +3,9 @@
 import pytest
 
 from campaigns.random_pairs import campaign
-from physics_crosscheck.harness.engines.registry import engines
 
 
-@pytest.mark.skipif(
-    any(engine.version() is None for engine in engines().values()), reason="an engine is missing"
-)
+@pytest.mark.slow
 def test_both_of_two_faults_are_named() -> None:
     trials = campaign(3, seed=11)
     assert all(t.named and t.explained for t in trials), [t for t in trials if not t.named]
