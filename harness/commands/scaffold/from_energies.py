@@ -188,11 +188,9 @@ def _checked(folder: Path, target: Path, suffix: str, left_out: dict[str, str]) 
             agrees = True
     if not agrees:
         raise NewError(
-            (
-                f"{target}: nothing was written because no engine agrees with the "
-                "equations read from it: "
-            )
-            + "; ".join(against or ["no engine ran it"])
+            f"{target}: nothing was written because no engine agrees with the equations read from "
+            f"it: {'; '.join(against or ['no engine ran it'])}. See what crosscheck run FILE names "
+            "as the cause"
         )
     return against
 
