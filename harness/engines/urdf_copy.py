@@ -21,6 +21,9 @@ from physics_crosscheck.harness.engines.source import shortened, temporary_file
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""
 
+DEEP = 100.0
+"""Depth at which every shape of a robot is below a floor, m."""
+
 SMALLEST_MASS = "1e-300"
 """A mass in kg that is too small to be visible in a motion."""
 

@@ -10,7 +10,7 @@ temporal coherence (2005).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -348,6 +348,10 @@ class ImpulseModel:
 
     laws: ImpulseLaws
     tree: LawTree
+
+    def under(self, laws: ImpulseLaws) -> ImpulseModel:
+        """Return the same tree under other laws."""
+        return replace(self, laws=laws)
 
     def solve(
         self,

@@ -233,7 +233,7 @@ def _merged_damping(model: LawModel) -> LawModel:
 
 def _ruled(model: ImpulseModel, **rules: Any) -> ImpulseModel:
     changed = replace(model.laws.rules, **rules)
-    return replace(model, laws=replace(model.laws, rules=changed))
+    return model.under(replace(model.laws, rules=changed))
 
 
 def _joints(
@@ -242,7 +242,7 @@ def _joints(
     joints = tuple(
         change(joint) if only in (-1, k) else joint for k, joint in enumerate(model.laws.joints)
     )
-    return replace(model, laws=replace(model.laws, joints=joints))
+    return model.under(replace(model.laws, joints=joints))
 
 
 def _without_limits(joint: HardJoint) -> HardJoint:

@@ -381,7 +381,7 @@ class _Weights(Generic[M, S]):
         laws = _applied(group, model.laws)
         if laws is None or not self._evaluated:
             return None
-        changed = self._comparison.expected_by(replace(model, laws=laws), self._evaluated)
+        changed = self._comparison.expected_by(model.under(laws), self._evaluated)
         effects: Array = np.abs(changed - self._expected) / self._scale
         return float(np.max(effects))
 

@@ -22,7 +22,7 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineStep, Whole
 from physics_crosscheck.harness.engines.runge_kutta import place, to_state
 from physics_crosscheck.harness.engines.source import refused
 from physics_crosscheck.harness.engines.tree_model import SpringForces, UndrivenWhole
-from physics_crosscheck.harness.engines.urdf_copy import has_form
+from physics_crosscheck.harness.engines.urdf_copy import DEEP, has_form
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
     ContactPoint,
@@ -43,9 +43,6 @@ SURFACE_TAGS = (
     "drake:point_contact_stiffness", "drake:hunt_crossley_dissipation",
 )  # fmt: skip
 """Tags of a surface, as in `NearRigidRules`."""
-
-DEEP = 100.0
-"""Depth at which every shape is below the floor, m."""
 
 FORMS = ("box", "sphere", "cylinder", "drake:capsule", "drake:ellipsoid")
 """Tags of the shapes whose contacts are compared."""

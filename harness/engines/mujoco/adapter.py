@@ -556,7 +556,6 @@ class MujocoModel(LoadedModel):
 
     @cached_property
     def _poses(self) -> PoseEvaluator:
-
         file, spec = self._urdf_file, self._spec
         if file is None:
             return PoseEvaluator(self.model, "body")

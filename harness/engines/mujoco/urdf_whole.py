@@ -17,15 +17,13 @@ from physics_crosscheck.harness.engines.mujoco.urdf import FORMS, changes, float
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf_copy import (
+    DEEP,
     temporary_urdf,
     with_forms,
     without_law,
     without_visuals,
 )
 from physics_crosscheck.reference.mechanism.laws import SoftRules
-
-DEEP = 100.0
-"""Depth at which every shape is below the floor, m."""
 
 _FLOOR = "crosscheck_floor"
 

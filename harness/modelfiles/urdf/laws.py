@@ -80,12 +80,11 @@ def _soft(file: UrdfFile, tree: Tree, rules: SoftRules) -> LawModel:
     return LawModel(
         laws=replace(
             rules.laws,
-            # A continuous joint has none, and equal bounds are ignored, with a warning.
+            # Equal bounds are ignored, with a warning.
             limits=tuple(
                 limit
-                for limit in _limits(file, tree, rules.softness)
+                for limit in _limits(file, tree, rules.softness, continuous=False)
                 if limit.lower < limit.upper
-                and file.joints[tree.links[limit.joint].name].bounds != ENDLESS
             ),
             frictions=tuple(_frictions(file, tree, rules.softness)),
         ),
@@ -114,11 +113,14 @@ def _fused(file: UrdfFile, tree: Tree, bodies: Sequence[str]) -> tuple[Array, Ar
     return masses, moments / np.where(masses > 0, masses, 1.0)[:, None]
 
 
-def _limits(file: UrdfFile, tree: Tree, softness: Softness) -> Iterator[SoftLimit]:
-    """Yield the ranges of joints, also of continuous ones that state one."""
+def _limits(
+    file: UrdfFile, tree: Tree, softness: Softness, *, continuous: bool
+) -> Iterator[SoftLimit]:
+    """Yield the ranges of joints, and of continuous ones that state one if these act."""
+    bounds = file.stated_bounds if continuous else lambda name: file.joints[name].bounds
     for i, link in enumerate(tree.links):
         if link.kind != "free":
-            lower, upper = file.stated_bounds(link.name)
+            lower, upper = bounds(link.name)
             if lower <= upper and np.isfinite([lower, upper]).all():
                 yield SoftLimit(joint=i, lower=lower, upper=upper, margin=0.0, softness=softness)
 
@@ -133,7 +135,7 @@ def _frictions(file: UrdfFile, tree: Tree, softness: Softness) -> Iterator[SoftF
 def _near_rigid(file: UrdfFile, tree: Tree, rules: NearRigidRules) -> NearRigidModel:
     """Return the laws of a file on its tree, by the near-rigid rows of an engine."""
     softness, floats = near_rigid_softness(rules), tree.links[0].kind == "free"
-    limits = tuple(_limits(file, tree, softness)) if rules.has_limits else ()
+    limits = tuple(_limits(file, tree, softness, continuous=True)) if rules.has_limits else ()
     dry = tuple(_frictions(file, tree, softness)) if rules.dry_friction_share else ()
     tree, shapes = _without_springs(tree), rules.shapes
     return NearRigidModel(
@@ -235,10 +237,7 @@ class RuledNumbers(Generic[L]):
             return self._built(values) if values else nominal
         laws = self._built(values, nominal.tree.tree)  # these numbers leave the bodies as they are
         # Laws on the same tree are solved again only where their rows differ.
-        if laws is None or isinstance(laws, ImpulseModel):
-            return None if laws is None else replace(laws, tree=nominal.tree)
-        assert isinstance(nominal, LawModel)
-        return nominal.under(laws.laws)
+        return None if laws is None else nominal.under(laws.laws)
 
     @cached_property
     def _nominal(self) -> L | None:
