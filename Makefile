@@ -29,7 +29,7 @@ pytest: .venv/.test
 # the longest are dealt first.
 LONG := $(wildcard $(addprefix tests/,cases/test_events.py scaffold/test_new.py laws/test_whole_step.py \
 	laws/test_mistakes.py faults/test_real_engines.py scaffold/test_new_bodies.py \
-	scaffold/test_scenarios.py diagnosis/test_builtin_faults.py schedule/test_cluster.py))
+	diagnosis/test_builtin_faults.py schedule/test_cluster.py))
 marked = $(shell grep -rl --include 'test_*.py' 'mark\.$(1)' tests)
 test-slow: .venv/.test
 	$(PYTEST) $(LONG) $(filter-out $(LONG),$(call marked,slow)) -m slow

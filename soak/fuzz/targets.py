@@ -22,11 +22,8 @@ from physics_crosscheck.harness.baseline.file import (
 )
 from physics_crosscheck.harness.commands.compare.candidate import CompareError
 from physics_crosscheck.harness.commands.compare.match import declared
-from physics_crosscheck.harness.commands.scaffold.constants import Ledger
 from physics_crosscheck.harness.commands.scaffold.folder import NewError
-from physics_crosscheck.harness.commands.scaffold.from_energies import _read, _with_symbols
-from physics_crosscheck.harness.commands.scaffold.scenarios import provisional
-from physics_crosscheck.harness.commands.scaffold.text import system_text
+from physics_crosscheck.harness.commands.scaffold.from_tree import tree_text
 from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
@@ -40,6 +37,7 @@ from physics_crosscheck.harness.modelfiles.locations.outline import outline
 from physics_crosscheck.harness.modelfiles.locations.python import python_numbers, python_offset
 from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 from physics_crosscheck.harness.modelfiles.locations.xml import xml_numbers, xml_offset
+from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.harness.records.baseline import BaselineFile
 from physics_crosscheck.harness.records.read import ResultsError, read_results
@@ -179,12 +177,10 @@ def _parse_urdf(data: bytes) -> object:
 def _write_system(data: bytes, suffix: str) -> object:
     """Return the system.py that `new --from` would write. The file's text must not become code."""
     path = _write_input(f"model{suffix}", data)
-    ledger = Ledger(path, data)
-    mechanism = _read(path, data, ledger)
-    if not mechanism.joints:
+    robot = read_robot(path)
+    if robot.body_model is None:
         return None
-    mechanism = _with_symbols(mechanism, ledger)
-    text = system_text("new", path.name, mechanism, ledger.rows, provisional(mechanism.joints))
+    text = tree_text("new", "new", path.name, robot.body_model, {}, "")
     _check_calls(ast.parse(text))
     return text
 

@@ -120,8 +120,7 @@ def test_declaration_has_the_exact_tree_of_the_file(
 def kuka(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("folders") / "kuka"
     written = from_model(DATA / "kuka_iiwa" / "model.urdf", folder)
-    assert written.declares.startswith("bodies instead of energies: it has 7 joints")
-    uncopied, left_out = written.remarks
+    uncopied, left_out = written
     assert uncopied.startswith("not copied, because no inertia depends on it: 'link_0.obj', ")
     assert left_out.startswith("left out: ")
     return folder
@@ -157,7 +156,7 @@ def test_every_feature_of_an_mjcf_is_written_and_agrees(tmp_path: Path) -> None:
     """Cover includes, a mesh with inertia, replicas, free and ball joints, tendons, actuators."""
     file, folder = write_mjcf(tmp_path / "given"), tmp_path / "made"
     written = from_model(file, folder)
-    assert not [one for one in written.remarks if not one.startswith("left out: ")]
+    assert not [one for one in written if not one.startswith("left out: ")]
     names = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     assert names == {
         "all.xml", "all.xml.toml", "beside.xml", "parts/tip.xml", "shapes/tetrahedron.obj",
@@ -188,7 +187,7 @@ def test_only_meshes_with_an_effect_are_copied(
     written = from_model(file, tmp_path / "made")
     copied = [path.name for path in (tmp_path / "made" / "shapes").iterdir()]
     assert copied == ["tetrahedron.obj"]
-    assert "not copied, because no inertia depends on it: 'shown.obj'" in written.remarks
+    assert "not copied, because no inertia depends on it: 'shown.obj'" in written
 
 
 @pytest.mark.slow
@@ -204,7 +203,7 @@ def test_root_can_float(tmp_path: Path) -> None:
 
 def test_engines_that_refuse_the_file_are_reported(tmp_path: Path) -> None:
     written = from_model(DATA / "mini_cheetah" / "mini_cheetah.urdf", tmp_path / "dog")
-    left_out = [one for one in written.remarks if "is left out: " in one]
+    left_out = [one for one in written if "is left out: " in one]
     assert len(left_out) == 2
     assert "violate the triangle inequality" in left_out[0]
     assert "A + B >= C" in left_out[1]
@@ -280,7 +279,6 @@ def test_new_folder_passes_accept_and_gate(tmp_path: Path) -> None:
     file.write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())
     done = crosscheck(tmp_path, "new", "m/arm", "--from", "arm.urdf")
     assert done.returncode == 0, done.stderr
-    assert "system.py declares bodies instead of energies: it has 7 joints" in done.stdout
     done = crosscheck(tmp_path, "accept", "--folder", "m", "--reason", "first")
     assert done.returncode == 0, done.stdout + done.stderr
     done = crosscheck(tmp_path, "gate")

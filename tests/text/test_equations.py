@@ -337,10 +337,31 @@ def folder_of(path: Path, friction: str) -> Path:
     return path / "two"
 
 
+FOLDER = """from physics_crosscheck import (
+    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, ground)
+a, b = (Coordinate(name, "rad", name) for name in "ab")
+m, g, x, c, l, j, k, n = numbers = tuple(
+    Constant(name, value, unit, name, "x") for name, value, unit in (
+        ("m", 1.1, "kg"), ("g", 9.81, "m/s^2"), ("x", 0.02, "m"), ("c", 0.1, "m"),
+        ("l", 0.2, "m"), ("j", 0.1, "kg*m^2"), ("k", 0.11, "kg*m^2"), ("n", 0.05, "kg*m^2")))
+first = ground.hinge(a, about=(0, 1, 0))
+rods = first.at(x, 0, -c), first.at(0, 0, -l).hinge(b, about=(0, 1, 0)).at(x, 0, -c)
+u = Input("u", "N*m", "u", on={a: 1})
+system = System(
+    name="two", title="two", source="x", coordinates=(a, b), constants=numbers, inputs=(u,),
+    outputs=(Output("a", a.q, "rad", "a"),), published=(), D=0,
+    T=sum(rod.kinetic(m, (j, k, n)) for rod in rods),
+    V=sum(rod.weight(m, (0, 0, -g)) for rod in rods),
+    equilibria=(Equilibrium("rest", at={a: 0.2, b: 0}, search=True, description="rest"),),
+    scenarios=(Scenario("s", "s", q={a: 0, b: 0}, v={a: 0, b: 0}, inputs={u: 0}, duration=1),))
+"""
+
+
 @pytest.mark.slow
 def test_equilibrium_at_irregular_angle_is_inverted_numerically(tmp_path: Path) -> None:
     """Invert short matrices with searched digits, which sympy would factor endlessly."""
-    equations = derivation(load_system(folder_of(tmp_path, "")))
+    (tmp_path / "system.py").write_text(FOLDER)
+    equations = derivation(load_system(tmp_path))
     matrices = {matrix.name: matrix for matrix in equations.equilibria[0].matrices}
     assert matrices["M"].symbolic is not None
     assert matrices["M"].symbolic.has(sp.Float)

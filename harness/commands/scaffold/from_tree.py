@@ -17,7 +17,6 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import format_omission, settings_of
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.commands.scaffold.assets import MEANT
 from physics_crosscheck.harness.commands.scaffold.folder import NewError, write_folder
 from physics_crosscheck.harness.commands.scaffold.places import Key, places
 from physics_crosscheck.harness.commands.scaffold.text import comment, literal, plain, quoted
@@ -37,6 +36,9 @@ from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement
 from physics_crosscheck.reference.mechanism.force_paths import JointForce
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.solving.integrate import ReferenceError
+
+MEANT = (".py", ".pyc", ".toml")
+"""File endings with a meaning in a system folder; a mesh can't have one."""
 
 _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
     "position": ("m", ()),

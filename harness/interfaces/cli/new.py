@@ -18,7 +18,7 @@ from physics_crosscheck.harness.results.visible import visible
 
 def main(options: argparse.Namespace) -> int:
     """Write the folder; print its files and the next commands."""
-    target, declares = Path(options.name), ""
+    target = Path(options.name)
     try:
         check_name(target)
     except NewError as error:
@@ -31,16 +31,15 @@ def main(options: argparse.Namespace) -> int:
             # Reading a model needs sympy and engines; the example needs neither.
             from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 
-            written = from_model(
+            remarks = from_model(
                 options.model, target, floating=options.floating, chosen=options.chosen_model
             )
-            declares = f"\nsystem.py declares {visible(written.declares)}\n"
-            for remark in written.remarks:
+            for remark in remarks:
                 print(f"note: {remark}", file=sys.stderr)
     except NewError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
     for path in sorted(target.iterdir()):
         print(visible(str(path)))
-    print(f"{declares}\nnext: crosscheck run {target}\n      crosscheck derive {target}")
+    print(f"\nnext: crosscheck run {target}\n      crosscheck derive {target}")
     return AGREE
