@@ -16,6 +16,7 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     folder_files,
     robot_file,
 )
+from physics_crosscheck.harness.documents.expanded import source_of
 from physics_crosscheck.harness.engines.registry import (
     default_engines,
     engines_reading,
@@ -29,6 +30,7 @@ from physics_crosscheck.harness.records.case import CaseId
 
 def location(folder: Path, baseline: Path) -> str:
     """Return the name of a system folder in a baseline: its relative path, or its package name."""
+    folder = source_of(folder)
     home = builtin().resolve()
     if folder.resolve().parent == home and home.parent.name == "harness":
         return f"builtin:{folder.name}"

@@ -17,10 +17,10 @@ from physics_crosscheck.harness.checks.law_comparison import (
     S,
     WholeStepComparison,
 )
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.modelfiles.mesh_files import (
     MeshError,
     decimated_mesh,
-    locate_mesh,
     unread_meshes,
 )
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
@@ -199,7 +199,7 @@ def _is_mesh(shape: PlacedShape) -> bool:
 def _mesh_record(key: _MeshKey, faces: int) -> SceneMesh | None:
     """Return a reduced mesh in the shape's frame; None if it is missing or can't be read."""
     model, name, scale = key
-    file = locate_mesh(model, name)
+    file = locate_file(model, name)
     try:
         mesh = None if file is None else decimated_mesh(file, faces)
     except MeshError:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
+import re
+import shlex
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
+from unittest.mock import patch
+from urllib.parse import unquote, urlsplit
 from xml.dom import Node, expatbuilder
 
 import msgspec
@@ -22,6 +27,21 @@ _MARK = "crosscheck-source"
 _LINES: dict[str, dict[int, tuple[str, int]]] = {}
 """Source file and line by the line of an expanded file, by its path."""
 
+_SOURCES: dict[str, str] = {}
+"""Source, as the user named it, by the path of its expanded file."""
+
+ARGUMENTS = "CROSSCHECK_XACRO_ARGS"
+"""The environment variable with arguments of sources, such as `gripper:=true`."""
+
+_PREFIX_PATHS = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+"""Environment variables with folders whose `share` contains packages."""
+
+LEVELS = 4
+"""Number of folders, from that of a package upwards, in which other packages are looked for."""
+
+MAX_SOURCES = 500
+"""Number of files or folders of one search."""
+
 T = TypeVar("T")
 
 
@@ -32,25 +52,49 @@ class ExpansionError(ValueError):
 def expand(source: Path) -> Path:
     """Expand a source for xacro into a URDF in the user's cache, and note the lines.
 
-    `$(find package)` means packages of the environment, or folders above the source.
+    `$(find package)` means the packages of `package_folders`. Meshes that exist are named by their
+    whole paths, since the copy is elsewhere. Arguments come from `ARGUMENTS`.
 
     Raises:
-        ExpansionError: naming the file and the reason.
-        ImportError: without xacrodoc.
+        ExpansionError: naming the file, the reason and a remedy.
+        ImportError: without xacro.
     """
     import xacro
-    from xacrodoc import packages
+    from xacro import substitution_args
 
     whole = source.absolute()
+    words = shlex.split(os.environ.get(ARGUMENTS, ""))
+
+    def find(package: str) -> str:
+        folder = next((one for one in package_folders(package, whole) if one.is_dir()), None)
+        if folder is None:
+            raise ExpansionError(
+                f"{source}: needs the ROS package {package}, neither beside its own package"
+                " nor in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH. Put its folder beside"
+                f" {package_root(whole)}, or source the setup file of its workspace"
+            )
+        return str(folder)
+
     try:
-        # A finder keeps the packages of earlier sources, which may have the same names.
-        with _marked_parser(xacro), replaced(packages, "_finder", packages.PackageFinder()):
-            packages.walk_up_from(whole)
-            tree = xacro.process_file(str(whole), mappings={})
+        with (
+            _marked_parser(xacro),
+            replaced(substitution_args, "_eval_find", find),
+            patch.dict(substitution_args._eval_dict, find=find),
+        ):
+            given = dict(word.split(":=", 1) for word in words)
+            tree = xacro.process_file(str(whole), mappings=given)
+    except ExpansionError:
+        raise
     except Exception as error:  # macros evaluate any Python expression
-        raise ExpansionError(f"{source}: xacro: {_one_line(error)}; correct the source") from None
+        raise ExpansionError(f"{source}: xacro: {_reason(error)}") from None
+    if not tree.getElementsByTagName("link") and b"xacro:macro" in whole.read_bytes():
+        raise ExpansionError(f"{source}: it defines macros, not a robot. {_users(whole)}")
+    for mesh in tree.getElementsByTagName("mesh"):
+        file = locate_file(whole, mesh.getAttribute("filename"))
+        if file is not None:
+            mesh.setAttribute("filename", str(file.resolve()))
     marks = list(_marks(tree.documentElement))
-    target = _target(whole)
+    target = _target(whole, words)
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.name}.{os.getpid()}")
     temporary.write_text(tree.toprettyxml(indent="  "), encoding="utf-8")
@@ -58,7 +102,93 @@ def expand(source: Path) -> Path:
     document = Document(target)
     lines = {document.line(one): mark for one, mark in zip(document.elements, marks, strict=True)}
     _LINES[str(target)] = {line: mark for line, mark in lines.items() if mark is not None}
+    _SOURCES[str(target)] = str(source)
     return target
+
+
+def _reason(error: BaseException) -> str:
+    """Return the innermost cause of an error of xacro, in one line with a remedy."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    if missing := re.search(r"Undefined substitution argument (\S+)", text):
+        name = missing[1].strip("'\"")
+        return f"the argument {name} has no default. Add {name}:=VALUE to the command"
+    return f"{text}; correct the source"
+
+
+def _users(source: Path) -> str:
+    """Return a remedy that names the robots of the package that include a source of macros."""
+    others = sorted(package_root(source).rglob(f"*{XACRO}"))[:MAX_SOURCES]
+    texts = {one: one.read_text(encoding="utf-8", errors="replace") for one in others}
+
+    def includes(file: Path) -> list[Path]:
+        name = re.compile(rf"""["'/]{re.escape(file.name)}["']""")
+        return [one for one, text in texts.items() if one != file and name.search(text)]
+
+    seen, new = {source}, {source}
+    while new := {user for file in new for user in includes(file)} - seen:
+        seen |= new
+    robots = sorted(str(one) for one in seen - {source} if not includes(one))
+    return f"Name a robot that uses it: {', '.join(robots[:4])}" if robots else "Name a robot"
+
+
+def package_root(source: Path) -> Path:
+    """Return the folder of the package that holds a file; without a `package.xml`, its parent."""
+    above = [one for one in source.absolute().parents if (one / "package.xml").is_file()]
+    return above[0] if above else source.absolute().parent
+
+
+def package_folders(package: str, file: Path) -> Iterator[Path]:
+    """Yield the possible folders of a ROS package that a file names.
+
+    First the folders above the file and those beside its package, then the environment, as ROS 2
+    and ROS 1 look it up.
+    """
+    root = package_root(file)
+    above = [root, *root.parents][:LEVELS]
+    for folder in file.absolute().parents:
+        if folder.name == package or _package_name(folder) == package:
+            yield folder
+    for folder in above:
+        yield folder / package
+    for folder in above[1:]:
+        neighbors = sorted(folder.iterdir())[:MAX_SOURCES] if folder != Path(folder.root) else []
+        yield from (one / package for one in neighbors if (one / package / "package.xml").is_file())
+        yield from (one for one in neighbors if _package_name(one) == package)
+    for variable in _PREFIX_PATHS:
+        for name in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            yield Path(name, "share", package)
+    for name in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
+        yield from (Path(name, package), *([Path(name)] * (Path(name).name == package)))
+
+
+def _package_name(folder: Path) -> str:
+    with suppress(OSError):
+        name = re.search(rb"<name>\s*(.*?)\s*</name>", (folder / "package.xml").read_bytes())
+        return name[1].decode(errors="replace") if name else ""
+    return ""
+
+
+def locate_file(model: Path, name: str) -> Path | None:
+    """Return the file that a model file means by a name, or None if it does not exist.
+
+    A name with a scheme, such as `package://robot/meshes/arm.stl`, means a file of a package.
+    """
+    return next((path for path in _places(model, name) if path.is_file()), None)
+
+
+def _places(model: Path, name: str) -> Iterator[Path]:
+    scheme, _, rest = name.partition("://")
+    if not rest:
+        yield model.parent / name
+        return
+    if scheme == "file":
+        yield Path(unquote(urlsplit(name).path))
+        return
+    package, _, inner = rest.partition("/")
+    for folder in package_folders(package, model):
+        yield folder / inner
+    for above in list(model.absolute().parents)[:6]:  # a copy of the package under another name
+        yield above / inner
 
 
 def expanded_name(source: Path) -> str:
@@ -66,14 +196,10 @@ def expanded_name(source: Path) -> str:
     return f"{source.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
 
 
-def _target(source: Path) -> Path:
+def _target(source: Path, words: list[str]) -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = hashlib.sha256(str(source).encode()).hexdigest()[:12]
+    folder = hashlib.sha256("\0".join([str(source), *words]).encode()).hexdigest()[:12]
     return cache / "physics-crosscheck" / "xacro" / folder / expanded_name(source)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 @contextmanager
@@ -132,6 +258,11 @@ def _marks(element: Any) -> Iterator[tuple[str, int] | None]:
             yield from _marks(child)
 
 
+def source_of(file: Path) -> Path:
+    """Return the source of an expanded file, or the file itself."""
+    return Path(_SOURCES.get(str(file), file))
+
+
 def in_source(file: str, line: int | None) -> tuple[str, int] | None:
     """Return file and line of the source of a line of an expanded file, or None."""
     lines = _LINES.get(file)
@@ -148,18 +279,58 @@ def relocated(value: T, line_type: type[msgspec.Struct]) -> T:
         value: a record, or a tuple of records.
         line_type: type of the lines, with the fields `file`, `line`, `span` and `text`.
     """
-    return _relocated(value, line_type) if _LINES else value
+
+    def moved(part: Any) -> Any:
+        if isinstance(part, line_type):
+            place = in_source(part.file, part.line)  # type: ignore[attr-defined]
+            return part if place is None else line_type(file=place[0], line=place[1])
+        return part
+
+    return _mapped(value, moved) if _LINES else value
 
 
-def _relocated(value: Any, line_type: type[msgspec.Struct]) -> Any:
-    if isinstance(value, line_type):
-        place = in_source(value.file, value.line)  # type: ignore[attr-defined]
-        return value if place is None else line_type(file=place[0], line=place[1])
+def with_sources(value: T) -> T:
+    """Return a record that names sources in place of expanded files, also in its texts."""
+
+    def renamed(part: Any) -> Any:
+        if type(part) is str:
+            for target, source in _SOURCES.items():
+                if target in part:
+                    pattern = re.escape(target) + r"(?::(\d+))?"
+                    part = re.sub(pattern, partial(_source_place, target, source), part)
+        elif isinstance(part, msgspec.Struct):
+            folder = getattr(part, "folder", "")
+            if folder in _SOURCES and hasattr(part, "model"):
+                part = _mapped(part, partial(_with_source_lines, folder))
+                return msgspec.structs.replace(part, model=Path(_SOURCES[folder]).name)
+        return part
+
+    return _mapped(value, renamed) if _SOURCES else value
+
+
+def _with_source_lines(target: str, part: Any) -> Any:
+    """Return a text with file and line of the source in place of `line 12` of an expanded file."""
+
+    def place(match: re.Match[str]) -> str:
+        mark = in_source(target, int(match[1]))
+        return match[0] if mark is None else f"{Path(mark[0]).name}:{mark[1]}"
+
+    return re.sub(r"\bline (\d+)", place, part) if type(part) is str else part
+
+
+def _source_place(target: str, source: str, match: re.Match[str]) -> str:
+    place = in_source(target, int(match[1])) if match[1] else None
+    return source if place is None else f"{place[0]}:{place[1]}"
+
+
+def _mapped(value: Any, function: Callable[[Any], Any]) -> Any:
+    """Return a record with a function applied to each of its parts, outermost first."""
+    value = function(value)
     if isinstance(value, tuple):
-        return type(value)(_relocated(one, line_type) for one in value)
+        return type(value)(_mapped(one, function) for one in value)
     if isinstance(value, msgspec.Struct):
         fields = {name: getattr(value, name) for name in value.__struct_fields__}
-        changed = {key: _relocated(one, line_type) for key, one in fields.items()}
+        changed = {key: _mapped(one, function) for key, one in fields.items()}
         different = {key: one for key, one in changed.items() if one is not fields[key]}
         return msgspec.structs.replace(value, **different) if different else value
     return value

@@ -1,18 +1,17 @@
-"""Files of meshes: where a model's names lead, and the triangles in them."""
+"""Files of meshes, and the triangles in them."""
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
-from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.scene import MeshProblem, UnreadMesh
 from physics_crosscheck.reference.mechanism.rotations import Array
@@ -31,24 +30,9 @@ _FINEST = 400
 _TO_THE_MIDDLE = 0.01
 """Weight of the mean of merged vertices beside the planes of their faces."""
 
-_PACKAGE_PATHS = ("ROS_PACKAGE_PATH",)
-"""Environment variables with folders that contain packages."""
-
-_PREFIX_PATHS = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
-"""Environment variables with folders whose `share` contains packages."""
-
 
 class MeshError(ValueError):
     """A mesh that can't be read; the message names the file and the reason."""
-
-
-def locate_mesh(model: Path, name: str) -> Path | None:
-    """Return the file that a model file means by a name, or None if it does not exist.
-
-    A name with a scheme, such as `package://robot/meshes/arm.stl`, is looked up in the packages of
-    the environment, then in the folders above the model.
-    """
-    return next((path for path in _places(model, name) if path.is_file()), None)
 
 
 def unread_meshes(shapes: Iterable[PlacedShape]) -> tuple[UnreadMesh, ...]:
@@ -56,7 +40,7 @@ def unread_meshes(shapes: Iterable[PlacedShape]) -> tuple[UnreadMesh, ...]:
     problems = {
         PurePosixPath(name).name: problem
         for file, name in dict.fromkeys((one.file, one.mesh) for one in shapes if one.mesh)
-        if (problem := _problem(locate_mesh(file, name)))
+        if (problem := _problem(locate_file(file, name)))
     }
     return tuple(UnreadMesh(name=name, problem=problem) for name, problem in problems.items())
 
@@ -69,35 +53,6 @@ def _problem(file: Path | None) -> MeshProblem | None:
     except MeshError:
         return "unreadable" if file.stat().st_size else "empty"
     return None
-
-
-def _places(model: Path, name: str) -> Iterator[Path]:
-    scheme, _, rest = name.partition("://")
-    if not rest:
-        yield model.parent / name
-        return
-    if scheme == "file":
-        yield Path(unquote(urlsplit(name).path))
-        return
-    package, _, inner = rest.partition("/")
-    for folder in package_folders(package):
-        yield folder / inner
-    for above in model.absolute().parents:
-        yield above / rest  # the folder of packages
-        if above.name == package:
-            yield above / inner
-    for above in list(model.absolute().parents)[:6]:  # a copy of the package under another name
-        yield above / inner
-
-
-def package_folders(package: str) -> Iterator[Path]:
-    """Yield the possible folders of a package, as ROS 1 and ROS 2 look it up."""
-    for variable in _PREFIX_PATHS:
-        for folder in filter(None, os.environ.get(variable, "").split(os.pathsep)):
-            yield Path(folder, "share", package)
-    for variable in _PACKAGE_PATHS:
-        for folder in filter(None, os.environ.get(variable, "").split(os.pathsep)):
-            yield from (Path(folder, package), *([Path(folder)] * (Path(folder).name == package)))
 
 
 class Mesh(NamedTuple):

@@ -78,7 +78,7 @@ class PlacedShape:
         size_place: file and line that state its size, if they may be others.
         kind: its form.
         visual: whether it is drawn only.
-        mesh: name of the mesh's file, as `mesh_files.locate_mesh` takes it; empty without one.
+        mesh: name of the mesh's file, as `expanded.locate_file` takes it; empty without one.
         scale: factors of the mesh's coordinates.
     """
 

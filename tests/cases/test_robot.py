@@ -376,7 +376,7 @@ def test_malformed_xml_is_left_to_an_engine_that_reads_it(tmp_path: Path) -> Non
 def test_xacro_file_is_refused_with_commands_to_convert_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "xacrodoc", None)  # as without the extra
+    monkeypatch.setitem(sys.modules, "xacro", None)  # as without the extra
     (tmp_path / "my arm.urdf.xacro").write_text("<robot/>")
     done = crosscheck(tmp_path, "my arm.urdf.xacro")
     assert done.returncode == 2

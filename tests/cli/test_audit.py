@@ -49,7 +49,7 @@ def test_name_of_a_model_audits_only_that_model(place: Path, name: str, audited:
 @pytest.fixture
 def _without_xacro(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hide the package of the extra `ros`."""
-    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    monkeypatch.setitem(sys.modules, "xacro", None)
 
 
 @pytest.mark.usefixtures("_without_xacro")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,12 +19,16 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
+from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.run import Options, run
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
 from physics_crosscheck.reference.mechanism.laws import NearRigidRules
 from tests.compare.asking import laws
+from tests.conftest import _run_next, _wait
 from tests.engines.extras import need
 from tests.engines.whole_steps import checked, problem_of
+from tests.gate.conftest import ignore_progress
 from tests.laws.scenes import URDF_ARM, URDF_LEG
 
 FAULTS = {
@@ -228,3 +233,37 @@ def test_lost_limit_is_named(tmp_path: Path) -> None:
     ranking = diagnose_laws(problem.mistaken(name))
     assert ranking.explained
     assert name in [cause.subject[0] for fit in ranking.fits[:1] for cause in fit.causes]
+
+
+GRIPPER = """<robot name="fingers"><link name="palm"/>
+<link name="a"><inertial><mass value="0.05"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0"
+ ixz="0" iyz="0"/></inertial></link>
+<link name="b"><inertial><mass value="0.07"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0"
+ ixz="0" iyz="0"/></inertial></link>
+<joint name="left" type="prismatic"><parent link="palm"/><child link="a"/><axis xyz="0 1 0"/>
+ <limit lower="0" upper="0.04" effort="20" velocity="0.2"/></joint>
+<joint name="right" type="prismatic"><parent link="palm"/><child link="b"/><axis xyz="0 -1 0"/>
+ <limit lower="0" upper="0.04" effort="20" velocity="0.2"/><mimic joint="left"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(("edit", "outcome"), [("", "AGREES"), (' multiplier="1.001"', "DIFFERS")])
+def test_followers_are_held_exactly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edit: str, outcome: str
+) -> None:
+    """Catch motions left unresolved by soft couplers, and a multiplier that only Drake has."""
+    need("drake")
+    from physics_crosscheck.harness.engines.drake.model import DrakeModel
+
+    take = DrakeModel.take
+
+    def misread(self: DrakeModel, text: str, *rest: Any) -> None:
+        take(self, text.replace('<mimic joint="left"', f'<mimic joint="left"{edit}'), *rest)
+
+    monkeypatch.setattr(DrakeModel, "take", misread)
+    monkeypatch.setattr(Workers, "begin", _wait)
+    monkeypatch.setattr(Workers, "turn", _run_next)
+    path = tmp_path / "fingers.urdf"
+    path.write_text(GRIPPER)
+    options = Options(engines=("drake",), jobs=1, thorough=True)
+    (case,) = run([], options, ignore_progress, robots=[path]).results.cases
+    assert case.outcome == outcome, case.reason

@@ -6,9 +6,14 @@ from shutil import copytree
 import pytest
 
 from physics_crosscheck.harness.audits import audits
-from physics_crosscheck.harness.documents.expanded import expand
+from physics_crosscheck.harness.documents.expanded import (
+    ARGUMENTS,
+    expand,
+    in_source,
+    locate_file,
+)
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
-from physics_crosscheck.harness.modelfiles.mesh_files import locate_mesh
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from tests.compare.asking import compared, result
@@ -53,7 +58,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
-    pytest.importorskip("xacrodoc")
+    pytest.importorskip("xacro")
     file = source_file(str(package / "urdf" / "arm.urdf.xacro"))
     assert file is not None
     assert file.name == "arm.urdf"
@@ -68,7 +73,7 @@ def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
 
 def test_two_versions_of_a_package_are_compared(package: Path) -> None:
     """Catch sources both expanded with the macros of the first, and lines of expanded files."""
-    pytest.importorskip("xacrodoc")
+    pytest.importorskip("xacro")
     other = package.parent / "other" / "arm"
     copytree(package, other)
     macros = other / "urdf" / "macros.xacro"
@@ -81,15 +86,95 @@ def test_two_versions_of_a_package_are_compared(package: Path) -> None:
 
 
 def test_xacro_error_is_reported_with_its_reason(package: Path) -> None:
-    pytest.importorskip("xacrodoc")
+    pytest.importorskip("xacro")
     source = package / "urdf" / "arm.urdf.xacro"
     source.write_text(ARM.replace("xacro:rod name", "xacro:bar name"))
     with pytest.raises(FolderError, match=r"arm\.urdf\.xacro: xacro: .*bar.*correct the source"):
         source_file(str(source))
 
 
+def test_packages_beside_the_source_come_before_the_environment(
+    package: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Catch siblings that are not found, in other repositories and under other folder names."""
+    pytest.importorskip("xacro")
+    source = package / "urdf" / "arm.urdf.xacro"
+    source.write_text(ARM.replace("$(find arm)", "$(find rods)"))
+    with pytest.raises(FolderError, match=r"the ROS package rods\b.* Put its folder beside .*arm"):
+        source_file(str(source))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
+    for place in ("install/share/rods", "renamed_rods", "repository/rods"):
+        (tmp_path / place / "urdf").mkdir(parents=True)
+        (tmp_path / place / "package.xml").write_text("<package><name>rods</name></package>")
+        macros = tmp_path / place / "urdf" / "macros.xacro"
+        macros.write_text(MACROS)
+        read = expand(source)
+        line = read.read_text()[: read.read_text().index("<inertial>")].count("\n") + 1
+        assert in_source(str(read), line) == (str(macros), 4)
+
+
+def test_arguments_reach_the_source_and_a_missing_one_is_named(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("xacro")
+    source = package / "urdf" / "arm.urdf.xacro"
+    source.write_text(ARM.replace('value="0.5"', 'value="$(arg lower)"'))
+    with pytest.raises(FolderError, match=r"argument lower has no default. Add lower:=VALUE"):
+        source_file(str(source))
+    texts = []
+    for words in (["lower:=0.25"], ["--xacro-arg", "lower:=0.125"]):
+        monkeypatch.setenv(ARGUMENTS, "")
+        assert main(["derive", str(source), *words]) == 0
+        texts.append(source_file(str(source)).read_text())  # type: ignore[union-attr]
+    assert ['lower="0.25"' in texts[0], 'lower="0.125"' in texts[1]] == [True, True]
+    with pytest.raises(SystemExit):
+        main(["derive", str(source), "--xacro-arg", "lower"])
+
+
+def test_macros_alone_name_the_robots_that_use_them(package: Path) -> None:
+    pytest.importorskip("xacro")
+    with pytest.raises(FolderError, match=r"defines macros, not a robot. .*: \S+arm\.urdf\.xacro$"):
+        source_file(str(package / "urdf" / "macros.xacro"))
+
+
+def test_expanded_mesh_is_located_from_the_source(package: Path) -> None:
+    pytest.importorskip("xacro")
+    mesh = package / "meshes" / "rod.stl"
+    mesh.parent.mkdir()
+    mesh.write_text("solid rod\nendsolid rod\n")
+    shape = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+    source = package / "urdf" / "arm.urdf.xacro"
+    for name in ("package://arm/meshes/rod.stl", "../meshes/rod.stl"):
+        link = f'<link name="base">{shape.format(name)}</link>'
+        source.write_text(ARM.replace('<link name="base"/>', link))
+        assert str(mesh) in source_file(str(source)).read_text()  # type: ignore[union-attr]
+
+
+def test_gate_names_lines_of_the_source(
+    package: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Catch a baseline of the cache's copy, which no later edit of the source changes."""
+    pytest.importorskip("xacro")
+    monkeypatch.chdir(tmp_path)
+    source = "arm/urdf/arm.urdf.xacro"
+    only = ["--engine", "mujoco", "--smooth"]
+    assert main(["run", source, *only]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"{source}  2 joints")
+    assert "/cache/" not in printed + (tmp_path / "reports" / "results.json").read_text()
+    monkeypatch.delenv("CI", raising=False)
+    assert main(["accept", source, "--engine", "mujoco", "--reason", "measured"]) == 0
+    macros = package / "urdf" / "macros.xacro"
+    macros.write_text(MACROS.replace('value="2"', 'value="3"'))
+    assert main(["gate"]) == 1
+    assert "arm/urdf/macros.xacro:6 mass of link upper 2 -> 3" in capsys.readouterr().out
+
+
 def test_expanding_twice_gives_the_same_file(package: Path) -> None:
-    pytest.importorskip("xacrodoc")
+    pytest.importorskip("xacro")
     source = package / "urdf" / "arm.urdf.xacro"
     assert expand(source) == expand(source)
 
@@ -101,15 +186,15 @@ def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     mesh.parent.mkdir()
     mesh.write_text("solid rod\nendsolid rod\n")
     model = package / "urdf" / "arm.urdf"
-    assert locate_mesh(model, "package://arm/meshes/rod.stl") == mesh
-    assert locate_mesh(model, "../meshes/rod.stl") == package / "urdf" / "../meshes/rod.stl"
-    assert locate_mesh(model, "package://hand/meshes/rod.stl") == mesh  # a renamed package
-    other = tmp_path / "install" / "share" / "hand" / "meshes" / "rod.stl"
+    assert locate_file(model, "package://arm/meshes/rod.stl") == mesh
+    assert locate_file(model, "../meshes/rod.stl") == package / "urdf" / "../meshes/rod.stl"
+    assert locate_file(model, "package://hand/meshes/rod.stl") == mesh  # a renamed package
+    other = tmp_path / "install" / "share" / "palm" / "meshes" / "rod.stl"
     other.parent.mkdir(parents=True)
     other.write_text("solid other\nendsolid other\n")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
-    assert locate_mesh(model, "package://hand/meshes/rod.stl") == other
-    assert locate_mesh(model, "package://arm/meshes/absent.stl") is None
+    assert locate_file(model, "package://palm/meshes/rod.stl") == other
+    assert locate_file(model, "package://arm/meshes/absent.stl") is None
 
 
 def test_robot_comes_from_the_cache_without_network(

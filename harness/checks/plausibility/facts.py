@@ -21,11 +21,11 @@ from physics_crosscheck.harness.checks.plausibility.hull import (
 from physics_crosscheck.harness.documents.document import Document, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.mesh_files import (
     MeshError,
-    locate_mesh,
     mesh_vertices,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, parts_of
@@ -227,7 +227,7 @@ def _points(shape: PlacedShape, frame: Place) -> Array | None:
     """Return points of a shape in its body's frame; None if they can't be read."""
     if shape.kind != "mesh":
         return placed_points(solid_points(shape.kind, shape.size), frame.compose(shape.place))
-    file = locate_mesh(shape.file, shape.mesh)
+    file = locate_file(shape.file, shape.mesh)
     try:
         corners = None if file is None else _mesh_corners(file)
     except MeshError:

@@ -65,7 +65,7 @@ from physics_crosscheck.harness.commands.compare.terms import (
     mechanics,
 )
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
-from physics_crosscheck.harness.documents.expanded import relocated
+from physics_crosscheck.harness.documents.expanded import relocated, with_sources
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
@@ -226,7 +226,7 @@ def compare(
         kind=judged.verdict.kind,
         compared=structs.replace(compared, by_law=by_law),
     )
-    return relocated(result, SourceLine)
+    return with_sources(relocated(result, SourceLine))
 
 
 def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:

@@ -40,6 +40,7 @@ from physics_crosscheck.harness.commands.gate.survey import (
 )
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.expanded import in_source
 from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.formats import is_robot
@@ -47,6 +48,7 @@ from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.numbers import numerals
 from physics_crosscheck.harness.modelfiles.parts import included
 from physics_crosscheck.harness.modelfiles.path_states import ABSENT
+from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.records.baseline import AcceptedCase, ChangedLine, FileDiff
@@ -79,8 +81,24 @@ def file_diffs(
         scan = folders.get(system)
         if scan is None:
             continue
-        diffs.append(_file_diff(scan, system, name, accepted, sorted(models), baseline))
+        diff = _file_diff(scan, system, name, accepted, sorted(models), baseline)
+        diffs += _in_sources(diff)
     return tuple(diffs)
+
+
+def _in_sources(diff: FileDiff) -> list[FileDiff]:
+    """Return the changes of an expanded file by the files of its source, with their lines."""
+    places = [(in_source(diff.path, line.line), line) for line in diff.changes]
+    if not any(place for place, _ in places):
+        return [diff]
+    groups: dict[str, list[ChangedLine]] = {}
+    for place, line in places:
+        path, number = place or (diff.path, line.line)
+        groups.setdefault(path, []).append(msgspec.structs.replace(line, line=number))
+    return [
+        msgspec.structs.replace(diff, path=path, changes=tuple(lines))
+        for path, lines in groups.items()
+    ]
 
 
 def _changed(changes: Sequence[Change]) -> dict[tuple[str, str, str], set[str]]:
@@ -317,9 +335,10 @@ def robots_in(folder: Path, baseline: Path) -> list[Path]:
 
 def _whole(files: Iterable[Path], accepted: Set[Path]) -> list[Path]:
     """Return the robot files among some files, except included parts that were not accepted."""
-    robots = sorted(file for file in files if is_robot(file) or file.resolve() in accepted)
+    named = sorted(file for file in files if is_robot(file) or file.resolve() in accepted)
+    robots = [source_file(str(file)) or file for file in named]
     parts = {part.resolve() for file in robots for part in included(file)} - accepted
-    return [file for file in robots if file.resolve() not in parts]
+    return [file for file in dict.fromkeys(robots) if file.resolve() not in parts]
 
 
 def _accepted(baseline: Path) -> set[Path]:

@@ -116,6 +116,13 @@ def own_mimics(mimics: Sequence[Mimic]) -> Change:
     return change
 
 
+def without_mimics(model: XmlElement) -> None:
+    """Remove mimic joints, of a URDF or Drake's own."""
+    for joint in model.findall("joint"):
+        for mimic in [part for part in joint if part.tag in ("mimic", f"{PREFIX}mimic")]:
+            joint.remove(mimic)
+
+
 def weightless_links(model: XmlElement) -> tuple[str, ...]:
     """Return the names of links with `<gravity>false</gravity>`, which Drake ignores."""
     return tuple(link.get("name") for link in model.findall("link") if has_no_weight(link))
@@ -149,7 +156,8 @@ class DrakeUrdf(DrakeModel, UrdfModel):
         self.floats = self.floats and self.declared.root != WORLD
         self._weightless = weightless_links(self.declared.robot) if spec.path.suffix == SDF else ()
         held = self.settings["hold_mimics"] and self.stepping == CONTINUOUS
-        self.take(self.declared.text, spec.path.suffix[1:], self.mimics if held else ())
+        free = replace(self.declared, changes=(*self.declared.changes, without_mimics)).text
+        self.take(self.declared.text, spec.path.suffix[1:], self.mimics if held else (), free)
         if self.settings["weightless_links"]:
             bodies = map(self._plant.GetBodyByName, self._weightless)
             self.lifts = tuple(map(weight_of, bodies))
@@ -365,7 +373,7 @@ class DrakeEngine(UrdfEngine):
         "springs: added by the adapter; SDFormat springs by Drake",
         "mimic: soft in SAP, ignored in TAMSI",
         "next state: fixed base; continuous plants always",
-        "accelerations: yes, without couplers",
+        "accelerations: yes; couplers held exactly",
         "linearization: from steps",
         "steps: SAP, TAMSI: order 1; continuous: RK4 by the adapter",
         "whole step: limits and contacts of URDF in SAP, by its law",

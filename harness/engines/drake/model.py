@@ -102,15 +102,17 @@ class DrakeModel(TreeModel):
     coupled: bool = False
     stepping: str = SAP
 
-    def take(self, text: str, kind: str, hold: Sequence[Mimic]) -> None:
+    def take(self, text: str, kind: str, hold: Sequence[Mimic], free: str = "") -> None:
         """Build the plant from the file's text.
 
         Args:
             text: the file's text as Drake reads it.
             kind: its format, as Drake names it.
             hold: mimic joints that a continuous plant must constrain.
+            free: the text without mimic joints, which continuous plants refuse; empty: `text`.
         """
         self._text, self._kind, self._messages = text, kind, list[str]()
+        self._free_text = free or text
         self._continuous = self.stepping == CONTINUOUS
         self.integrator = "Runge-Kutta 4" if self._continuous else "semi-implicit euler"
         plant = self._plant = self._build(0.0 if self._continuous else self.step)
@@ -122,14 +124,15 @@ class DrakeModel(TreeModel):
                 )
         self._springs = self.name([joint.name() for joint in joints])
         self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
-        self._along = leader_matrix(hold, self.coordinates, self.path) if hold else None
-        self.ignores_mimics = bool(self.mimics) and self.stepping != SAP and self._along is None
+        # SAP's soft couplers are in no continuous plant, so accelerations hold them exactly.
+        held = self.mimics if self.stepping == SAP else hold
+        self._along = leader_matrix(held, self.coordinates, self.path) if held else None
+        self.ignores_mimics = bool(self.mimics) and self._along is None
         self._discrete = lru_cache(maxsize=32)(self._discrete_of)
         forward = each_alone(self._accelerations)
         if self._continuous:
             self.stepper = RungeKutta(forward, self.floats)
-        soft = self.stepping == SAP and bool(self.mimics)
-        self.forward = None if soft else forward
+        self.forward = forward
 
     @abstractmethod
     def complete(self, plant: Any) -> None:
@@ -163,7 +166,7 @@ class DrakeModel(TreeModel):
             plant.SetUseSampledOutputPorts(False)
         try:
             with collect_log(self._messages):
-                Parser(plant).AddModelsFromString(self._text, self._kind)
+                Parser(plant).AddModelsFromString(self._text if h else self._free_text, self._kind)
                 self.complete(plant)
                 if prepare is not None:
                     prepare(plant)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,6 +19,27 @@ from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 
 SCHEDULER = "CROSSCHECK_SCHEDULER"
 """The environment variable with the address of a scheduler."""
+
+XACRO_OPTION = "--xacro-arg"
+XACRO_ARGUMENTS = "CROSSCHECK_XACRO_ARGS"
+"""The environment variable with arguments of xacro sources."""
+
+_ASSIGNMENT = re.compile(r"[A-Za-z_]\w*:=")
+
+
+def xacro_argument(text: str) -> str:
+    """Return a text such as `gripper:=true`; raise argparse's error for another one."""
+    if not _ASSIGNMENT.match(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME:=VALUE, such as gripper:=true")
+    return text
+
+
+def with_xacro_option(given: Sequence[str]) -> list[str]:
+    """Return a command line with the option in front of each `name:=value` that lacks it."""
+    return [
+        f"{XACRO_OPTION}={word}" if _ASSIGNMENT.match(word) and last != XACRO_OPTION else word
+        for last, word in zip(["", *given], given, strict=False)
+    ]
 
 
 def targets(
@@ -133,8 +155,17 @@ def standalone(command: argparse.ArgumentParser) -> None:
 
 
 def floating(command: argparse.ArgumentParser, default: str = "fixed") -> None:
-    """Add --floating; `default` describes what happens without it."""
-    group(command, "Robot files").add_argument(
+    """Add --floating and --xacro-arg; `default` describes what happens without --floating."""
+    robot_files = group(command, "Robot files")
+    robot_files.add_argument(
+        XACRO_OPTION,
+        action=AppendAction,
+        type=xacro_argument,
+        default=[],
+        metavar="NAME:=VALUE",
+        help="Argument of xacro sources; the option's name may be left out",
+    )
+    robot_files.add_argument(
         "--floating",
         action="store_true",
         help=f"Let the root link of a standalone URDF move [{default}]",

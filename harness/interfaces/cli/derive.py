@@ -10,6 +10,7 @@ from typing import Literal
 
 from physics_crosscheck.harness.checks.derivation import derivation, tree_derivation
 from physics_crosscheck.harness.checks.findings import format_omission
+from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
 from physics_crosscheck.harness.interfaces.cli.targets import (
@@ -48,9 +49,9 @@ def main(options: argparse.Namespace) -> int:
             text = workers.outcome(workers.submit(task, path))
             if isinstance(text, Failure):
                 file = path if is_file else path / "system.py"
-                print(f"crosscheck: {text.about(file)}", file=sys.stderr)
+                print(f"crosscheck: {with_sources(text.about(file))}", file=sys.stderr)
                 return FAIL
-            print(text)
+            print(with_sources(text))
     return with_unknown(AGREE, targets.named)
 
 

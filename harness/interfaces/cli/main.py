@@ -10,6 +10,7 @@ import argparse
 import errno
 import io
 import os
+import shlex
 import signal
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -17,6 +18,7 @@ from itertools import groupby
 from typing import TextIO, cast
 
 from physics_crosscheck.harness import __version__
+from physics_crosscheck.harness.interfaces.cli.arguments import XACRO_ARGUMENTS, with_xacro_option
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.completion import COMPLETING, complete, words_before
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SIGNALLED, USAGE
@@ -77,12 +79,14 @@ def _parse_and_run(given: Sequence[str]) -> int:
     if COMPLETING in os.environ:
         complete(parser)
     _check_first(parser, given)
-    options, unknown = parser.parse_known_args(given)
+    options, unknown = parser.parse_known_args(with_xacro_option(given))
     if unknown:
         subparsers(parser).get(options.command or "", parser).reject_unknown(unknown)
     if options.command is None:
         parser.print_help()
         return AGREE
+    if words := getattr(options, "xacro_arg", None):
+        os.environ[XACRO_ARGUMENTS] = shlex.join(words)
     for note in getattr(options, "settings_notes", ()):
         print(f"crosscheck: {note}", file=sys.stderr)
     return _guarded(commands[options.command], options)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 
-from physics_crosscheck.harness.interfaces.cli.arguments import SCHEDULER
+from physics_crosscheck.harness.interfaces.cli.arguments import SCHEDULER, XACRO_ARGUMENTS
 from physics_crosscheck.harness.interfaces.cli.help import CommandParser, metavar
 from physics_crosscheck.harness.interfaces.cli.main import build_parser, subparsers
 from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
@@ -56,6 +56,7 @@ _VARIABLES = f"""
 | Variable | Meaning |
 |---|---|
 | `{SCHEDULER}` | Address of a Dask scheduler, as `--scheduler` |
+| `{XACRO_ARGUMENTS}` | Arguments of xacro sources, as `--xacro-arg` |
 | `CI` | If set, print logs instead of a progress bar; `accept` and `review` refuse to run |
 | `GITHUB_ACTIONS` | If `true`, also print annotations for GitHub |
 | `NO_COLOR` | If set, print without colors |

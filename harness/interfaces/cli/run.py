@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, folder_files
+from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.interfaces.cli.keeping import check_page, keep_history
@@ -312,11 +313,12 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
                 done.remove()
                 why = "no case has such a name, or its engine is not installed"
                 raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
-            whole = among(results)
+            whole, results = among(results), with_sources(results)
+            written = with_sources(whole)
             progress.phase("writing the report")
-            write_whole(options.out / "results.json", encoded(whole))
+            write_whole(options.out / "results.json", encoded(written))
             past = keep_history(options.out, results, begin=options.history)
-            write_report(options.out / "index.html", whole, past)
+            write_report(options.out / "index.html", written, past)
         if not stop.requested:
             done.remove()
     _print(results, options)
