@@ -7,7 +7,6 @@ import pytest
 
 from physics_crosscheck.harness.audits import audits
 from physics_crosscheck.harness.documents.expanded import (
-    ARGUMENTS,
     expand,
     in_source,
     locate_file,
@@ -123,7 +122,7 @@ def test_arguments_reach_the_source_and_a_missing_one_is_named(
         source_file(str(source))
     texts = []
     for words in (["lower:=0.25"], ["--xacro-arg", "lower:=0.125"]):
-        monkeypatch.setenv(ARGUMENTS, "")
+        monkeypatch.setenv("CROSSCHECK_XACRO_ARGS", "")
         assert main(["derive", str(source), *words]) == 0
         texts.append(source_file(str(source)).read_text())  # type: ignore[union-attr]
     assert ['lower="0.25"' in texts[0], 'lower="0.125"' in texts[1]] == [True, True]
