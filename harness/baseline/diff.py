@@ -9,14 +9,13 @@ discrepancies are compared. The error of the time step is separate.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import msgspec
 
 from physics_crosscheck.harness.baseline.fingerprint import changed_names
-from physics_crosscheck.harness.records.base import Number, Numbers, Rows, SourceLine
+from physics_crosscheck.harness.records.base import Number, Numbers, Rows
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     Identified,
@@ -24,21 +23,16 @@ from physics_crosscheck.harness.records.baseline import (
     OnAccepted,
     Snapshot,
 )
-from physics_crosscheck.harness.records.case import Case, CaseId, starts_at
+from physics_crosscheck.harness.records.case import CaseId, starts_at
 from physics_crosscheck.harness.records.diff import (
     WORST_FIRST,
     CaseNumbers,
     Changed,
     Diff,
-    RunDiff,
     Status,
     bare_diff,
-    numbers_of,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.results.issues import explained_alike
-from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of
 from physics_crosscheck.harness.results.status import percent
 
 ERROR_SHARE = 0.01
@@ -526,57 +520,3 @@ def constants_moved(was: Mapping[str, Identified], now: Mapping[str, Identified]
                 f"the motion implies {name} {old.value:.{digits}g} -> {new.value:.{digits}g}"
             )
     return moved
-
-
-def diff_runs(before: Results, after: Results) -> RunDiff:
-    """Compare a run with an earlier one by the names of the cases, in any folder."""
-    was, now = _by_name(before.cases), _by_name(after.cases)
-    cases = [diff_cases(key[0], was.get(key), now.get(key)) for key in dict.fromkeys([*was, *now])]
-    then, today = _faults(before), _faults(after)
-    return RunDiff(
-        before=before.created,
-        after=after.created,
-        versions=tuple(_versions(before.versions, after.versions)),
-        fixed=tuple(one for one in then if one not in today),
-        broken=tuple(one for one in today if one not in then),
-        cases=tuple(sorted(cases, key=lambda case: case.rank)),
-    )
-
-
-def _by_name(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], CaseNumbers]:
-    """Return the numbers of cases by name and, for equal names, their order."""
-    times: Counter[CaseId] = Counter()
-    by_name = {}
-    for case in cases:
-        by_name[case.id, times[case.id]] = numbers_of(case)
-        times[case.id] += 1
-    return by_name
-
-
-def _faults(results: Results) -> list[str]:
-    """Return the faults of each explained model file, a line per number."""
-    lines = (
-        f"{alike[0].system}/{_change_text(change)}"
-        for alike in explained_alike(results.models)
-        for change in changes_of(alike[0])
-    )
-    return list(dict.fromkeys(lines))
-
-
-def _change_text(change: ProposedChange) -> str:
-    shorter = tuple(map(_short, change.locations))
-    return str(replace(change, locations=shorter))
-
-
-def _short(where: SourceLine) -> SourceLine:
-    """Return a line without its folders, which can differ between runs."""
-    return msgspec.structs.replace(where, file=where.file.replace("\\", "/").rpartition("/")[2])
-
-
-def _versions(
-    before: Mapping[str, str | None], after: Mapping[str, str | None]
-) -> Iterator[tuple[str, str, str]]:
-    for name in dict.fromkeys([*before, *after]):
-        then, now = before.get(name) or "none", after.get(name) or "none"
-        if then != now:
-            yield name, then, now

@@ -220,31 +220,6 @@ def bare_diff(
     )
 
 
-class RunDiff(Record, frozen=True, kw_only=True):
-    """Changes from one run to another.
-
-    Attributes:
-        before: Time of the earlier run, UTC.
-        after: Time of the later run, UTC.
-        versions: Name, earlier and later version of those that differ; `none` if not installed.
-        fixed: Causes in the earlier run only, a line each.
-        broken: Causes in the later run only, a line each.
-        cases: All cases, the worst first.
-    """
-
-    before: str
-    after: str
-    versions: tuple[tuple[str, str, str], ...]
-    fixed: tuple[str, ...]
-    broken: tuple[str, ...]
-    cases: tuple[Diff, ...]
-
-    @property
-    def changed(self) -> tuple[Diff, ...]:
-        """Cases that change."""
-        return tuple(case for case in self.cases if case.is_change)
-
-
 def numbers_of(case: Case) -> CaseNumbers:
     """Return the numbers that a case is compared by."""
     verdict, full_run = case.verdict, case.full_run

@@ -23,7 +23,6 @@ from msgspec import inspect as types
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import BaselineFile, Gate
 from physics_crosscheck.harness.records.comparison import ComparisonResult
-from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.mutation import Mutations
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -265,15 +264,6 @@ PAGES = (
         written="`crosscheck sweep` writes the rows as Parquet files into `DIR/rows`, and the plan"
         " as JSON into `DIR/plan.json`.",
         records=(SweepRow, SweepPlan),
-    ),
-    FilePage(
-        name="history",
-        title="History of runs",
-        reader="Scripts that plot results over time need this page. It describes every field of the"
-        " run history.",
-        written="`crosscheck run` appends one JSON line per case to `history/cases.jsonl` in the"
-        " folder of the report.",
-        records=(Past,),
     ),
 )
 """The reference pages; a struct that two files share is on the first of their pages."""

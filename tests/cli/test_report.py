@@ -1,19 +1,15 @@
-"""`crosscheck report`: one run, two runs, a badge; folders or files."""
+"""`crosscheck report`: folders or files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from msgspec.structs import replace
 
-from physics_crosscheck.harness.interfaces.cli.keeping import keep_history
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.records.history import append_history, past_of, read_history
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded
-from tests.records.made import case, results, verdict
+from tests.records.made import case, results
 
 
 def saved(folder: Path, run: Results) -> Path:
@@ -33,37 +29,16 @@ def test_folder_stands_for_the_results_in_it(old: Path, capsys: pytest.CaptureFi
     assert "2 of 2 cases agree" in (old / "index.html").read_text()
 
 
-OFF = verdict(discrepancy=0.01, largest_discrepancy=0.01)
-
-
-def test_comparison_of_two_runs_exits_1_if_a_case_is_worse(
-    old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    worse = case(Outcome.DIFFERS, verdict=OFF, reason="x is off")
-    new = saved(tmp_path / "new", results(worse, case(scenario="far")))
-    assert main(["report", str(old), str(new / "results.json")]) == 1
-    output = capsys.readouterr().out
-    assert "AGREES -> DIFFERS" in output
-    assert "11.3 -> 2.0" in output
-    assert "2 cases: 1 with another verdict; 1 worse" in output
-    assert output.endswith(f"{new / 'changes.html'}\n")
-    assert "x is off" in (new / "changes.html").read_text()
-    assert main(["report", str(old), str(old), "--out", str(tmp_path / "same")]) == 0
-    assert "2 cases: nothing changed" in capsys.readouterr().out
-    assert (tmp_path / "same" / "changes.html").exists()
-
-
 @pytest.mark.parametrize(
     ("names", "sentence"),
     [
-        (("old", "none"), "none: can't be read: No such file or directory"),
-        (("old", "empty"), "empty/results.json: can't be read"),
-        (("old", "torn.json"), "torn.json: not JSON"),
+        (("none",), "none: can't be read: No such file or directory"),
+        (("empty",), "empty/results.json: can't be read"),
+        (("torn.json",), "torn.json: not JSON"),
         (
-            ("old", "other.json"),
+            ("other.json",),
             "other.json: not a results file of schema 5; run `crosscheck run` again",
         ),
-        (("old", "old", "old"), "report takes one run, or two to compare, and not 3"),
     ],
 )
 def test_invalid_results_are_rejected_and_nothing_is_written(
@@ -81,32 +56,6 @@ def test_invalid_results_are_rejected_and_nothing_is_written(
     assert main(["report", *names]) == 2
     assert sentence in capsys.readouterr().err
     assert [path.name for path in tmp_path.rglob("*.html")] == []
-
-
-def test_badge_is_written(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    badge = old / "badge.svg"
-    assert main(["report", str(old), "--badge", str(badge)]) == 0
-    assert capsys.readouterr().out == f"Report: {old / 'index.html'}  Badge: {badge}\n"
-    assert "2 of 2 agree to 11.3 digits" in badge.read_text()
-
-
-def test_report_draws_the_history_in_its_folder(old: Path) -> None:
-    run = results(case(), case(scenario="far"))
-    for day in (1, 2):
-        append_history(old, past_of(replace(run, created=f"2026-01-0{day}T00:00:00+00:00"), ""))
-    assert main(["report", str(old)]) == 0
-    assert 'id="pack-history"' in (old / "index.html").read_text()
-
-
-def test_history_is_kept_only_where_it_was_begun(tmp_path: Path) -> None:
-    run = results(case())
-    assert keep_history(tmp_path, run, begin=False) == ()
-    assert list(tmp_path.iterdir()) == []
-    assert len(keep_history(tmp_path, run, begin=True)) == 1
-    assert len(keep_history(tmp_path, run, begin=False)) == 2
-    stopped = results(case(), stopped="SIGINT")
-    assert len(keep_history(tmp_path, stopped, begin=False)) == 2, "not a finished run"
-    assert read_history(tmp_path)[0].commit == read_history(tmp_path)[1].commit
 
 
 @pytest.mark.parametrize("command", ["run", "report", "sweep"])

@@ -34,11 +34,11 @@ def test_arguments_override_settings(tmp_path: Path, monkeypatch: pytest.MonkeyP
     settings(
         tmp_path,
         "[tool.crosscheck]\nengines = ['one', 'two']\nresolution = 1e-7\nlimit = 90\n"
-        "memory = 2\njobs = 3\nstrict = true\nhistory = true\nout = 'found'\nbaseline = 'kept'\n",
+        "memory = 2\njobs = 3\nstrict = true\nout = 'found'\nbaseline = 'kept'\n",
     )
     options = parsed("run")
     assert (options.engine, options.resolution, options.limit) == (["one", "two"], 1e-7, 90.0)
-    assert (options.memory, options.jobs, options.strict, options.history) == (2.0, 3, True, True)
+    assert (options.memory, options.jobs, options.strict) == (2.0, 3, True)
     assert (options.out, options.baseline) == (Path("found"), Path("kept"))
     overridden = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
     assert (overridden.engine, overridden.jobs) == (["three", "four"], 1)

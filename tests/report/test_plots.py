@@ -6,7 +6,6 @@ import json
 import math
 import time
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import fromstring
@@ -106,31 +105,6 @@ def test_logarithmic_labels_do_not_overlap(drawing: Tab, decades: float) -> None
         places = np.array([math.log10(value / low) / decades * WIDTH for value in drawn])
         assert 2 <= len(drawn) <= WIDTH / room + 1
         assert np.all(np.diff(places) >= room - 1e-6)
-
-
-@pytest.mark.parametrize(
-    ("start", "end", "labels"),
-    [
-        (
-            "2026-11-19T02:00",
-            "2026-11-21T02:00",
-            "19 Nov 2026 12:00|20 Nov 00:00|20 Nov 12:00|21 Nov 00:00",
-        ),
-        ("2026-11-19T01:31", "2026-11-19T03:10", "19 Nov 2026 02:00|19 Nov 02:30|19 Nov 03:00"),
-        ("2026-12-20", "2027-01-12", "24 Dec 2026|31 Dec|7 Jan 2027"),
-        ("2026-07-02", "2027-05-03", "Oct 2026|Jan 2027|Apr 2027"),
-        ("2016-03-01", "2026-11-01", "2018|2020|2022|2024|2026"),
-        ("2026-11-19T02:00:01", "2026-11-19T02:00:40", "19 Nov 2026 02:00:15|19 Nov 02:00:30"),
-    ],
-)
-def test_date_labels_are_unique_days_months_or_years(
-    drawing: Tab, start: str, end: str, labels: str
-) -> None:
-    low, high = (
-        1e3 * datetime.fromisoformat(time).replace(tzinfo=UTC).timestamp() for time in (start, end)
-    )
-    drawn = ticks(drawing, "date", low, high, room=110)
-    assert "|".join(drawn) == labels
 
 
 def test_thinned_curve_keeps_extremes_in_every_pixel_column(drawing: Tab) -> None:

@@ -46,7 +46,7 @@ from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     SIGNALLED,
     USAGE,
 )
-from physics_crosscheck.harness.interfaces.cli.keeping import check_page
+from physics_crosscheck.harness.interfaces.cli.report import check_page
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import Executor

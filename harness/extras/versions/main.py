@@ -16,7 +16,7 @@ from physics_crosscheck.harness.extras.versions.environments import EnvironmentE
 from physics_crosscheck.harness.extras.versions.run import run_versions
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
-from physics_crosscheck.harness.interfaces.cli.keeping import check_page
+from physics_crosscheck.harness.interfaces.cli.report import check_page
 from physics_crosscheck.harness.modelfiles.folders import FolderError, system_folders
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.harness.records.versions import Versions, VersionTask

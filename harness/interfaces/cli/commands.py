@@ -97,7 +97,6 @@ def _demo_defaults(command: argparse.ArgumentParser) -> None:
         standalone=False,
         resume=False,
         watch=False,
-        history=False,
         strict=False,
         floating=False,
         motion=0.0,
@@ -163,12 +162,6 @@ COMMANDS: Mapping[str, Command] = {
             ),
             option(
                 "Output",
-                "--history",
-                action="store_true",
-                help="Record each run in DIR/history for the report's plots",
-            ),
-            option(
-                "Output",
                 "--watch",
                 action="store_true",
                 help="Rerun affected models when a file is saved; Ctrl-C ends",
@@ -181,7 +174,7 @@ COMMANDS: Mapping[str, Command] = {
             ),
         ),
         function=f"{_CLI}.run:main",
-        settings=(*_BASELINE_SETTINGS, "cache", "out", "strict", "history", "require-engines"),
+        settings=(*_BASELINE_SETTINGS, "cache", "out", "strict", "require-engines"),
     ),
     "demo": Command(
         group="Check models",
@@ -506,16 +499,14 @@ COMMANDS: Mapping[str, Command] = {
     ),
     "report": Command(
         group="Create models and reports",
-        purpose="Create the HTML report, or compare two runs",
-        description="Create the HTML report of a finished run, or compare two runs.\n"
-        "Write index.html for one run, changes.html for two. Nothing runs.",
+        purpose="Create the HTML report of a finished run",
+        description="Create the HTML report index.html of a finished run.\nNothing runs.",
         examples={
             "Create the report of the last run": "crosscheck report",
-            "Compare two runs, the earlier one first": "crosscheck report old/ new/",
+            "Create that of another run": "crosscheck report old/",
         },
         exit_codes={
-            "0": "The page was written; of two runs, nothing changed.",
-            "1": "The two runs differ.",
+            "0": "The page was written.",
             "2": "Wrong usage, unreadable results, or a page by another program.",
             "3": "The page could not be written.",
         },
@@ -523,10 +514,11 @@ COMMANDS: Mapping[str, Command] = {
             option(
                 ARGUMENTS,
                 "results",
-                nargs="*",
+                nargs="?",
                 type=Path,
+                default=Path("reports"),
                 metavar="RESULTS",
-                help="One or two results.json files, or their folders [reports]",
+                help="File results.json, or its folder [reports]",
             ),
             option(
                 "Output",
@@ -534,13 +526,6 @@ COMMANDS: Mapping[str, Command] = {
                 type=Path,
                 metavar="DIR",
                 help="Folder for output files [RESULTS]",
-            ),
-            option(
-                "Output",
-                "--badge",
-                type=Path,
-                metavar="FILE",
-                help="Also write a badge: .svg image or .json for shields.io",
             ),
         ),
         function=f"{_CLI}.report:main",

@@ -22,7 +22,7 @@ from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, folder_
 from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
-from physics_crosscheck.harness.interfaces.cli.keeping import check_page, keep_history
+from physics_crosscheck.harness.interfaces.cli.report import check_page
 from physics_crosscheck.harness.interfaces.cli.targets import (
     Targets,
     select_targets,
@@ -317,8 +317,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
             written = with_sources(whole)
             progress.phase("writing the report")
             write_whole(options.out / "results.json", encoded(written))
-            past = keep_history(options.out, results, begin=options.history)
-            write_report(options.out / "index.html", written, past)
+            write_report(options.out / "index.html", written)
         if not stop.requested:
             done.remove()
     _print(results, options)

@@ -234,7 +234,6 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType(
         "baseline": Setting(argument="baseline", kind="path", read=_path),
         "out": Setting(argument="out", kind="path", read=_path),
         "strict": Setting(argument="strict", kind="boolean", read=_switch),
-        "history": Setting(argument="history", kind="boolean", read=_switch),
         "require-engines": Setting(argument="require_engines", kind="boolean", read=_switch),
     }
 )

@@ -17,7 +17,6 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup, escape
 
-from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.render.html.parts import (
@@ -66,7 +65,7 @@ def is_own_page(path: Path) -> bool:
     return any(marker in head for marker in _MARKERS)
 
 
-def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> None:
+def write_report(path: Path, results: Results) -> None:
     """Write the report of results: one self-contained HTML file.
 
     With more than `WHOLE` cases, the pages of the cases are in a folder next to it, `index.parts`
@@ -75,7 +74,7 @@ def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> 
     Raises:
         OSError: if the file can't be written; an existing page stays unchanged.
     """
-    view = report(results, path.parent, history)
+    view = report(results, path.parent)
     places, names = "", frozenset[str]()
     if len(results.cases) > WHOLE:
         places, names = write_parts(path, _parts(view))
@@ -92,15 +91,14 @@ def _parts(view: Report) -> Iterator[CaseFile]:
         yield part_of_cases(cases, page.render(groups=(), cases=cases), view.packs)
 
 
-def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> str:
-    """Return the report of results as HTML; the same results and history give the same text.
+def render(results: Results, out: Path = DEFAULT_OUT) -> str:
+    """Return the report of results as HTML; the same results give the same text.
 
     Args:
         results: results of a run.
         out: folder of the report, as its commands name it.
-        history: cases in past runs.
     """
-    return _page(report(results, out, history))
+    return _page(report(results, out))
 
 
 def _page(view: Report, places: str = "") -> str:

@@ -59,7 +59,6 @@ class Chart:
         key: how to distinguish the curves.
         summary: description in words with numbers.
         log_x, log_y: which axes are logarithmic.
-        dates: whether x is a date, in milliseconds since 1970-01-01 UTC.
         over_time: whether x is time, or a date, shared with the other charts of its part.
         y_limits: initial range of the y axis; None shows all.
         lead: whether it is shown first, with those of other parts.
@@ -76,7 +75,6 @@ class Chart:
     summary: str
     log_x: bool = False
     log_y: bool = False
-    dates: bool = False
     over_time: bool = False
     over_error: bool = False
     lead: bool = False

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.records.case import Case, ModelKey
-from physics_crosscheck.harness.records.history import Past
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
@@ -39,12 +38,6 @@ from physics_crosscheck.harness.render.html.overview import (
     verdict,
 )
 from physics_crosscheck.harness.render.html.packs import Chart, Column, Pack
-from physics_crosscheck.harness.render.html.past_charts import (
-    by_case,
-    case_history,
-    past_runs,
-    run_history,
-)
 from physics_crosscheck.harness.render.html.runs import CaseRun, largest, runs
 from physics_crosscheck.harness.render.html.scenes import (
     THREE,
@@ -112,7 +105,7 @@ class Content:
     Charts of one pack can use numbers of another, so all charts are made before any pack is packed.
     """
 
-    def __init__(self, results: Results, history: Sequence[Past] = ()) -> None:
+    def __init__(self, results: Results) -> None:
         self._systems = {system.folder: system for system in results.systems}
         self._runs = runs(results.cases)
         self._packs: dict[str, Parts] = {}
@@ -138,9 +131,7 @@ class Content:
             self._scene(place, case, results.model_of(case))
             for place, case in enumerate(results.cases)
         ]
-        self._history = by_case(history)
         self._keep_cases(_magnitudes(results.cases))
-        self.history_pack = self._kept_history(results, history)
         self._diagnosis_packs = {
             place: self._diagnosed(place, model) for place, model in enumerate(results.models)
         }
@@ -215,22 +206,12 @@ class Content:
             charts = case_charts(run, others, self._units(run), magnitudes[folder])
             linear = self._linear.get(run.case.key, ())
             reaching = self._packs[self._system_packs[folder]][1] if folder in self._systems else ()
-            past = case_history(run.pack, self._history.get(run.case.id, ()))
-            charts = (*charts, *past)
             self._store_pack(
                 run.pack,
                 (*charts, *linear, *reaching),
                 motion=self._motion(run, others),
                 worst=run.verdict.time,
             )
-
-    def _kept_history(self, results: Results, history: Sequence[Past]) -> str:
-        """Return the pack id of the history of all cases; empty without plots."""
-        pack = Pack("pack-history")
-        charts = run_history(pack, results.cases, history)
-        if charts:
-            self._store_pack(pack, charts, runs=past_runs(results.cases, history))
-        return pack.id if charts else ""
 
     def _motion(self, run: CaseRun, others: Sequence[CaseRun]) -> AnimatedMotion | None:
         """Return the location of the data of an animation; None without a sketch."""
@@ -360,7 +341,6 @@ class Report:
         matrix: models by engines.
         cases: every case, worst first.
         groups: folders in the order of the run.
-        history: pack id of past runs; empty without past runs.
         scene: scene of the only system; None for several systems.
         code: code of three.js, which the page may run; empty without scenes.
         packs: numbers and plots, by the ids of their elements.
@@ -383,7 +363,6 @@ class Report:
     engines: tuple[str, ...]
     systems: tuple[str, ...]
     groups: tuple[FolderView, ...]
-    history: str
     scene: SceneView | None
     code: str
     packs: Mapping[str, str]
@@ -394,12 +373,12 @@ class Report:
         return any(group.scene is not None for group in self.groups)
 
 
-def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> Report:
-    """Return the view of results and of past runs, for a page in the folder `out`."""
+def report(results: Results, out: Path = DEFAULT_OUT) -> Report:
+    """Return the view of results, for a page in the folder `out`."""
     systems = {system.folder: system for system in results.systems}
     names = _names(results, systems)
     ids = _Ids()
-    content = Content(results, history)
+    content = Content(results)
     pages = {folder: ids.new(f"system-{slug(name)}") for folder, (name, _) in names.items()}
     views = _views(results, systems, ids, content)
     pairs = list(zip(results.cases, views, strict=True))
@@ -435,7 +414,6 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
         engines=tuple(sorted({view.engine for view in views})),
         systems=tuple(dict.fromkeys(view.system for view in views)),
         groups=groups,
-        history=content.history_pack,
         scene=groups[0].scene if len(groups) == 1 else None,
         code=content.code,
         packs=content.packs(),

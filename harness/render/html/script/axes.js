@@ -1,9 +1,4 @@
-const MINUTE = 60e3, HOUR = 60 * MINUTE, DAY = 24 * HOUR;
-const DATE_STEPS = [1e3, 5e3, 15e3, 30e3, MINUTE, 5 * MINUTE, 15 * MINUTE, 30 * MINUTE, HOUR, 3 * HOUR, 6 * HOUR, 12 * HOUR,
-  DAY, 2 * DAY, 7 * DAY, 14 * DAY];
-const MONTH_STEPS = [1, 3, 6, 12, 24, 60, 120, 240, 600, 1200];
 const DECADE_STEPS = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 50, 100, 200];
-const MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
 /** The visible range of an axis, in data units. Several plots may share one. */
@@ -20,7 +15,7 @@ class Range {
   reset() { this.set(...this.whole); }
 }
 
-/** An axis of `length` pixels: linear, logarithmic (`log`), or of dates in milliseconds (`date`). */
+/** An axis of `length` pixels: linear or logarithmic (`log`). */
 class Axis {
   constructor(kind, range) { Object.assign(this, { kind, range, length: 1 }); }
 
@@ -79,7 +74,6 @@ function areApart(ticks, scale, span) {
 
 /** Yield ticks `{value, label}` between two values, the densest first. */
 function candidates(kind, low, high) {
-  if (kind === "date") return dateTicks(low, high);
   return kind === "log" ? logTicks(low, high) : linearTicks(low, high);
 }
 
@@ -135,31 +129,4 @@ function* logTicks(low, high) {
 function logLabels(values) {
   const plain = values.every((value) => value >= 1e-3 && value < 1e5);
   return values.map((value) => ({ value, label: plain ? String(value) : power(value, 0) }));
-}
-
-/** Yield ticks at whole seconds, hours, days, months or years, in UTC. */
-function* dateTicks(low, high) {
-  for (const step of DATE_STEPS) {
-    if (high - low < 50 * step) yield dateLabels(integers(low / step, high / step).map((i) => i * step), step);
-  }
-  const month = (time) => 12 * new Date(time).getUTCFullYear() + new Date(time).getUTCMonth();
-  for (const step of MONTH_STEPS) {
-    const times = integers(month(low) / step, month(high) / step).map((i) => Date.UTC(Math.floor((i * step) / 12), (i * step) % 12));
-    yield dateLabels(times.filter((time) => time >= low && time <= high), 30 * DAY * step);
-  }
-}
-
-/** Label dates at the precision of their step; name the year where it changes. */
-function dateLabels(times, step) {
-  let before = null;
-  return times.map((value) => {
-    const date = new Date(value);
-    const [day, month, year] = [date.getUTCDate(), MONTHS[date.getUTCMonth()], date.getUTCFullYear()];
-    const changed = year !== before;
-    before = year;
-    if (step >= 360 * DAY) return { value, label: String(year) };
-    if (step >= 30 * DAY) return { value, label: `${month} ${year}` };
-    const clock = step < DAY ? ` ${date.toISOString().slice(11, step < MINUTE ? 19 : 16)}` : "";
-    return { value, label: `${day} ${month}${changed ? ` ${year}` : ""}${clock}` };
-  });
 }

@@ -1,17 +1,16 @@
 /** The current time of all plots and the animation of one case, and the visible time range. */
 class Clock {
   constructor(start, end, worst) {
-    const margin = 0.01 * (end - start) || DAY / 2;
+    const margin = 0.01 * (end - start) || 0.5;
     Object.assign(this, { start, end, worst, t: start, listeners: new Set(), range: new Range(start - margin, end + margin) });
   }
 
-  /** Return the clock of charts over a motion's time, or over dates. */
+  /** Return the clock of charts over a motion's time. */
   static async of(id, charts, worst) {
     const times = await Promise.all(charts.filter((chart) => chart.over_time)
       .flatMap((chart) => chart.curves.map((curve) => column(id, curve.x))));
     const [start, end] = lowestAndHighest(times, false);
-    if (start > end) return new Clock(0, 0, 0);
-    return charts[0].dates ? new Clock(start, end, end) : new Clock(0, end, worst);
+    return start > end ? new Clock(0, 0, 0) : new Clock(0, end, worst);
   }
 
   set(t) {
@@ -21,7 +20,6 @@ class Clock {
 }
 
 const short = (value) => (Number.isFinite(value) ? Number(value.toPrecision(5)).toString() : "–");
-const dateText = (value) => new Date(value).toISOString().slice(0, 16).replace("T", " ");
 const waiting = new Map();
 const near = new IntersectionObserver((entries) => {
   for (const { isIntersecting, target } of entries) {
@@ -33,7 +31,7 @@ const near = new IntersectionObserver((entries) => {
 async function build(box) {
   box.dataset.built = "begun";
   const id = box.dataset.pack;
-  const { charts, motion, worst, runs } = await pack(id);
+  const { charts, motion, worst } = await pack(id);
   const parts = new Map();
   for (const chart of charts) {
     if (!parts.has(chart.part)) parts.set(chart.part, []);
@@ -44,7 +42,6 @@ async function build(box) {
   if (leading.length) await tabbed(box, parts, leading, motion, clock);
   else {
     for (const [part, inside] of parts) box.append(make("h3", {}, part), await group(id, inside, clock));
-    if (runs) box.append(runPicker(runs, clock));
   }
   clock.set(clock.worst);
   box.dataset.built = `${charts.length} plots`;
@@ -58,7 +55,6 @@ async function tabbed(box, parts, leading, motion, clock) {
     const panel = make("section", { "data-tab": part }, make("h3", {}, part));
     box.append(panel);
     let rest = charts;
-    const own = charts[0].dates ? await Clock.of(id, charts) : clock;
     if (charts[0] === leading[0]) {
       // The first tab answers at a glance: simulated against expected, then error against uncertainty.
       const lead = make("div", { class: "lead" }, await group(id, leading, clock, "together"));
@@ -68,27 +64,10 @@ async function tabbed(box, parts, leading, motion, clock) {
       else panel.append(make("p", { class: "muted" }, "The system declares no sketch, so there is no picture of it; the time above is that of the plots' cursor."));
       rest = charts.slice(1);
     }
-    if (rest.length) panel.append(await group(id, rest, own, leading.includes(rest[0]) ? "grid led" : "grid"));
-    if (own !== clock) own.set(own.worst);
+    if (rest.length) panel.append(await group(id, rest, clock, leading.includes(rest[0]) ? "grid led" : "grid"));
   }
   const numbers = box.parentElement.querySelector("[data-tab=Numbers]");
   tabs(box, [...box.children, ...(numbers ? [numbers] : [])], () => clock.set(clock.t));
-}
-
-/** A list of past runs: it marks the chosen one in the plots, and shows what it changed. */
-function runPicker(runs, clock) {
-  const choice = make("select", {}, ...runs.map((run, i) => make("option", { value: i }, run.name)));
-  const summary = make("p"), changes = make("ul");
-  choice.addEventListener("change", () => clock.set(runs[choice.value].time));
-  clock.listeners.add((t) => {
-    const place = nearest(runs.map((run) => run.time), t);
-    const { summary: text, changes: changed } = runs[place];
-    choice.value = place;
-    const since = place ? changed.length ? "; since the run before:" : "; no change since the run before" : "";
-    summary.textContent = `${text}${since}`;
-    changes.replaceChildren(...changed.map((each) => make("li", {}, each)));
-  });
-  return make("div", { class: "picker" }, make("label", {}, "Run ", choice), summary, changes);
 }
 
 /** Plots with a common legend: it hides curves in all of them. */
@@ -184,7 +163,7 @@ function nearest(row, t) {
 function reading(chart, t) {
   const values = chart.curves.filter((curve) => curve.role !== "other")
     .map((curve) => `${curve.label} ${short(curve.y[nearest(curve.x, t)])}`);
-  return `${chart.dates ? dateText(t) : `t = ${t.toFixed(3)} s`}: ${values.join("; ")}`;
+  return `t = ${t.toFixed(3)} s: ${values.join("; ")}`;
 }
 
 /** The numbers of a chart: a table for curves over the same x. */
@@ -199,10 +178,9 @@ function tables(chart) {
     const heads = [chart.x_label, ...curves.map((curve) => curve.label)];
     const named = chart.names.length ? chart.names : null;
     const cell = (value) => make("td", { class: "number" }, String(Number.isFinite(value) ? value : "–"));
-    const place = (x) => (chart.dates ? make("td", { class: "number" }, dateText(x)) : cell(x));
     const rows = curves[0].x.map((x, i) => make("tr", {},
       ...(named && curves[0].role === "lollipop" ? [make("th", { scope: "row" }, named[named.length - 1 - i])] : []),
-      place(x), ...curves.map((curve) => cell(curve.y[i]))));
+      cell(x), ...curves.map((curve) => cell(curve.y[i]))));
     const head = make("tr", {}, ...(named && curves[0].role === "lollipop" ? ["cause"] : []).concat(heads).map((text) => make("th", { scope: "col" }, text)));
     const table = make("table", { class: "plain" }, make("caption", {}, chart.title), make("thead", {}, head), make("tbody", {}, ...rows));
     return make("div", { class: "scroll table", tabindex: "0", role: "region", "aria-label": `Data of ${chart.title}` }, table);

@@ -144,9 +144,9 @@ function place(plot, { layer, i }, side, taken) {
 
 function tipLines(chart, curve, i) {
   const [x, y] = [curve.x[i], curve.y[i]];
-  const name = chart.dates ? "date" : chart.over_time ? "t" : "x";
+  const name = chart.over_time ? "t" : "x";
   const row = (what, value) => make("div", {}, make("span", {}, `${what}: `), value);
-  const across = row(name, chart.dates ? dateText(x) : short(x));
+  const across = row(name, short(x));
   // In rows with names, y is the index of a row.
   if (chart.names.length) return [make("b", {}, chart.names[Math.floor(y)] ?? curve.label), across];
   return [make("b", {}, curve.label), across, row("value", short(y))];

@@ -123,7 +123,7 @@ class Plot {
       .map((look) => ({ curve, look, ...shownValues(chart, curve, look.sign), hidden: false, path: svg("path", { style: look.style }) })));
     const has = (kind) => this.layers.some(({ look }) => look.kind === kind);
     this.base = { x: 1, y: bandBase(chart) };
-    const kind = chart.dates ? "date" : chart.log_x ? "log" : "linear";
+    const kind = chart.log_x ? "log" : "linear";
     const columns = (name, present) => [...this.layers.map((layer) => layer[name]), ...(present ? [[this.base[name]]] : [])];
     this.x = new Axis(kind, time ?? wholeRange(kind, columns("x", has("stems"))));
     this.y = new Axis(chart.log_y ? "log" : "linear", this.#upward(columns("y", has("band"))));
