@@ -285,22 +285,6 @@ def accepted_lines(
     return lines
 
 
-def change_lines(change: Change) -> list[str]:
-    """Return the lines of one case in a review."""
-    kinds = f" ({', '.join(change.kinds)})" if change.kinds else ""
-    name = with_code(change.diff.code, str(change.id))
-    return [f"{change.status}  {name}{kinds}", *(f"  {text}" for text in sentences(change))]
-
-
-def diff_lines(diff: FileDiff) -> list[str]:
-    """Return the changed lines of a file."""
-    models = f" (for {', '.join(diff.models)})" if diff.models != (diff.file,) else ""
-    where = "" if model_path(diff.system, diff.file) == diff.system else f"{diff.system}: "
-    lines = [f"changed in {where}{diff.file}{models}"]
-    lines += [f"  {_where(diff, one)}: {one.message}" for one in diff.changes]
-    return [*lines, f"  and {counted(diff.more, 'more line')}"] if diff.more else lines
-
-
 def total(result: GateResult) -> str:
     """Return one line: the number of cases of each kind, of cases that ran, and the time."""
     if not result.changes:

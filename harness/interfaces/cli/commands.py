@@ -87,7 +87,7 @@ _SELECTION = (
     arguments.baseline,
     arguments.diagnose,
 )
-"""Options that select cases, of `gate` and `review`."""
+"""Options that select cases, of `gate`."""
 
 
 def _demo_defaults(command: argparse.ArgumentParser) -> None:
@@ -358,26 +358,6 @@ COMMANDS: Mapping[str, Command] = {
             partial(arguments.out, default="reports/gate"),
         ),
         function=f"{_CLI}.gate:main",
-        settings=_BASELINE_SETTINGS,
-    ),
-    "review": Command(
-        group="Keep a baseline",
-        purpose="Accept or reject changes one by one",
-        description="Show each change since the baseline and ask you to accept or reject it.\n"
-        "Accepted results go into the baseline. Needs a terminal.",
-        examples={
-            "Review all changes": "crosscheck review",
-            "Review one folder, with causes": "crosscheck review my_arm --diagnose",
-        },
-        exit_codes={
-            "0": "Every change was accepted, or nothing had changed.",
-            "1": "A change was rejected or left undecided.",
-            "2": "Wrong usage, an unknown folder, or no terminal.",
-            "3": "A case could not run, or the baseline could not be read or written.",
-            **INTERRUPTED,
-        },
-        options=_SELECTION,
-        function=f"{_CLI}.review:main",
         settings=_BASELINE_SETTINGS,
     ),
     "accept": Command(

@@ -57,7 +57,7 @@ _VARIABLES = f"""
 |---|---|
 | `{SCHEDULER}` | Address of a Dask scheduler, as `--scheduler` |
 | `{XACRO_ARGUMENTS}` | Arguments of xacro sources, as `--xacro-arg` |
-| `CI` | If set, print logs instead of a progress bar; `accept` and `review` refuse to run |
+| `CI` | If set, print logs instead of a progress bar; `accept` refuses to run |
 | `GITHUB_ACTIONS` | If `true`, also print annotations for GitHub |
 | `NO_COLOR` | If set, print without colors |
 """
