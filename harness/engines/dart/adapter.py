@@ -53,7 +53,7 @@ from physics_crosscheck.harness.engines.sdf_sidecar import (
     sdf_without_bounds,
     sdf_without_friction,
 )
-from physics_crosscheck.harness.engines.source import one_line
+from physics_crosscheck.harness.engines.source import one_line, shortened
 from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -207,6 +207,8 @@ TURNS = "DART's dropping of the cubic term of turns below 1e-3 rad a step of a r
 
 SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
+REACTION = "DART's servo for <mimic> without a reaction on the leader"
+
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
     # Whether a link without an inertial has 1 kg and 1 kg m^2 (DART's default), or no mass.
@@ -325,6 +327,9 @@ class DartModel(UrdfModel):
         self.stepper = self._steps
         if self.floats and not exact:
             self._corrective_settings[TURNS] = {"exact_turns": True}
+        if self.declared.mimics and not self.settings["couplers"]:
+            names = shortened([one.joint for one in self.declared.mimics])
+            self._corrective_settings[f"{REACTION} ({names})"] = {"couplers": True}
         slides = any(joint.getCoulombFriction(0) for joint in joints)
         if not (self.declared.mimics or slides):
             self.forward = each_alone(self._steps.accelerations)
