@@ -143,6 +143,7 @@ class Fit:
         standard_errors: of each estimate.
         remaining: remaining share of the discrepancy, root mean square over all segments.
         tied_with: causes that these scenarios cannot distinguish from this one.
+        is_read: whether the bodies that the engine compiled have the estimates.
     """
 
     members: tuple[int, ...]
@@ -152,6 +153,7 @@ class Fit:
     standard_errors: tuple[float, ...]
     remaining: float
     tied_with: tuple[CauseId, ...] = ()
+    is_read: bool = False
 
     @property
     def causes(self) -> tuple[CauseId, ...]:

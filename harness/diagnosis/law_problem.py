@@ -26,7 +26,12 @@ from physics_crosscheck.harness.checks.law_comparison import (
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.diagnose import (
+    REFINED,
+    Ranking,
+    diagnose,
+    largest_remaining,
+)
 from physics_crosscheck.harness.diagnosis.fit import (
     Faults,
     Fit,
@@ -243,8 +248,10 @@ class LawProblem(Generic[M, S]):
         rows = [
             self.effect(index) if near else self._slope_near(faults, index) for index in indices
         ]
-        nothing = np.zeros(self.compared.defect.size)
-        return np.array([nothing if row is None else row for row in rows])
+        slopes = np.zeros((len(rows), self.compared.defect.size))
+        for slope, row in zip(slopes, rows, strict=True):
+            slope[:] = 0.0 if row is None else row
+        return slopes
 
     def _slope_near(self, faults: Faults, index: int) -> Array | None:
         """Return the slope at faults, (N,): other rows may act there."""
@@ -398,7 +405,7 @@ def _restarted(problem: AnyLawProblem, uncertainty: Array) -> list[Fit]:
             near = slopes.copy()
             near[i] = problem.slopes(start, [i])[0]
             fits.append(refine(whole, start, near))
-    accepted = max(NAMED, 2 * whole.floor)
+    accepted = largest_remaining(whole.floor)
     return sorted((fit for fit in fits if fit.remaining <= accepted), key=lambda f: f.remaining)
 
 

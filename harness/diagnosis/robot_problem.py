@@ -13,22 +13,28 @@ from itertools import combinations
 
 import numpy as np
 
-from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
+from physics_crosscheck.harness.checks.scene import inertia_difference
+from physics_crosscheck.harness.diagnosis.fit import CONFIRMED, Faults, Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses import rank
 from physics_crosscheck.harness.diagnosis.robot_followers import Following
 from physics_crosscheck.harness.diagnosis.trial import REFUSED
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 ROUNDING_CHANGE = 1e-13
 """Relative change of the ends that counts as rounding error."""
+
+SAME_INERTIA = 1e-9
+"""Relative difference below which the inertia of a compiled body is the file's."""
 
 CURVED_NUDGE = 1e-2
 """Relative change of a number whose slope is negligible."""
@@ -69,6 +75,7 @@ class RobotProblem:
         way: 1 if the reference is the file itself, so that a fault changes the engine's apparent
             value; -1 for another reference, so that repairing the fault changes the file's value.
         following: deviations of followers; None without followers.
+        compiled: inertia that the engine compiled, by link; empty if unknown.
     """
 
     numbers: Numbers
@@ -78,6 +85,7 @@ class RobotProblem:
     scale: Array
     way: int
     following: Following | None = None
+    compiled: Mapping[int, SpatialInertia] = field(default_factory=dict)
     _defects: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
     _flows: dict[object, Flow | None] = field(default_factory=dict, init=False, repr=False)
     _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
@@ -117,9 +125,11 @@ class RobotProblem:
         there, and of the linear problem here.
         """
         indices = range(len(self.suspicions)) if indices is None else indices
-        if all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items()):
-            return np.stack([self._or_none(self.effect(index)) for index in indices])
         rows = np.zeros((len(indices), self.apart.size))
+        if all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items()):
+            for row, index in enumerate(indices):
+                rows[row] = self._or_none(self.effect(index))
+            return rows
         flow = self._flow(self._values(faults))
         if flow is None:
             return rows
@@ -225,7 +235,11 @@ class RobotProblem:
         if key not in self._flows:
             tree = self._tree(values)
             try:
-                self._flows[key] = None if tree is None else self._near(values).for_tree(tree)
+                self._flows[key] = (
+                    None
+                    if tree is None or self._is_impossible(tree)
+                    else self._near(values).for_tree(tree)
+                )
             except ReferenceError:
                 self._flows[key] = None
             if (flow := self._flows[key]) is not None:
@@ -243,7 +257,49 @@ class RobotProblem:
         if tree is None or tree.dof != nominal.dof:
             return None
         same = [one.kind for one in tree.links] == [one.kind for one in nominal.links]
-        return tree if same else None
+        return tree if same and self._read_links.isdisjoint(self._changed(tree)) else None
+
+    @cached_property
+    def _read_links(self) -> frozenset[int]:
+        """Links whose compiled inertia is the file's, so that no number of it is misread."""
+        nominal = self.flow.tree.links
+        return frozenset(
+            i
+            for i, one in self.compiled.items()
+            if inertia_difference(one, inertia_of(nominal[i])) <= SAME_INERTIA
+        )
+
+    def _changed(self, tree: Tree) -> Iterator[int]:
+        """Yield the links whose inertia is not the file's."""
+        for i, (link, nominal) in enumerate(zip(tree.links, self.flow.tree.links, strict=True)):
+            if inertia_difference(inertia_of(link), inertia_of(nominal)) > ROUNDING_CHANGE:
+                yield i
+
+    def _is_impossible(self, tree: Tree) -> bool:
+        """Return whether a link has an inertia that no body can have, unlike in the file."""
+        nominal = self.flow.tree.links
+        return any(
+            breaks_rule(inertia_of(tree.links[i])) and not breaks_rule(inertia_of(nominal[i]))
+            for i in self._changed(tree)
+        )
+
+    def is_read(self, faults: Faults) -> bool | None:
+        """Return whether compiled bodies have the values of these faults; None if unknown."""
+        tree = self._tree(self._values(faults))
+        changed = [] if tree is None else list(self._changed(tree))
+        if tree is None or not changed or not self.compiled.keys() >= set(changed):
+            return None
+        nominal = self.flow.tree.links
+        return all(
+            inertia_difference(self.compiled[i], inertia_of(tree.links[i]))
+            <= CONFIRMED * inertia_difference(self.compiled[i], inertia_of(nominal[i]))
+            for i in changed
+        )
+
+
+def inertia_of(link: TreeLink) -> SpatialInertia:
+    """Return the inertia of a link, in its frame."""
+    return SpatialInertia(link.mass, link.center, link.inertia)
 
 
 MAX_NAMED_ELEMENTS = 4

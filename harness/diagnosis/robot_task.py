@@ -10,8 +10,9 @@ import numpy as np
 from msgspec import structs
 
 from physics_crosscheck.harness.checks.findings import place_of
+from physics_crosscheck.harness.checks.scene import compiled_inertias
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose, largest_remaining
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.law_problem import (
     NUMBERS_FITTED,
@@ -27,13 +28,15 @@ from physics_crosscheck.harness.diagnosis.robot_followers import (
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem, suspicions
 from physics_crosscheck.harness.diagnosis.samples import finite
 from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
+from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import Cause
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.finding import CLOSE, Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.flows import Flow
@@ -66,22 +69,31 @@ def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
     """
     began = time.perf_counter()
     run = _some_of(task)
+    diagnosis = None if _motion_differs(run) else _diagnose_steps(task)
+    if diagnosis is None:
+        diagnosis = _diagnose_motion(task, run, is_reference=is_reference)
+    return structs.replace(diagnosis, seconds=time.perf_counter() - began)
+
+
+def _motion_differs(run: FollowersRun) -> bool:
+    """Return whether a difference of the motion is a case's, or may be: it is then unbounded."""
     apart, uncertainty = _apart(run)
-    if not np.any(np.abs(apart).ravel() > uncertainty):
-        steps = _diagnose_steps(task)
-        return structs.replace(steps, seconds=time.perf_counter() - began)
+    off = np.abs(apart).ravel()
+    visible = (off > uncertainty) & (off + uncertainty > run.task.resolution)
+    return bool(visible.any() or not np.isfinite(run.way.limits.limit.uncertainty).all())
+
+
+def _diagnose_motion(task: TreeTask, run: FollowersRun, *, is_reference: bool) -> Diagnosis:
+    """Find the behaviours of the engine, or the numbers, that explain a motion."""
+    apart, uncertainty = _apart(run)
     explanations = _explained_by_engine_defaults(run)
     if not explanations and is_reference:
         explanations = _explained_by_compiler(run)
     if explanations:
-        return Diagnosis(
-            explained=True,
-            explanations=explanations,
-            floor=number(0.0),
-            seconds=time.perf_counter() - began,
-        )
-    ranking = ranked(task, run, is_reference=is_reference)
-    return structs.replace(_diagnosis(ranking, task), seconds=time.perf_counter() - began)
+        return Diagnosis(explained=True, explanations=explanations, floor=number(0.0))
+    if not np.any(np.abs(apart).ravel() > uncertainty):
+        return Diagnosis(failure="no motion differs beyond its uncertainty")
+    return _diagnosis(ranked(task, run, is_reference=is_reference), task)
 
 
 def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:
@@ -96,11 +108,11 @@ def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:
     )
 
 
-def _diagnose_steps(task: TreeTask) -> Diagnosis:
-    """Find the numbers that explain why whole steps differ from their law."""
+def _diagnose_steps(task: TreeTask) -> Diagnosis | None:
+    """Find the numbers that explain why whole steps differ from their law; None if they agree."""
     problem = law_problem(task)
     if problem is None or problem.judge(task.resolution).outcome is not Outcome.DIFFERS:
-        return Diagnosis(failure="no motion differs beyond its uncertainty")
+        return None
     return _diagnosis(diagnose_laws(problem), task)
 
 
@@ -130,25 +142,39 @@ def _some_of(task: TreeTask, *, again: bool = True) -> FollowersRun:
 def _explained_by_engine_defaults(run: FollowersRun) -> tuple[Explanation, ...]:
     """Return behaviours of the engine without which no discrepancy remains.
 
-    Try each alone, then all together if no single one suffices.
+    Try each alone, then all together, without those that change nothing.
     """
-    apart, _ = _apart(run)
+    settings = run.way.model.corrective_settings
+    shares = {cause: _left_without(run, (cause,)) for cause in settings}
+    explained: dict[tuple[str, ...], float] = {
+        (cause,): share for cause, share in shares.items() if share is not None
+    }
+    if not explained and len(settings) > 1:
+        needed = tuple(settings)
+        share = _left_without(run, needed)
+        for cause in settings if share is not None else ():
+            others = tuple(one for one in needed if one != cause)
+            if (less := _left_without(run, others)) is not None:
+                needed, share = others, less
+        explained = {} if share is None else {needed: share}
+    return tuple(
+        Explanation(causes=_engine_causes(causes, run.task), remaining=share)
+        for causes, share in explained.items()
+    )
+
+
+def _left_without(run: FollowersRun, causes: Sequence[str]) -> float | None:
+    """Return the share of a discrepancy without some behaviours; None if it is visible there."""
+    settings = {k: v for one in causes for k, v in run.way.model.corrective_settings[one].items()}
+    try:
+        other = run_followers(run.task.with_settings(**settings), again=False)
+    except (EngineError, BlownUpError):
+        return None
+    (apart, _), (remaining, uncertainty) = _apart(run), _apart(other)
     size = float(np.linalg.norm(apart))
-    for tried in _remedy_groups(run):
-        explanations = []
-        for causes, settings in tried:
-            other = run_followers(run.task.with_settings(**settings), again=False)
-            remaining, uncertainty = _apart(other)
-            if np.all(np.abs(remaining).ravel() <= uncertainty):
-                own_causes = _engine_causes(causes, run.task)
-                explanations.append(
-                    Explanation(
-                        causes=own_causes, remaining=float(np.linalg.norm(remaining)) / size
-                    )
-                )
-        if explanations:
-            return tuple(explanations)
-    return ()
+    share = float(np.linalg.norm(remaining)) / size
+    is_hidden = np.all(np.abs(remaining).ravel() <= uncertainty)
+    return share if is_hidden and share <= CLOSE and np.linalg.norm(uncertainty) < size else None
 
 
 _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
@@ -246,11 +272,22 @@ def _ranked(
 ) -> tuple[Ranking, RobotProblem]:
     if known_problem is None:
         problem, uncertainty = robot_problem(run.task, run, is_reference=is_reference)
+        if is_reference:
+            compiled = compiled_inertias(problem.flow.tree, run.way.model.inertias)
+            problem = replace(problem, compiled=compiled)
     else:
         apart, uncertainty = _apart(run)
         problem = known_problem.with_discrepancy(apart)
     fits = LARGE_ROBOT_FITS if problem.flow.tree.dof > LARGE_ROBOT_DOF else NUMBERS_FITTED
-    return diagnose(problem, uncertainty, fits), problem
+    return _not_contradicted(diagnose(problem, uncertainty, fits), problem), problem
+
+
+def _not_contradicted(ranking: Ranking, problem: RobotProblem) -> Ranking:
+    """Leave out fits that the bodies which the engine compiled contradict."""
+    checked = [(fit, problem.is_read(fit.repair)) for fit in ranking.fits]
+    fits = tuple(replace(fit, is_read=bool(read)) for fit, read in checked if read is not False)
+    explained = bool(fits) and fits[0].remaining <= largest_remaining(ranking.floor)
+    return replace(ranking, fits=fits, explained=ranking.explained and explained)
 
 
 def robot_problem(

@@ -198,6 +198,7 @@ def causes(fit: Fit) -> tuple[Cause, ...]:
             nominal=number(hypothesis.value),
             estimate=number(estimate),
             standard_error=number(error),
+            is_read=fit.is_read,
             locations=hypothesis.where,
         )
         for hypothesis, estimate, error in rows
