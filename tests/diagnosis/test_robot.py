@@ -397,8 +397,8 @@ def test_engine_default_is_not_a_cause_if_motions_agree(tmp_path: Path) -> None:
 SHAPED = """<robot name="spun">
 <mujoco>{}</mujoco>
 <link name="base"/>
-<joint name="a" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 {} 0"/></joint>
-<link name="arm"><inertial><origin xyz="0 0 0.2"/><mass value="0.9"/>
+<joint name="a" type="continuous"><parent link="base"/><child link="arm"/>
+<axis xyz="0 {} 0"/></joint><link name="arm"><inertial><origin xyz="0 0 0.2"/><mass value="0.9"/>
 <inertia ixx="0.012" ixy="0" ixz="0" iyy="0.012" iyz="0" izz="0.001"/></inertial>
 <collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision></link>
 </robot>"""

@@ -218,7 +218,6 @@ def test_tiny_inertias_are_accepted(tmp_path: Path) -> None:
 
 
 def test_impossible_inertias_are_named_before_their_consequences(tmp_path: Path) -> None:
-    """A negative mass, negative moments, and a joint that moves nothing, each with its line."""
     negative = inertial("0.5", "-0.1 -0.1 0.01")
     hip = joint("hip", "base", "thigh")
     robot = read(tmp_path, BASE, link("thigh", negative), hip)
@@ -233,5 +232,5 @@ def test_impossible_inertias_are_named_before_their_consequences(tmp_path: Path)
     assert raised.value.kind == "negative mass"
     flat = link("a", inertial("1", "0.1 0.1 0.5"))
     unread = read(tmp_path, BASE, flat, joint("j", "base", "a"), joint("k", "base", "gone"))
-    with pytest.raises(RobotError, match="(?s)largest can't exceed.*'gone'") as raised:
+    with pytest.raises(RobotError, match=r"(?s)largest can't exceed.*'gone'"):
         robot_system(unread)
