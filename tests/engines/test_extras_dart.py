@@ -8,7 +8,11 @@ from typing import Any
 
 import pytest
 
+from physics_crosscheck.harness.checks.audit import audit_terms
+from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.law_engine import LawEngine
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
@@ -59,3 +63,31 @@ def test_wrong_friction_is_named_with_its_line(tmp_path: Path) -> None:
     ranking = diagnose_laws(problem.mistaken(name))
     assert ranking.explained
     assert name in [str(cause) for fit in ranking.fits[:1] for cause in fit.causes]
+
+
+TUMBLING = """<robot name="r"><link name="l0"><inertial>
+<origin xyz="0.062380318630556236 0.0016536311734647426 0.025592201384041148"/>
+<mass value="0.573376142967912"/><inertia ixx="0.009347127449845" ixy="0" ixz="0"
+iyy="0.007607447957258102" iyz="0" izz="0.009942865331375225"/></inertial></link></robot>"""
+
+CRATE = """<sdf version="1.9"><model name="crate"><pose>0 0 0.6 0 0 0</pose><link name="link">
+<inertial><mass>1</mass><inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia>
+</inertial></link></model></sdf>"""
+
+
+def test_turns_that_some_steps_lose_are_in_the_uncertainty(tmp_path: Path) -> None:
+    """Cover a floating root, whose steps below 1e-3 rad lose a cubic term: no difference."""
+    file = tmp_path / "r.urdf"
+    file.write_text(TUMBLING)
+    task = model_task(prepare_tree(file, floating=True), "dart")
+    verdict = judge(task)
+    assert (verdict.outcome, verdict.decided_by) == (Outcome.AGREES, "accelerations")
+    file.write_text(TUMBLING.replace("0.0093471", "0.0093472"))
+    assert judge(task).outcome is Outcome.DIFFERS
+
+
+def test_audit_takes_lost_turns_for_no_difference(tmp_path: Path) -> None:
+    file = tmp_path / "crate.sdf"
+    file.write_text(CRATE)
+    findings = audit_terms(model_task(prepare_tree(file), "dart")).findings
+    assert {one.severity for one in findings} == {"note"}

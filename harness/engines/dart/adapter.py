@@ -326,6 +326,7 @@ class DartModel(UrdfModel):
         self._steps = WorldSteps(self._world, self._body, self.floats, springs, exact)
         self.stepper = self._steps
         if self.floats and not exact:
+            self.lost_turn = 1e-3
             self._corrective_settings[TURNS] = {"exact_turns": True}
         if self.declared.mimics and not self.settings["couplers"]:
             names = shortened([one.joint for one in self.declared.mimics])
@@ -343,6 +344,10 @@ class DartModel(UrdfModel):
             raise EngineError(f"{self.path}: DART can't load it: {message}")
         self._printed = (message,) if message else ()
         return skeleton
+
+    def turning_rates(self, z: Array, w: Array) -> Array:
+        """Return the rates of rotation of a floating root, (K,), rad/s."""
+        return np.linalg.norm(angular_velocity(z[:, 3:FREE].T, w[:, 3:FREE].T), axis=0)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Return order 1 for every input."""
