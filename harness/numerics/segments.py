@@ -123,7 +123,7 @@ class Observable:
         initial: initial values of all starts, (K + 2P, C), for an engine with fewer digits than
             doubles; its rounding is added to them.
         centred: whether each start has an event in the middle of its segment, (K,); None: none has.
-        lost: errors of the values on a rung that are no power of its step, (F, K), for F rates;
+        lost: errors of values on a rung that do not follow powers of h, (F, K), for F rates;
             None without any.
         where: describes a start, by its segment and the rung, for a message.
     """
