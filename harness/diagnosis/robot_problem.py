@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from physics_crosscheck.harness.checks.scene import inertia_difference
-from physics_crosscheck.harness.diagnosis.fit import CONFIRMED, Faults, Hypothesis
+from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses import rank
 from physics_crosscheck.harness.diagnosis.robot_followers import Following
 from physics_crosscheck.harness.diagnosis.trial import REFUSED
@@ -35,6 +35,9 @@ ROUNDING_CHANGE = 1e-13
 
 SAME_INERTIA = 1e-9
 """Relative difference below which the inertia of a compiled body is the file's."""
+
+READ_SHARE = 1e-2
+"""Distance of a fitted body from the compiled one, as a share of the file's distance from it."""
 
 CURVED_NUDGE = 1e-2
 """Relative change of a number whose slope is negligible."""
@@ -292,7 +295,7 @@ class RobotProblem:
         nominal = self.flow.tree.links
         return all(
             inertia_difference(self.compiled[i], inertia_of(tree.links[i]))
-            <= CONFIRMED * inertia_difference(self.compiled[i], inertia_of(nominal[i]))
+            <= READ_SHARE * inertia_difference(self.compiled[i], inertia_of(nominal[i]))
             for i in changed
         )
 

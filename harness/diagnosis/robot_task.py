@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
 
 from physics_crosscheck.harness.checks.findings import place_of
-from physics_crosscheck.harness.checks.scene import compiled_inertias
+from physics_crosscheck.harness.checks.scene import compiled_inertias, inertia_difference
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose, largest_remaining
 from physics_crosscheck.harness.diagnosis.fit import Fit
@@ -25,7 +25,12 @@ from physics_crosscheck.harness.diagnosis.robot_followers import (
     run_followers,
     scaled,
 )
-from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem, suspicions
+from physics_crosscheck.harness.diagnosis.robot_problem import (
+    SAME_INERTIA,
+    RobotProblem,
+    inertia_of,
+    suspicions,
+)
 from physics_crosscheck.harness.diagnosis.samples import finite
 from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
 from physics_crosscheck.harness.engines.protocol import EngineError
@@ -39,6 +44,7 @@ from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import CLOSE, Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.solving.flows import Flow
 
 STATES = 24
@@ -89,11 +95,16 @@ def _diagnose_motion(task: TreeTask, run: FollowersRun, *, is_reference: bool) -
     explanations = _explained_by_engine_defaults(run)
     if not explanations and is_reference:
         explanations = _explained_by_compiler(run)
+    ranking = Ranking((), False, 1.0)
+    if not explanations and np.any(np.abs(apart).ravel() > uncertainty):
+        ranking = ranked(task, run, is_reference=is_reference)
+        if is_reference and not (ranking.explained and ranking.fits[0].is_read):
+            explanations = _explained_by_compiled_bodies(run)
+    elif not explanations:
+        return Diagnosis(failure="no motion differs beyond its uncertainty")
     if explanations:
         return Diagnosis(explained=True, explanations=explanations, floor=number(0.0))
-    if not np.any(np.abs(apart).ravel() > uncertainty):
-        return Diagnosis(failure="no motion differs beyond its uncertainty")
-    return _diagnosis(ranked(task, run, is_reference=is_reference), task)
+    return _diagnosis(ranking, task)
 
 
 def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:
@@ -215,6 +226,46 @@ def _explained_by_compiler(run: FollowersRun) -> tuple[Explanation, ...]:
     return tuple(explanations)
 
 
+def _explained_by_compiled_bodies(run: FollowersRun) -> tuple[Explanation, ...]:
+    """Return the inertias that the engine compiled, if no discrepancy remains by them."""
+    task, model = run.task, run.way.model
+    compiled = compiled_inertias(task.target.tree, model.inertias)
+    links, causes = list(task.target.tree.links), list[Cause]()
+    names = {link: name for name, (link, _) in task.target.tree.frames.items()}
+    for i, body in compiled.items():
+        stated = inertia_of(links[i])
+        if inertia_difference(body, stated) > SAME_INERTIA:
+            links[i] = replace(links[i], **body._asdict())
+            causes += _read_causes(names[i], stated, body)
+    if not causes:
+        return ()
+    apart, uncertainty = _apart(run)
+    numbers = robot_numbers(task.file, task.spec.settings)
+    problem = problem_of(task, numbers, apart, is_reference=True)
+    defect = problem.left_by(replace(problem.flow.tree, links=tuple(links)))
+    if np.any(np.abs(defect) > np.maximum(uncertainty, task.resolution)):
+        return ()
+    share = float(np.linalg.norm(defect) / np.linalg.norm(apart))
+    return (Explanation(causes=tuple(causes), remaining=share),)
+
+
+def _read_causes(name: str, stated: SpatialInertia, body: SpatialInertia) -> Iterator[Cause]:
+    """Yield the numbers of a body that are others in the engine."""
+    for what, first, other in zip(("mass", "center", "inertia"), stated, body, strict=True):
+        off = np.abs(np.atleast_1d(other - first))
+        at = np.unravel_index(int(np.argmax(off)), off.shape)
+        if off[at] > SAME_INERTIA * np.max(np.abs(first)):
+            axes = "".join("xyz"[k] for k in at) if np.ndim(first) else ""
+            yield Cause(
+                kind="taken",
+                subject=(f"{what} {axes}".strip() + f" of {name}",),
+                nominal=number(float(np.atleast_1d(first)[at])),
+                estimate=number(float(np.atleast_1d(other)[at])),
+                standard_error=number(0.0),
+                is_read=True,
+            )
+
+
 def _engine_causes(causes: Sequence[str], check: TreeTask) -> tuple[Cause, ...]:
     """Return causes for behaviours of an engine, with the relevant lines of the file."""
     remarks = tuple(engines()[check.engine].file_remarks(check.file))
@@ -285,7 +336,11 @@ def _ranked(
 def _not_contradicted(ranking: Ranking, problem: RobotProblem) -> Ranking:
     """Leave out fits that the bodies which the engine compiled contradict."""
     checked = [(fit, problem.is_read(fit.repair)) for fit in ranking.fits]
-    fits = tuple(replace(fit, is_read=bool(read)) for fit, read in checked if read is not False)
+    fits = tuple(
+        replace(fit, is_read=bool(read) and all("inertial" in str(one) for one in fit.causes))
+        for fit, read in checked
+        if read is not False
+    )
     explained = bool(fits) and fits[0].remaining <= largest_remaining(ranking.floor)
     return replace(ranking, fits=fits, explained=ranking.explained and explained)
 
