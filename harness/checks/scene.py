@@ -135,7 +135,6 @@ def _placements(tree: Tree, coordinates: Array) -> tuple[Numbers, ...]:
 
 
 def _place(place: Place) -> Numbers:
-    """Return a position and a unit quaternion."""
     return rounded([*place.origin.tolist(), *to_quaternion(place.rotation)], DIGITS)
 
 
@@ -218,7 +217,6 @@ def _mesh_record(key: _MeshKey, faces: int) -> SceneMesh | None:
 
 
 def _base64(values: NDArray[Any]) -> str:
-    """Return numbers as unsigned 16-bit ones, little-endian."""
     return base64.b64encode(values.astype("<u2").tobytes()).decode("ascii")
 
 
@@ -371,7 +369,6 @@ def _contact(contact: ContactPoint) -> SceneContact:
 
 
 def _limits(comparison: WholeStepComparison[M, S], posture: Posture) -> Iterator[SceneLimit]:
-    """Yield the limits of hinges and slides, relative to their positions."""
     tree = comparison.laws.tree.tree
     for joint, *bounds in comparison.limits():
         if tree.links[joint].kind in ("hinge", "slide"):

@@ -147,7 +147,6 @@ def _resolved(problem: FitProblem, uncertainty: Array) -> Resolved:
 
 
 def _floor(defect: Array, uncertainty: Array, kept: Array) -> float:
-    """Return the uncertainty at some end states as a share of the discrepancy."""
     size = np.linalg.norm(defect[kept])
     return float(np.linalg.norm(uncertainty[kept]) / size) if size else np.inf
 
@@ -158,7 +157,6 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
 
 
 def _ranked(problem: Resolved, fits: list[Fit], slopes: Array, negligible: float) -> list[Fit]:
-    """Sort fits, best first; among indistinguishable causes by `Fit.order`."""
     best = min(fit.remaining for fit in fits)
     tie_limit = max(NEGLIGIBLE, 3 * best, min(negligible, DISTINCT_RATIO * best))
 

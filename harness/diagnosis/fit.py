@@ -261,7 +261,6 @@ def _fit(
 
 
 def _linear(problem: Resolved, start: Try) -> Fit:
-    """Return the linear fit around zero faults, without running a model."""
     members = list(start.start)
     hypotheses = [problem.hypotheses[i] for i in members]
     scales = np.array([hypothesis.size for hypothesis in hypotheses])

@@ -254,7 +254,6 @@ class LawProblem(Generic[M, S]):
         return slopes
 
     def _slope_near(self, faults: Faults, index: int) -> Array | None:
-        """Return the slope at faults, (N,): other rows may act there."""
         before = self.defect(faults)
         step = NUDGE * self.hypotheses[index].size
         after = self.defect({**faults, index: faults.get(index, 0.0) + step})
@@ -325,7 +324,6 @@ class LawProblem(Generic[M, S]):
         return self._change(rows)
 
     def _solved(self, laws: M) -> Array:
-        """Return the change of all components by other laws, (S, C)."""
         return self._change(self.comparison.expected_by(laws, self.evaluated))
 
     def _change(self, rows: Sequence[Array] | Array) -> Array:
@@ -335,7 +333,6 @@ class LawProblem(Generic[M, S]):
 
     @cached_property
     def _expected(self) -> Array:
-        """Components by the file's laws, (S, C)."""
         return np.array([self.comparison.expected(sample) for sample in self.evaluated])
 
 
@@ -457,7 +454,6 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem
 def _ruled_problem(
     task: TreeTask, numbers: UrdfNumbers, model: WholeModel, steps: KeptSteps
 ) -> AnyLawProblem | None:
-    """Compare a URDF with the law whose settings the engine has."""
     if model.rules is None:
         return None
     if not isinstance(model.rules, ImpulseRules):

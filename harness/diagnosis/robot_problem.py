@@ -144,7 +144,6 @@ class RobotProblem:
         return rows
 
     def _or_none(self, slope: Array | None) -> Array:
-        """Return a slope, or zeros for an unknown one, which no fit names then."""
         return np.zeros(self.apart.size) if slope is None else slope
 
     def effect(self, index: int) -> Array | None:
@@ -222,7 +221,6 @@ class RobotProblem:
         return np.concatenate([by, self.following.apart(tree, by)], axis=1) / self.scale
 
     def _values(self, faults: Faults) -> dict[int, float]:
-        """Return the numbers after repair of these faults."""
         values: dict[int, float] = {}
         for index, fault in faults.items():
             for number, unit in self.suspicions[index].units.items():
@@ -250,7 +248,6 @@ class RobotProblem:
         return self._flows[key]
 
     def _near(self, values: Mapping[int, float]) -> Flow:
-        """Return the last flow with the same changed numbers, to start closer."""
         return self._last.get(tuple(values), self.flow)
 
     def _tree(self, values: Mapping[int, float]) -> Tree | None:
@@ -273,7 +270,6 @@ class RobotProblem:
         )
 
     def _changed(self, tree: Tree) -> Iterator[int]:
-        """Yield the links whose inertia is not the file's."""
         for i, (link, nominal) in enumerate(zip(tree.links, self.flow.tree.links, strict=True)):
             if inertia_difference(inertia_of(link), inertia_of(nominal)) > ROUNDING_CHANGE:
                 yield i
@@ -341,7 +337,6 @@ def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothes
 
 
 def _reversed(numbers: Numbers) -> Iterator[FileHypothesis]:
-    """Yield each joint with a reversed axis."""
     axes: dict[str, dict[int, float]] = {}
     relevant = set(numbers.relevant_numbers)
     for i, number in enumerate(numbers.numerals):
@@ -362,7 +357,6 @@ def joint_of(element: XmlElement | None) -> str:
 
 
 def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
-    """Yield each pair of moments of one tensor with exchanged values."""
     tensors: dict[str, list[int]] = {}
     for i in numbers.relevant_numbers:
         if match := _MOMENT.fullmatch(numbers.numerals[i].address):
@@ -379,7 +373,6 @@ def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
 def _switch(
     numbers: Numbers, cause: CauseId, units: Mapping[int, float], order: int
 ) -> FileHypothesis:
-    """Return a hypothesis whose fault is 0 or 1."""
     places = tuple(dict.fromkeys(source_line(numbers.numerals[i]) for i in units))
     hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True)
     return FileHypothesis(hypothesis=hypothesis, units=units)
@@ -430,7 +423,6 @@ def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
 
 
 def _mass(number: Number) -> float | None:
-    """Return the mass stated with moments of inertia."""
     inertial = number.element.parent
     masses = [] if inertial is None else [m for m in inertial.children if m.tag == "mass"]
     try:

@@ -108,7 +108,6 @@ def _diagnose_motion(task: TreeTask, run: FollowersRun, *, is_reference: bool) -
 
 
 def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:
-    """Build the record of a ranking."""
     return Diagnosis(
         explained=ranking.explained,
         explanations=tuple(
@@ -146,7 +145,6 @@ def at_some(task: TreeTask) -> TreeTask:
 
 
 def _some_of(task: TreeTask, *, again: bool = True) -> FollowersRun:
-    """Run the segments of a diagnosis in the engine."""
     return run_followers(at_some(task), again=again)
 
 
@@ -193,7 +191,6 @@ _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
 
 
 def _remedy_groups(run: FollowersRun) -> tuple[list[_Remedy], ...]:
-    """Return each remedy alone; then all together, if there are several."""
     settings_by_cause = run.way.model.corrective_settings
     singles: list[_Remedy] = [((cause,), settings) for cause, settings in settings_by_cause.items()]
     every = {
@@ -250,17 +247,20 @@ def _explained_by_compiled_bodies(run: FollowersRun) -> tuple[Explanation, ...]:
 
 
 def _read_causes(name: str, stated: SpatialInertia, body: SpatialInertia) -> Iterator[Cause]:
-    """Yield the numbers of a body that are others in the engine."""
-    for what, first, other in zip(("mass", "center", "inertia"), stated, body, strict=True):
-        off = np.abs(np.atleast_1d(other - first))
-        at = np.unravel_index(int(np.argmax(off)), off.shape)
-        if off[at] > SAME_INERTIA * np.max(np.abs(first)):
-            axes = "".join("xyz"[k] for k in at) if np.ndim(first) else ""
+    for what, first, other in (
+        ("mass", np.array([stated.mass]), np.array([body.mass])),
+        ("center", stated.center, body.center),
+        ("inertia", stated.inertia, body.inertia),
+    ):
+        off = np.abs(other - first)
+        index = int(np.argmax(off))
+        if off.flat[index] > SAME_INERTIA * np.max(np.abs(first)):
+            axes = "".join("xyz"[k] for k in np.unravel_index(index, off.shape) if off.size > 1)
             yield Cause(
                 kind="taken",
                 subject=(f"{what} {axes}".strip() + f" of {name}",),
-                nominal=number(float(np.atleast_1d(first)[at])),
-                estimate=number(float(np.atleast_1d(other)[at])),
+                nominal=number(float(first.flat[index])),
+                estimate=number(float(other.flat[index])),
                 standard_error=number(0.0),
                 is_read=True,
             )
@@ -314,7 +314,6 @@ def ranked(
 
 
 def _single(ranking: Ranking) -> bool:
-    """Return whether one number explains the discrepancy."""
     return ranking.explained and len(ranking.fits[0].members) == 1
 
 
@@ -334,7 +333,6 @@ def _ranked(
 
 
 def _not_contradicted(ranking: Ranking, problem: RobotProblem) -> Ranking:
-    """Leave out fits that the bodies which the engine compiled contradict."""
     checked = [(fit, problem.is_read(fit.repair)) for fit in ranking.fits]
     fits = tuple(
         replace(fit, is_read=bool(read) and all("inertial" in str(one) for one in fit.causes))
@@ -398,7 +396,6 @@ def problem_of(
 
 
 def _apart(run: FollowersRun) -> tuple[Array, Array]:
-    """Return engine - reference and its uncertainty; followers last."""
     limit, target = run.way.limits.limit, run.task.target
     apart = (limit.value - target.samples.end) / target.scale
     uncertain = finite(limit.uncertainty / target.scale, apart)

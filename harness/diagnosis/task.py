@@ -289,7 +289,6 @@ def _scenarios(
 
 
 def _rows(states: Array, digits: int) -> Rows:
-    """Return a row per component."""
     return tuple(_short(row, digits) for row in states.T)
 
 

@@ -124,7 +124,6 @@ class Accelerations:
     def _resolved(
         self, observed: Velocities, states: Array, inputs: Array, forces: Array
     ) -> Estimate:
-        """Measure with steps short enough to resolve every acceleration."""
         best: Estimate | None = None
         least = np.inf
         for fastest in (self.fastest * quicker for quicker in STEP_DIVISORS):
@@ -283,5 +282,4 @@ def force_of(mass: Estimate, accelerations: Estimate) -> Estimate:
 
 
 def _nan_to_infinity(uncertainty: Array) -> Array:
-    """Return infinity where an infinity times zero gave nan."""
     return np.where(np.isnan(uncertainty), np.inf, uncertainty)

@@ -342,7 +342,6 @@ def _reweighted(
 
 
 def _coarse(limit: ExtrapolatedLimit, scale: Array, resolution: float) -> int:
-    """Return the number of segments whose uncertainty is above the resolution."""
     return int(np.sum((limit.uncertainty / scale > resolution).any(axis=1)))
 
 
@@ -403,7 +402,6 @@ def _ends(
 def _lost_by(
     model: LoadedModel, coordinates: CoordinateMap, segments: Segments
 ) -> Callable[[int], Array]:
-    """Return the error of the ends on a rung by lost rotations, (F, K)."""
     states = segments.start, segments.end
     rates = spread(*(model.turning_rates(*coordinates.to_engine(one)) for one in states))
 

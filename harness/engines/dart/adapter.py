@@ -115,7 +115,6 @@ class WorldSteps(Stepper):
         self._set_dart_state(q, v)
 
     def _set_dart_state(self, q: Array, v: Array) -> None:
-        """Set DART's coordinates and velocities."""
         self._body.resetCommands()
         self._body.clearConstraintImpulses()
         self._body.resetAccelerations()
@@ -143,7 +142,6 @@ class WorldSteps(Stepper):
         return self._along_root(self._body.getVelocities(), turn)
 
     def _along_root(self, values: Array, turn: Array) -> Array:
-        """Return DART's velocities or accelerations in `RungeKutta`'s convention."""
         if not self._floats:
             return values
         return np.concatenate([values[3:FREE], turn.T @ values[:3], values[FREE:]])
@@ -281,7 +279,6 @@ class DartEngine(UrdfEngine):
 
 
 def _without_law(robot: XmlElement) -> Iterator[str]:
-    """Yield the parts of a URDF that act in DART and have no law here."""
     if robot.findall("link/collision"):
         yield "contacts"
     if robot.findall("joint/mimic"):
@@ -347,7 +344,9 @@ class DartModel(UrdfModel):
 
     def turning_rates(self, z: Array, w: Array) -> Array:
         """Return the rates of rotation of a floating root, (K,), rad/s."""
-        return np.linalg.norm(angular_velocity(z[:, 3:FREE].T, w[:, 3:FREE].T), axis=0)
+        spins = angular_velocity(z[:, 3:FREE].T, w[:, 3:FREE].T)
+        rates: Array = np.linalg.norm(spins, axis=0)
+        return rates
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Return order 1 for every input."""

@@ -267,7 +267,6 @@ class DrakeMjcf(DrakeModel, MjcfModel):
                 plant.AddCouplerConstraint(*pair, mimic.multiplier, mimic.offset)
 
     def _drawn(self) -> Array:
-        """Return the coordinates of a floating body at Drake's default state."""
         positions = np.array(moving_joints(self._plant)[0].default_positions())
         return np.concatenate([positions[4:], minimal_coordinates(positions[:4], positions[:4])])
 
