@@ -333,14 +333,15 @@ def _ranked(
 
 
 def _not_contradicted(ranking: Ranking, problem: RobotProblem) -> Ranking:
-    checked = [(fit, problem.is_read(fit.repair)) for fit in ranking.fits]
-    fits = tuple(
-        replace(fit, is_read=bool(read) and all("inertial" in str(one) for one in fit.causes))
-        for fit, read in checked
-        if read is not False
-    )
+    fits = list[Fit]()
+    for fit in ranking.fits:
+        read = problem.is_read(fit.repair)
+        if read and all("inertial" in str(one) for one in fit.causes):
+            fits.append(replace(fit, is_read=True, tied_with=()))
+        elif read is not False:
+            fits.append(fit)
     explained = bool(fits) and fits[0].remaining <= largest_remaining(ranking.floor)
-    return replace(ranking, fits=fits, explained=ranking.explained and explained)
+    return replace(ranking, fits=tuple(fits), explained=ranking.explained and explained)
 
 
 def robot_problem(
