@@ -14,6 +14,7 @@ from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from tests.engines.whole_steps import checked, problem_of
@@ -91,3 +92,26 @@ def test_audit_takes_lost_turns_for_no_difference(tmp_path: Path) -> None:
     file.write_text(CRATE)
     findings = audit_terms(model_task(prepare_tree(file), "dart")).findings
     assert {one.severity for one in findings} == {"note"}
+
+
+ROTOR = """<robot name="r" xmlns:drake="http://drake.mit.edu"><link name="base"/>
+<joint name="j" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+</joint>{link}{more}</robot>"""
+LINK = """<link name="{}"><inertial><origin xyz="0.1 0 -0.2"/><mass value="1"/>
+<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>"""
+GEARED = """<transmission><type>SimpleTransmission</type><joint name="j"/><actuator name="m">
+<drake:rotor_inertia value="0.0001"/><drake:gear_ratio value="20"/></actuator></transmission>"""
+FOLLOWS = """<joint name="k" type="continuous"><parent link="a"/><child link="b"/>
+<origin xyz="0 0.1 0.2"/><axis xyz="1 0 0"/><mimic joint="j" multiplier="-1"/></joint>"""
+
+
+@pytest.mark.parametrize(("engine", "more", "cause"), [
+    ("dart", LINK.format("b") + FOLLOWS, "without a reaction on the leader (k)"),
+    ("drake", GEARED, "rotor inertia times gear ratio^2 (line 5)"),
+])  # fmt: skip
+def test_own_behaviour_is_named(tmp_path: Path, engine: str, more: str, cause: str) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(ROTOR.format(link=LINK.format("a"), more=more))
+    task = model_task(prepare_tree(file, states=8), engine)
+    (explanation,) = diagnose_robot(task, is_reference=True).explanations
+    assert cause in str(explanation.causes[0])
