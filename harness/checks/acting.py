@@ -211,6 +211,9 @@ class Acting:
         own_ratio = active / (2 * np.sqrt(stiffness * servo.inertia))
         ratio = _quantity(subject, "damping ratio", motion.damping)
         yield replace(ratio, parts=(active, float(own_ratio)))
+        if rubs := sum(one.force for one in self.model.laws.frictions if one.joint == link):
+            rule = "by dry friction"
+            yield _quantity(subject, "dead band", rubs / servo.stiffness, unit, rule)
         if load:
             yield _quantity(subject, "sag", servo.sag, unit, "as drawn, to first order")
         if self.model.laws.integrator:

@@ -100,7 +100,6 @@ class Compiled:
         ) * self.task.target.push
 
     def _off_the_map(self, states: Array, inputs: Array) -> Iterator[AuditFinding]:
-        """Yield each constrained engine coordinate that leaves the coordinate map."""
         accelerations, scale = self.accelerations.off_the_map(states, inputs)
         if not np.isfinite(accelerations.value).all():
             return  # reported with the accelerations
@@ -137,7 +136,6 @@ class Compiled:
         return self.mechanics(states, inputs)
 
     def _about(self, equilibrium: OperatingPoint) -> Iterator[AuditFinding]:
-        """Yield the terms that differ about an equilibrium."""
         n = len(self.names)
         step = MOVED * np.where(
             self.task.target.amplitude[:n] > 0, self.task.target.amplitude[:n], 1.0
@@ -316,7 +314,6 @@ class Compiled:
             )
 
     def _anywhere(self, states: Array, inputs: Array, is_explained: bool) -> Iterator[AuditFinding]:
-        """Yield differences of accelerations at random states and inputs."""
         n = len(self.names)
         masses, forces = self._reference(states, inputs)
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
@@ -391,7 +388,6 @@ def _sentence(
 
 
 def _told_apart(measured: float, expected: float) -> tuple[str, str]:
-    """Format both numbers with enough digits to show their difference."""
     share = abs(measured - expected) / max(abs(measured), abs(expected))
     digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
     return f"{measured:.{digits}g}", f"{expected:.{digits}g}"

@@ -33,6 +33,7 @@ from physics_crosscheck.harness.checks.verdict import component_scale, nonzero_s
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
+from physics_crosscheck.harness.modelfiles.inertias import impossible_links
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape, Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
@@ -528,7 +529,9 @@ def prepare_tree(
     try:
         prepared = _solved(file, system, robot.limits, scenario_of(robot), motion, states)
     except ReferenceError as error:
-        raise RobotError(f"{file}: {error}") from None
+        impossible = impossible_links(robot)
+        message = "; ".join([*map(str, impossible), f"{file}: {error}"])
+        raise RobotError(message, impossible) from None
     left_out = (*(format_omission(one) for one in robot.left_out), *sidecar_beside(file))
     links = (part.link for part in robot.parts)
     prepared = replace(

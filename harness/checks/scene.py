@@ -135,7 +135,6 @@ def _placements(tree: Tree, coordinates: Array) -> tuple[Numbers, ...]:
 
 
 def _place(place: Place) -> Numbers:
-    """Return a position and a unit quaternion."""
     return rounded([*place.origin.tolist(), *to_quaternion(place.rotation)], DIGITS)
 
 
@@ -218,7 +217,6 @@ def _mesh_record(key: _MeshKey, faces: int) -> SceneMesh | None:
 
 
 def _base64(values: NDArray[Any]) -> str:
-    """Return numbers as unsigned 16-bit ones, little-endian."""
     return base64.b64encode(values.astype("<u2").tobytes()).decode("ascii")
 
 
@@ -272,17 +270,30 @@ def inertia_records(
         bodies: of the scene.
         inertias: the engine's, in the frames of its bodies; it may merge bodies.
     """
-    whole = [NO_INERTIA] * len(tree.links)
-    for name, inertia in inertias.items():
-        link, place = tree.frames.get(name, (WORLD, IDENTITY))
-        if link != WORLD:
-            whole[link] = whole[link].combined(inertia.in_frame(place))
+    whole = compiled_inertias(tree, inertias)
     first = {body.joint: i for i, body in reversed(list(enumerate(bodies)))}
     return tuple(
         _inertia_record(tree, first[i], bodies[first[i]].name, inertia)
-        for i, inertia in enumerate(whole)
+        for i, inertia in sorted(whole.items())
         if i in first and inertia.mass > 0
     )
+
+
+def compiled_inertias(
+    tree: Tree, inertias: Mapping[str, SpatialInertia]
+) -> dict[int, SpatialInertia]:
+    """Return the inertia of an engine's bodies by link, each in the link's frame.
+
+    Args:
+        tree: the tree; its frames have the names of the bodies.
+        inertias: the engine's, in the frames of its bodies; it may merge bodies.
+    """
+    whole: dict[int, SpatialInertia] = {}
+    for name, inertia in inertias.items():
+        link, place = tree.frames.get(name, (WORLD, IDENTITY))
+        if link != WORLD:
+            whole[link] = whole.get(link, NO_INERTIA).combined(inertia.in_frame(place))
+    return whole
 
 
 def _inertia_record(tree: Tree, body: int, name: str, inertia: SpatialInertia) -> EngineInertia:
@@ -296,12 +307,12 @@ def _inertia_record(tree: Tree, body: int, name: str, inertia: SpatialInertia) -
         ellipsoid=_ellipsoid(inertia.in_frame(inverse)),
         stated_mass=number(stated.mass),
         stated=_ellipsoid(stated.in_frame(inverse)),
-        differs=_differ(inertia, stated),
+        differs=not inertia_difference(inertia, stated) <= VISIBLE,
     )
 
 
-def _differ(first: SpatialInertia, second: SpatialInertia) -> bool:
-    """Return whether inertias visibly differ."""
+def inertia_difference(first: SpatialInertia, second: SpatialInertia) -> float:
+    """Return the largest relative difference of mass, center and moments of inertia."""
     size = float(np.sqrt(np.trace(second.inertia) / max(second.mass, 1e-300)))
     off = (
         abs(first.mass - second.mass) / max(second.mass, 1e-300),
@@ -309,7 +320,7 @@ def _differ(first: SpatialInertia, second: SpatialInertia) -> bool:
         float(np.linalg.norm(first.inertia - second.inertia))
         / (float(np.linalg.norm(second.inertia)) or 1.0),
     )
-    return not max(off) <= VISIBLE
+    return max(off)
 
 
 def acting_state(
@@ -358,7 +369,6 @@ def _contact(contact: ContactPoint) -> SceneContact:
 
 
 def _limits(comparison: WholeStepComparison[M, S], posture: Posture) -> Iterator[SceneLimit]:
-    """Yield the limits of hinges and slides, relative to their positions."""
     tree = comparison.laws.tree.tree
     for joint, *bounds in comparison.limits():
         if tree.links[joint].kind in ("hinge", "slide"):

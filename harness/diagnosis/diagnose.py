@@ -25,6 +25,7 @@ from physics_crosscheck.harness.diagnosis.fit import (
     refine_each,
 )
 from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.finding import CLOSE
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 NAMED = 3e-3
@@ -40,13 +41,6 @@ discrepancy may not be visible at the most accurate ones.
 
 MAX_VISIBLE_RATIO = 0.5
 """Largest ratio of uncertainty to discrepancy at which the discrepancy is visible."""
-
-MAX_DOUBTFUL_REMAINING = 0.1
-"""Largest remaining share where the uncertainty is as large as the discrepancy.
-
-The uncertainty is a bound. Errors of its size would be part of no cause's effect, so that each
-fit would leave as much.
-"""
 
 NEGLIGIBLE = 1e-6
 """Largest remaining share, or the uncertainty, at which no second cause is sought."""
@@ -96,9 +90,8 @@ def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) ->
     whole = _resolved(problem, uncertainty)
     defect, slopes = whole.defect({}), whole.slopes({})
     hypotheses, floor = whole.hypotheses, whole.floor
-    accepted, negligible = max(NAMED, 2 * floor), max(NEGLIGIBLE, 3 * floor)
-    certain = accepted < 1
-    accepted = accepted if certain else MAX_DOUBTFUL_REMAINING
+    accepted, negligible = largest_remaining(floor), max(NEGLIGIBLE, 3 * floor)
+    certain = 2 * floor < 1
     lengths = np.linalg.norm(slopes, axis=1)
     # A switch applies its whole change, however small: an engine's rounding may be the only cause.
     small = min(MIN_EFFECT, MIN_SWITCH_EFFECT * float(np.linalg.norm(defect)))
@@ -135,6 +128,11 @@ def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) ->
     return Ranking((*single, *double[:1]), False, floor)
 
 
+def largest_remaining(floor: float) -> float:
+    """Return the largest share that an explanation leaves, for an uncertainty as a share."""
+    return min(max(NAMED, 2 * floor), CLOSE)
+
+
 def _resolved(problem: FitProblem, uncertainty: Array) -> Resolved:
     """Restrict a problem to accurate end states: all, or only those of smooth segments."""
     defect = problem.defect({})
@@ -149,7 +147,6 @@ def _resolved(problem: FitProblem, uncertainty: Array) -> Resolved:
 
 
 def _floor(defect: Array, uncertainty: Array, kept: Array) -> float:
-    """Return the uncertainty at some end states as a share of the discrepancy."""
     size = np.linalg.norm(defect[kept])
     return float(np.linalg.norm(uncertainty[kept]) / size) if size else np.inf
 
@@ -160,7 +157,6 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
 
 
 def _ranked(problem: Resolved, fits: list[Fit], slopes: Array, negligible: float) -> list[Fit]:
-    """Sort fits, best first; among indistinguishable causes by `Fit.order`."""
     best = min(fit.remaining for fit in fits)
     tie_limit = max(NEGLIGIBLE, 3 * best, min(negligible, DISTINCT_RATIO * best))
 

@@ -143,6 +143,7 @@ class Fit:
         standard_errors: of each estimate.
         remaining: remaining share of the discrepancy, root mean square over all segments.
         tied_with: causes that these scenarios cannot distinguish from this one.
+        is_read: whether the bodies that the engine compiled have the estimates.
     """
 
     members: tuple[int, ...]
@@ -152,6 +153,7 @@ class Fit:
     standard_errors: tuple[float, ...]
     remaining: float
     tied_with: tuple[CauseId, ...] = ()
+    is_read: bool = False
 
     @property
     def causes(self) -> tuple[CauseId, ...]:
@@ -259,7 +261,6 @@ def _fit(
 
 
 def _linear(problem: Resolved, start: Try) -> Fit:
-    """Return the linear fit around zero faults, without running a model."""
     members = list(start.start)
     hypotheses = [problem.hypotheses[i] for i in members]
     scales = np.array([hypothesis.size for hypothesis in hypotheses])

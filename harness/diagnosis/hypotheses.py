@@ -88,7 +88,6 @@ def rank(kind: CauseKind) -> int:
 
 
 def _parameters(variants: Variants) -> Iterator[TrialHypothesis]:
-    """Yield each constant, and each missing term of the equations."""
     for index, p in enumerate(variants.parameters):
         cause = CauseId(kind=p.kind, subject=(p.name,))
         yield TrialHypothesis(
@@ -98,7 +97,6 @@ def _parameters(variants: Variants) -> Iterator[TrialHypothesis]:
 
 
 def _switch(cause: CauseId, perturbation: Perturbation) -> TrialHypothesis:
-    """Return a hypothesis whose fault is 0 or 1."""
     order = rank(cause.kind)
     return TrialHypothesis(
         Hypothesis(id=cause, value=0.0, size=1.0, rank=order, switch=True), perturbation
@@ -106,7 +104,6 @@ def _switch(cause: CauseId, perturbation: Perturbation) -> TrialHypothesis:
 
 
 def _exchanges(variants: Variants) -> Iterator[TrialHypothesis]:
-    """Yield pairs of constants of one unit with exchanged values."""
     constants = [(i, p) for i, p in enumerate(variants.parameters) if p.kind == "constant"]
     for (i, constant_a), (j, constant_b) in combinations(constants, 2):
         if constant_a.unit == constant_b.unit and constant_a.nominal != constant_b.nominal:
@@ -118,7 +115,6 @@ def _exchanges(variants: Variants) -> Iterator[TrialHypothesis]:
 
 
 def _axes(model: LoadedModel) -> Iterator[TrialHypothesis]:
-    """Yield each joint with a reversed axis."""
     for index, name in enumerate(model.coordinates):
         yield _switch(CauseId(kind="axis", subject=(name,)), Perturbation(reversed=index))
 
@@ -220,7 +216,6 @@ _LAWS = r"\w+@sol(ref|imp)\w*"
 
 
 def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[TrialHypothesis]:
-    """Yield unbound nonzero numbers of the mechanism, which may be left over."""
     bound_places = {(b.place.file, b.place.start) for b in bound}
     with suppress(LocationError):
         addresses = numbers(sidecar.model, f"{_MECHANICS}|{_LAWS}" if sidecar.laws else _MECHANICS)

@@ -26,7 +26,12 @@ from physics_crosscheck.harness.checks.law_comparison import (
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.diagnose import NAMED, REFINED, Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.diagnose import (
+    REFINED,
+    Ranking,
+    diagnose,
+    largest_remaining,
+)
 from physics_crosscheck.harness.diagnosis.fit import (
     Faults,
     Fit,
@@ -243,11 +248,12 @@ class LawProblem(Generic[M, S]):
         rows = [
             self.effect(index) if near else self._slope_near(faults, index) for index in indices
         ]
-        nothing = np.zeros(self.compared.defect.size)
-        return np.array([nothing if row is None else row for row in rows])
+        slopes = np.zeros((len(rows), self.compared.defect.size))
+        for slope, row in zip(slopes, rows, strict=True):
+            slope[:] = 0.0 if row is None else row
+        return slopes
 
     def _slope_near(self, faults: Faults, index: int) -> Array | None:
-        """Return the slope at faults, (N,): other rows may act there."""
         before = self.defect(faults)
         step = NUDGE * self.hypotheses[index].size
         after = self.defect({**faults, index: faults.get(index, 0.0) + step})
@@ -318,7 +324,6 @@ class LawProblem(Generic[M, S]):
         return self._change(rows)
 
     def _solved(self, laws: M) -> Array:
-        """Return the change of all components by other laws, (S, C)."""
         return self._change(self.comparison.expected_by(laws, self.evaluated))
 
     def _change(self, rows: Sequence[Array] | Array) -> Array:
@@ -328,7 +333,6 @@ class LawProblem(Generic[M, S]):
 
     @cached_property
     def _expected(self) -> Array:
-        """Components by the file's laws, (S, C)."""
         return np.array([self.comparison.expected(sample) for sample in self.evaluated])
 
 
@@ -398,7 +402,7 @@ def _restarted(problem: AnyLawProblem, uncertainty: Array) -> list[Fit]:
             near = slopes.copy()
             near[i] = problem.slopes(start, [i])[0]
             fits.append(refine(whole, start, near))
-    accepted = max(NAMED, 2 * whole.floor)
+    accepted = largest_remaining(whole.floor)
     return sorted((fit for fit in fits if fit.remaining <= accepted), key=lambda f: f.remaining)
 
 
@@ -450,7 +454,6 @@ def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem
 def _ruled_problem(
     task: TreeTask, numbers: UrdfNumbers, model: WholeModel, steps: KeptSteps
 ) -> AnyLawProblem | None:
-    """Compare a URDF with the law whose settings the engine has."""
     if model.rules is None:
         return None
     if not isinstance(model.rules, ImpulseRules):

@@ -138,14 +138,12 @@ def run_followers(task: TreeTask, *, again: bool = True) -> FollowersRun:
 
 
 def _between(matrix: Array, offset: Array, states: Array) -> Array:
-    """Return G x + c of positions and G x of rates, (B, 2k)."""
     n = matrix.shape[1]
     places = states[:, :n] @ matrix.T + offset
     return np.concatenate([places, states[:, n:] @ matrix.T], axis=1)
 
 
 def _places(way: Followed, followers: Followers, rows: list[int]) -> list[int]:
-    """Return indices of positions, then rates, among the engine's."""
     coordinates = list(way.model.coordinates)
     places = [coordinates.index(followers.names[row]) for row in rows]
     return [*places, *(len(coordinates) + place for place in places)]

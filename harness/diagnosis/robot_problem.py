@@ -13,22 +13,31 @@ from itertools import combinations
 
 import numpy as np
 
+from physics_crosscheck.harness.checks.scene import inertia_difference
 from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
 from physics_crosscheck.harness.diagnosis.hypotheses import rank
 from physics_crosscheck.harness.diagnosis.robot_followers import Following
 from physics_crosscheck.harness.diagnosis.trial import REFUSED
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
 from physics_crosscheck.harness.modelfiles.readers import Numbers
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.tree import Tree
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 
 ROUNDING_CHANGE = 1e-13
 """Relative change of the ends that counts as rounding error."""
+
+SAME_INERTIA = 1e-9
+"""Relative difference below which the inertia of a compiled body is the file's."""
+
+READ_SHARE = 1e-2
+"""Distance of a fitted body from the compiled one, as a share of the file's distance from it."""
 
 CURVED_NUDGE = 1e-2
 """Relative change of a number whose slope is negligible."""
@@ -69,6 +78,7 @@ class RobotProblem:
         way: 1 if the reference is the file itself, so that a fault changes the engine's apparent
             value; -1 for another reference, so that repairing the fault changes the file's value.
         following: deviations of followers; None without followers.
+        compiled: inertia that the engine compiled, by link; empty if unknown.
     """
 
     numbers: Numbers
@@ -78,6 +88,7 @@ class RobotProblem:
     scale: Array
     way: int
     following: Following | None = None
+    compiled: Mapping[int, SpatialInertia] = field(default_factory=dict)
     _defects: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
     _flows: dict[object, Flow | None] = field(default_factory=dict, init=False, repr=False)
     _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
@@ -117,9 +128,11 @@ class RobotProblem:
         there, and of the linear problem here.
         """
         indices = range(len(self.suspicions)) if indices is None else indices
-        if all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items()):
-            return np.stack([self._or_none(self.effect(index)) for index in indices])
         rows = np.zeros((len(indices), self.apart.size))
+        if all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items()):
+            for row, index in enumerate(indices):
+                rows[row] = self._or_none(self.effect(index))
+            return rows
         flow = self._flow(self._values(faults))
         if flow is None:
             return rows
@@ -131,7 +144,6 @@ class RobotProblem:
         return rows
 
     def _or_none(self, slope: Array | None) -> Array:
-        """Return a slope, or zeros for an unknown one, which no fit names then."""
         return np.zeros(self.apart.size) if slope is None else slope
 
     def effect(self, index: int) -> Array | None:
@@ -209,7 +221,6 @@ class RobotProblem:
         return np.concatenate([by, self.following.apart(tree, by)], axis=1) / self.scale
 
     def _values(self, faults: Faults) -> dict[int, float]:
-        """Return the numbers after repair of these faults."""
         values: dict[int, float] = {}
         for index, fault in faults.items():
             for number, unit in self.suspicions[index].units.items():
@@ -225,7 +236,11 @@ class RobotProblem:
         if key not in self._flows:
             tree = self._tree(values)
             try:
-                self._flows[key] = None if tree is None else self._near(values).for_tree(tree)
+                self._flows[key] = (
+                    None
+                    if tree is None or self._is_impossible(tree)
+                    else self._near(values).for_tree(tree)
+                )
             except ReferenceError:
                 self._flows[key] = None
             if (flow := self._flows[key]) is not None:
@@ -233,7 +248,6 @@ class RobotProblem:
         return self._flows[key]
 
     def _near(self, values: Mapping[int, float]) -> Flow:
-        """Return the last flow with the same changed numbers, to start closer."""
         return self._last.get(tuple(values), self.flow)
 
     def _tree(self, values: Mapping[int, float]) -> Tree | None:
@@ -243,7 +257,48 @@ class RobotProblem:
         if tree is None or tree.dof != nominal.dof:
             return None
         same = [one.kind for one in tree.links] == [one.kind for one in nominal.links]
-        return tree if same else None
+        return tree if same and self._read_links.isdisjoint(self._changed(tree)) else None
+
+    @cached_property
+    def _read_links(self) -> frozenset[int]:
+        """Links whose compiled inertia is the file's, so that no number of it is misread."""
+        nominal = self.flow.tree.links
+        return frozenset(
+            i
+            for i, one in self.compiled.items()
+            if inertia_difference(one, inertia_of(nominal[i])) <= SAME_INERTIA
+        )
+
+    def _changed(self, tree: Tree) -> Iterator[int]:
+        for i, (link, nominal) in enumerate(zip(tree.links, self.flow.tree.links, strict=True)):
+            if inertia_difference(inertia_of(link), inertia_of(nominal)) > ROUNDING_CHANGE:
+                yield i
+
+    def _is_impossible(self, tree: Tree) -> bool:
+        """Return whether a link has an inertia that no body can have, unlike in the file."""
+        nominal = self.flow.tree.links
+        return any(
+            breaks_rule(inertia_of(tree.links[i])) and not breaks_rule(inertia_of(nominal[i]))
+            for i in self._changed(tree)
+        )
+
+    def is_read(self, faults: Faults) -> bool | None:
+        """Return whether compiled bodies have the values of these faults; None if unknown."""
+        tree = self._tree(self._values(faults))
+        changed = [] if tree is None else list(self._changed(tree))
+        if tree is None or not changed or not self.compiled.keys() >= set(changed):
+            return None
+        nominal = self.flow.tree.links
+        return all(
+            inertia_difference(self.compiled[i], inertia_of(tree.links[i]))
+            <= READ_SHARE * inertia_difference(self.compiled[i], inertia_of(nominal[i]))
+            for i in changed
+        )
+
+
+def inertia_of(link: TreeLink) -> SpatialInertia:
+    """Return the inertia of a link, in its frame."""
+    return SpatialInertia(link.mass, link.center, link.inertia)
 
 
 MAX_NAMED_ELEMENTS = 4
@@ -282,7 +337,6 @@ def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothes
 
 
 def _reversed(numbers: Numbers) -> Iterator[FileHypothesis]:
-    """Yield each joint with a reversed axis."""
     axes: dict[str, dict[int, float]] = {}
     relevant = set(numbers.relevant_numbers)
     for i, number in enumerate(numbers.numerals):
@@ -303,7 +357,6 @@ def joint_of(element: XmlElement | None) -> str:
 
 
 def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
-    """Yield each pair of moments of one tensor with exchanged values."""
     tensors: dict[str, list[int]] = {}
     for i in numbers.relevant_numbers:
         if match := _MOMENT.fullmatch(numbers.numerals[i].address):
@@ -320,7 +373,6 @@ def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
 def _switch(
     numbers: Numbers, cause: CauseId, units: Mapping[int, float], order: int
 ) -> FileHypothesis:
-    """Return a hypothesis whose fault is 0 or 1."""
     places = tuple(dict.fromkeys(source_line(numbers.numerals[i]) for i in units))
     hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True)
     return FileHypothesis(hypothesis=hypothesis, units=units)
@@ -371,7 +423,6 @@ def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
 
 
 def _mass(number: Number) -> float | None:
-    """Return the mass stated with moments of inertia."""
     inertial = number.element.parent
     masses = [] if inertial is None else [m for m in inertial.children if m.tag == "mass"]
     try:

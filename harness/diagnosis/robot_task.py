@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
 
 from physics_crosscheck.harness.checks.findings import place_of
+from physics_crosscheck.harness.checks.scene import compiled_inertias, inertia_difference
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose, largest_remaining
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.law_problem import (
     NUMBERS_FITTED,
@@ -24,18 +25,26 @@ from physics_crosscheck.harness.diagnosis.robot_followers import (
     run_followers,
     scaled,
 )
-from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem, suspicions
+from physics_crosscheck.harness.diagnosis.robot_problem import (
+    SAME_INERTIA,
+    RobotProblem,
+    inertia_of,
+    suspicions,
+)
 from physics_crosscheck.harness.diagnosis.samples import finite
 from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
+from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import Cause
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.finding import CLOSE, Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.solving.flows import Flow
 
 STATES = 24
@@ -66,26 +75,39 @@ def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
     """
     began = time.perf_counter()
     run = _some_of(task)
+    diagnosis = None if _motion_differs(run) else _diagnose_steps(task)
+    if diagnosis is None:
+        diagnosis = _diagnose_motion(task, run, is_reference=is_reference)
+    return structs.replace(diagnosis, seconds=time.perf_counter() - began)
+
+
+def _motion_differs(run: FollowersRun) -> bool:
+    """Return whether a difference of the motion is a case's, or may be: it is then unbounded."""
     apart, uncertainty = _apart(run)
-    if not np.any(np.abs(apart).ravel() > uncertainty):
-        steps = _diagnose_steps(task)
-        return structs.replace(steps, seconds=time.perf_counter() - began)
+    off = np.abs(apart).ravel()
+    visible = (off > uncertainty) & (off + uncertainty > run.task.resolution)
+    return bool(visible.any() or not np.isfinite(run.way.limits.limit.uncertainty).all())
+
+
+def _diagnose_motion(task: TreeTask, run: FollowersRun, *, is_reference: bool) -> Diagnosis:
+    """Find the behaviours of the engine, or the numbers, that explain a motion."""
+    apart, uncertainty = _apart(run)
     explanations = _explained_by_engine_defaults(run)
     if not explanations and is_reference:
         explanations = _explained_by_compiler(run)
+    ranking = Ranking((), False, 1.0)
+    if not explanations and np.any(np.abs(apart).ravel() > uncertainty):
+        ranking = ranked(task, run, is_reference=is_reference)
+        if is_reference and not (ranking.explained and ranking.fits[0].is_read):
+            explanations = _explained_by_compiled_bodies(run)
+    elif not explanations:
+        return Diagnosis(failure="no motion differs beyond its uncertainty")
     if explanations:
-        return Diagnosis(
-            explained=True,
-            explanations=explanations,
-            floor=number(0.0),
-            seconds=time.perf_counter() - began,
-        )
-    ranking = ranked(task, run, is_reference=is_reference)
-    return structs.replace(_diagnosis(ranking, task), seconds=time.perf_counter() - began)
+        return Diagnosis(explained=True, explanations=explanations, floor=number(0.0))
+    return _diagnosis(ranking, task)
 
 
 def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:
-    """Build the record of a ranking."""
     return Diagnosis(
         explained=ranking.explained,
         explanations=tuple(
@@ -96,11 +118,11 @@ def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:
     )
 
 
-def _diagnose_steps(task: TreeTask) -> Diagnosis:
-    """Find the numbers that explain why whole steps differ from their law."""
+def _diagnose_steps(task: TreeTask) -> Diagnosis | None:
+    """Find the numbers that explain why whole steps differ from their law; None if they agree."""
     problem = law_problem(task)
     if problem is None or problem.judge(task.resolution).outcome is not Outcome.DIFFERS:
-        return Diagnosis(failure="no motion differs beyond its uncertainty")
+        return None
     return _diagnosis(diagnose_laws(problem), task)
 
 
@@ -123,32 +145,45 @@ def at_some(task: TreeTask) -> TreeTask:
 
 
 def _some_of(task: TreeTask, *, again: bool = True) -> FollowersRun:
-    """Run the segments of a diagnosis in the engine."""
     return run_followers(at_some(task), again=again)
 
 
 def _explained_by_engine_defaults(run: FollowersRun) -> tuple[Explanation, ...]:
     """Return behaviours of the engine without which no discrepancy remains.
 
-    Try each alone, then all together if no single one suffices.
+    Try each alone, then all together, without those that change nothing.
     """
-    apart, _ = _apart(run)
+    settings = run.way.model.corrective_settings
+    shares = {cause: _left_without(run, (cause,)) for cause in settings}
+    explained: dict[tuple[str, ...], float] = {
+        (cause,): share for cause, share in shares.items() if share is not None
+    }
+    if not explained and len(settings) > 1:
+        needed = tuple(settings)
+        share = _left_without(run, needed)
+        for cause in settings if share is not None else ():
+            others = tuple(one for one in needed if one != cause)
+            if (less := _left_without(run, others)) is not None:
+                needed, share = others, less
+        explained = {} if share is None else {needed: share}
+    return tuple(
+        Explanation(causes=_engine_causes(causes, run.task), remaining=share)
+        for causes, share in explained.items()
+    )
+
+
+def _left_without(run: FollowersRun, causes: Sequence[str]) -> float | None:
+    """Return the share of a discrepancy without some behaviours; None if it is visible there."""
+    settings = {k: v for one in causes for k, v in run.way.model.corrective_settings[one].items()}
+    try:
+        other = run_followers(run.task.with_settings(**settings), again=False)
+    except (EngineError, BlownUpError):
+        return None
+    (apart, _), (remaining, uncertainty) = _apart(run), _apart(other)
     size = float(np.linalg.norm(apart))
-    for tried in _remedy_groups(run):
-        explanations = []
-        for causes, settings in tried:
-            other = run_followers(run.task.with_settings(**settings), again=False)
-            remaining, uncertainty = _apart(other)
-            if np.all(np.abs(remaining).ravel() <= uncertainty):
-                own_causes = _engine_causes(causes, run.task)
-                explanations.append(
-                    Explanation(
-                        causes=own_causes, remaining=float(np.linalg.norm(remaining)) / size
-                    )
-                )
-        if explanations:
-            return tuple(explanations)
-    return ()
+    share = float(np.linalg.norm(remaining)) / size
+    is_hidden = np.all(np.abs(remaining).ravel() <= uncertainty)
+    return share if is_hidden and share <= CLOSE and np.linalg.norm(uncertainty) < size else None
 
 
 _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
@@ -156,7 +191,6 @@ _Remedy = tuple[tuple[str, ...], Mapping[str, object]]
 
 
 def _remedy_groups(run: FollowersRun) -> tuple[list[_Remedy], ...]:
-    """Return each remedy alone; then all together, if there are several."""
     settings_by_cause = run.way.model.corrective_settings
     singles: list[_Remedy] = [((cause,), settings) for cause, settings in settings_by_cause.items()]
     every = {
@@ -187,6 +221,49 @@ def _explained_by_compiler(run: FollowersRun) -> tuple[Explanation, ...]:
                 Explanation(causes=_engine_causes((cause,), task), remaining=remaining)
             )
     return tuple(explanations)
+
+
+def _explained_by_compiled_bodies(run: FollowersRun) -> tuple[Explanation, ...]:
+    """Return the inertias that the engine compiled, if no discrepancy remains by them."""
+    task, model = run.task, run.way.model
+    compiled = compiled_inertias(task.target.tree, model.inertias)
+    links, causes = list(task.target.tree.links), list[Cause]()
+    names = {link: name for name, (link, _) in task.target.tree.frames.items()}
+    for i, body in compiled.items():
+        stated = inertia_of(links[i])
+        if inertia_difference(body, stated) > SAME_INERTIA:
+            links[i] = replace(links[i], **body._asdict())
+            causes += _read_causes(names[i], stated, body)
+    if not causes:
+        return ()
+    apart, uncertainty = _apart(run)
+    numbers = robot_numbers(task.file, task.spec.settings)
+    problem = problem_of(task, numbers, apart, is_reference=True)
+    defect = problem.left_by(replace(problem.flow.tree, links=tuple(links)))
+    if np.any(np.abs(defect) > np.maximum(uncertainty, task.resolution)):
+        return ()
+    share = float(np.linalg.norm(defect) / np.linalg.norm(apart))
+    return (Explanation(causes=tuple(causes), remaining=share),)
+
+
+def _read_causes(name: str, stated: SpatialInertia, body: SpatialInertia) -> Iterator[Cause]:
+    for what, first, other in (
+        ("mass", np.array([stated.mass]), np.array([body.mass])),
+        ("center", stated.center, body.center),
+        ("inertia", stated.inertia, body.inertia),
+    ):
+        off = np.abs(other - first)
+        index = int(np.argmax(off))
+        if off.flat[index] > SAME_INERTIA * np.max(np.abs(first)):
+            axes = "".join("xyz"[k] for k in np.unravel_index(index, off.shape) if off.size > 1)
+            yield Cause(
+                kind="taken",
+                subject=(f"{what} {axes}".strip() + f" of {name}",),
+                nominal=number(float(first.flat[index])),
+                estimate=number(float(other.flat[index])),
+                standard_error=number(0.0),
+                is_read=True,
+            )
 
 
 def _engine_causes(causes: Sequence[str], check: TreeTask) -> tuple[Cause, ...]:
@@ -237,7 +314,6 @@ def ranked(
 
 
 def _single(ranking: Ranking) -> bool:
-    """Return whether one number explains the discrepancy."""
     return ranking.explained and len(ranking.fits[0].members) == 1
 
 
@@ -246,11 +322,26 @@ def _ranked(
 ) -> tuple[Ranking, RobotProblem]:
     if known_problem is None:
         problem, uncertainty = robot_problem(run.task, run, is_reference=is_reference)
+        if is_reference:
+            compiled = compiled_inertias(problem.flow.tree, run.way.model.inertias)
+            problem = replace(problem, compiled=compiled)
     else:
         apart, uncertainty = _apart(run)
         problem = known_problem.with_discrepancy(apart)
     fits = LARGE_ROBOT_FITS if problem.flow.tree.dof > LARGE_ROBOT_DOF else NUMBERS_FITTED
-    return diagnose(problem, uncertainty, fits), problem
+    return _not_contradicted(diagnose(problem, uncertainty, fits), problem), problem
+
+
+def _not_contradicted(ranking: Ranking, problem: RobotProblem) -> Ranking:
+    fits = list[Fit]()
+    for fit in ranking.fits:
+        read = problem.is_read(fit.repair)
+        if read and all("inertial" in str(one) for one in fit.causes):
+            fits.append(replace(fit, is_read=True, tied_with=()))
+        elif read is not False:
+            fits.append(fit)
+    explained = bool(fits) and fits[0].remaining <= largest_remaining(ranking.floor)
+    return replace(ranking, fits=tuple(fits), explained=ranking.explained and explained)
 
 
 def robot_problem(
@@ -306,7 +397,6 @@ def problem_of(
 
 
 def _apart(run: FollowersRun) -> tuple[Array, Array]:
-    """Return engine - reference and its uncertainty; followers last."""
     limit, target = run.way.limits.limit, run.task.target
     apart = (limit.value - target.samples.end) / target.scale
     uncertain = finite(limit.uncertainty / target.scale, apart)

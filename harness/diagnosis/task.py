@@ -198,6 +198,7 @@ def causes(fit: Fit) -> tuple[Cause, ...]:
             nominal=number(hypothesis.value),
             estimate=number(estimate),
             standard_error=number(error),
+            is_read=fit.is_read,
             locations=hypothesis.where,
         )
         for hypothesis, estimate, error in rows
@@ -288,7 +289,6 @@ def _scenarios(
 
 
 def _rows(states: Array, digits: int) -> Rows:
-    """Return a row per component."""
     return tuple(_short(row, digits) for row in states.T)
 
 

@@ -116,7 +116,6 @@ class TrialModel:
         return np.zeros_like(base)
 
     def _parameter_slopes(self, point: Array, indices: list[int]) -> Array:
-        """Return central differences for all parameters, integrated at once."""
         steps = NUDGE * self.variants.sizes[indices]
         moves = np.zeros((len(indices), len(point)))
         moves[np.arange(len(indices)), indices] = steps
@@ -142,7 +141,6 @@ class TrialModel:
         return point
 
     def _moved(self, point: Array) -> Array:
-        """Return the equations' end states, or `REFUSED` if they cannot be solved."""
         key = point.tobytes()
         if key not in self._reference_ends:
             self._reference_ends[key] = self._equations(point)

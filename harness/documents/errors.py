@@ -76,7 +76,9 @@ class EncodingError(LocationError):
     remedy = "save the file as UTF-8"
 
 
-ReadKind = Literal["robot", "file", "unsupported"]
+ReadKind = Literal[
+    "robot", "file", "unsupported", "massless", "negative mass", "moments", "triangle"
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +91,8 @@ class ReadError:
         line: of the file, counted from 1; 0 without a line.
         remedy: the correction.
         kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
-            `unsupported`.
+            `unsupported`, `massless` for joints that move no inertia, or the rule that the
+            inertia of a link breaks.
     """
 
     sentence: str

@@ -42,7 +42,7 @@ NAMES = {
     "gravcomp": "gravity compensation",
 }
 
-URDF_ONLY = ("floating", "hold_mimics", "trimmed_numbers", "weightless_links")
+URDF_ONLY = ("floating", "hold_mimics", "trimmed_numbers", "weightless_links", "rotors")
 """Settings for facts that an MJCF states itself."""
 
 MJCF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(

@@ -75,6 +75,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "all_roots": "Read all root bodies, not only the first",
     "all_geoms": "Give mass to geoms that touch nothing",
     "stepping": "Stepping: sap, tamsi or continuous",
+    "rotors": "Apply rotor inertias and gear ratios that only Drake reads",
     "weightless_links": "Respect `<gravity>false</gravity>` of a link",
     "armature": "Add the armature of joints without an actuator",
     "chained": "Write several joints of one body as a chain of bodies",

@@ -208,6 +208,7 @@ class LoadedModel(ABC):
         step: the time step of the file or its sidecar, seconds.
         integrator: name of the time-stepping method.
         gravity: its components, m/s^2, two in a planar engine; empty if unknown.
+        lost_turn: rotation of a step, rad, below which the engine drops its cubic term.
         epsilon: relative rounding of the engine's numbers.
     """
 
@@ -215,6 +216,7 @@ class LoadedModel(ABC):
     step: float
     integrator: str
     gravity: tuple[float, ...] = ()
+    lost_turn: float = 0.0
     epsilon: float = float(np.finfo(np.float64).eps)
 
     @abstractmethod
@@ -274,6 +276,10 @@ class LoadedModel(ABC):
     def limits(self) -> Array:
         """Positions between which no joint limit acts, (nz, 2); infinite without a limit."""
         return np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+
+    def turning_rates(self, z: Array, w: Array) -> Array:
+        """Return the rates of rotations that `lost_turn` concerns, (K,), rad/s."""
+        return np.zeros(len(z))
 
     @property
     def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:

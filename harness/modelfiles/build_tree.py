@@ -89,6 +89,7 @@ def _massless(document: Document, built: Assembled, links: Elements) -> tuple[tu
             f"the masses of link {quote(name)} and of the links fixed to it add up "
             "to zero, with a negative one",
             "write a positive mass",
+            kind="massless",
         )
     if document.obstacles:
         return ()
@@ -105,6 +106,7 @@ def _massless(document: Document, built: Assembled, links: Elements) -> tuple[tu
             f"none of its {len(tree.links)} joints moves anything with inertia: the "
             "file describes kinematics only",
             "give its links mass and inertia",
+            kind="massless",
         )
         return ()
     return groups or ()
@@ -139,7 +141,7 @@ def _add_resting_problem(
     names = [tree.links[i].name for i in group]
     first = joints.get(names[0])
     element = links[names[0]] if first is None else first
-    document.add_problem(element, *_resting(names))
+    document.add_problem(element, *_resting(names), kind="massless")
 
 
 def _resting(names: list[str]) -> tuple[str, str]:

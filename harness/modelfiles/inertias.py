@@ -9,11 +9,12 @@ from typing import Literal
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
+from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
+from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import rotate
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 MARGIN = 1e-9
@@ -72,12 +73,17 @@ def impossible_inertias(robot: Robot) -> tuple[Finding, ...]:
             remedy=remedy,
         )
         for part in robot.parts
-        for kind, sentence, remedy in _violations(part)
+        for kind, sentence, remedy in _violations(part.inertia)
     )
 
 
-def _violations(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
-    mass, center, inertia = part.inertia
+def breaks_rule(inertia: SpatialInertia) -> bool:
+    """Return whether no body can have an inertia, which is finite."""
+    return any(kind != "massless" for kind, _, _ in _violations(inertia))
+
+
+def _violations(body: SpatialInertia) -> Iterator[tuple[Kind, str, str]]:
+    mass, center, inertia = body
     numbers = [mass, *center, *inertia.ravel()]
     if not np.isfinite(numbers).all():
         yield "not finite", "has an inertia that is not finite", "write finite numbers"
@@ -92,7 +98,7 @@ def _violations(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
         yield (
             "moments",
             f"has the principal moments of inertia {moments}",
-            "they can't be negative: check its products of inertia",
+            "they can't be negative: check signs and products of inertia",
         )
     elif small + middle < large - allowed:
         yield (
@@ -106,6 +112,17 @@ def _violations(part: LinkPart) -> Iterator[tuple[Kind, str, str]]:
             f"has inertia, {moments}, but no mass",
             "set its mass, or remove the inertia",
         )
+
+
+def impossible_links(robot: Robot) -> tuple[ReadError, ...]:
+    """Return the links whose inertia no body can have as problems that may prevent a tree."""
+    kinds: tuple[ReadKind, ...] = ("negative mass", "moments", "triangle")
+    return tuple(
+        ReadError(sentence=one.sentence, file=one.file, line=one.line, remedy=one.remedy, kind=kind)
+        for one in impossible_inertias(robot)
+        for kind in kinds
+        if kind == one.kind
+    )
 
 
 def massless_groups(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], ...] | None:

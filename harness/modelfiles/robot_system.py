@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from physics_crosscheck.harness.documents.errors import ReadError
+from physics_crosscheck.harness.modelfiles.inertias import impossible_links
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.status import counted
@@ -36,7 +37,7 @@ def robot_system(robot: Robot) -> TreeSystem:
         RobotError: with all problems that prevent it, or the joints that are not covered.
     """
     if robot.tree is None:
-        raise RobotError("; ".join(map(str, robot.obstacles)), robot.obstacles)
+        raise _refused(robot)
     if not robot.tree.links:
         # Only a URDF's root can be freed, and none named `world`.
         names = {one.name for one in robot.parts}
@@ -46,6 +47,18 @@ def robot_system(robot: Robot) -> TreeSystem:
     return tree_system(
         name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
     )
+
+
+def _refused(robot: Robot) -> RobotError:
+    """Return the error of a robot without a tree: links with an impossible inertia come first.
+
+    With a negative mass or moment, that joints move no inertia is a consequence.
+    """
+    links = impossible_links(robot)
+    is_negative = any(one.kind != "triangle" for one in links)
+    others = (one for one in robot.obstacles if not (is_negative and one.kind == "massless"))
+    problems = (*links, *others)
+    return RobotError("; ".join(map(str, problems)), problems)
 
 
 def robot_bodies(robot: Robot) -> MultibodySystem:

@@ -19,7 +19,13 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.ladder import RUNGS, floored, weights
 from physics_crosscheck.harness.numerics.residual import FINEST, bounded_by_finest
 from physics_crosscheck.harness.numerics.rounding import with_companions
-from physics_crosscheck.harness.numerics.segments import BlownUpError, Observable, climb
+from physics_crosscheck.harness.numerics.segments import (
+    BlownUpError,
+    Observable,
+    climb,
+    lost_turns,
+    spread,
+)
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 COMPARED_STEPS = range(4, 9)
@@ -118,7 +124,6 @@ class Accelerations:
     def _resolved(
         self, observed: Velocities, states: Array, inputs: Array, forces: Array
     ) -> Estimate:
-        """Measure with steps short enough to resolve every acceleration."""
         best: Estimate | None = None
         least = np.inf
         for fastest in (self.fastest * quicker for quicker in STEP_DIVISORS):
@@ -165,12 +170,20 @@ class Accelerations:
         count = len(observed.speed)
         size = observed.rounding_scale
         rounded = size[count:] + observed.speed * LADDER_PERIODS + size[:count] * fastest
+        rates = spread(*(self.model.turning_rates(z, one * w) for one in (0.9, 1.1)))
+
+        def lost(rung: int) -> Array:
+            h = longest / rung
+            missing: Array = lost_turns(self.model, rates, h) * np.maximum(rates, 1.0) / h
+            return missing
+
         observable = Observable(
             values=changes,
             starts=starts,
             exponents=(1, 1),
             rounding_scale=rounded / longest * np.sqrt(LADDER[-1]),
             scale=observed.speed * self.fastest,
+            lost=lost if self.model.lost_turn else None,
             where=lambda row, rung: f"from state {row}, in steps of {longest / rung:.3g} s",
         )
         try:
@@ -269,5 +282,4 @@ def force_of(mass: Estimate, accelerations: Estimate) -> Estimate:
 
 
 def _nan_to_infinity(uncertainty: Array) -> Array:
-    """Return infinity where an infinity times zero gave nan."""
     return np.where(np.isnan(uncertainty), np.inf, uncertainty)

@@ -253,7 +253,6 @@ def event_times(run: SampledRun, motion: Motion) -> tuple[EventTime, ...]:
 
 
 def _condition(mark: EventMark, t: Array, states: Array, motion: Motion) -> Array:
-    """Return the condition of an event along states, (S,)."""
     q, v = np.split(states, 2, axis=1)
     values: Array = mark.guards(q, v, motion.inputs(t), t[:, None])[:, mark.guard]
     return values
@@ -328,7 +327,6 @@ def step_for(target: float, errors: Sequence[tuple[float, float]]) -> float | No
 def _evidence(
     base: CompleteRun, errors: Sequence[tuple[float, float]], motion: Motion
 ) -> FullRunCheck:
-    """Return whether errors fall with the step; none of them predicts another."""
     converges = base.finite and falls(errors)
     return FullRunCheck(
         order=order_of(errors),

@@ -152,7 +152,6 @@ class _Compared:
 
     @cached_property
     def _there(self) -> Array:
-        """dz/dq, (nz, n)."""
         slope: Array = self.coordinates.forward_slope(np.zeros((1, self._n)))
         return slope.reshape(-1, self._n)
 
@@ -187,12 +186,10 @@ class _Compared:
         return np.abs(gaps) / scale, np.broadcast_to(uncertainty, gaps.shape)
 
     def _halves(self, states: Array) -> tuple[Array, Array]:
-        """Return positions, and the velocities that a step stores."""
         q, rates = states[:, : self._n], states[:, self._n :]
         return q, self.stepped.velocities(q, rates)
 
     def _accelerations(self, states: Array, inputs: Array, push: Array) -> Array:
-        """Return the engine's accelerations of q, (B, n), under extra forces on q."""
         z, w = self.coordinates.to_engine(states)
         slope = self.coordinates.back_slope(z).reshape(len(z), self._n, -1)
         pushed = np.einsum("bnz,bn->bz", slope, push) + self.coordinates.pushes(z, inputs)
@@ -212,7 +209,6 @@ class _Compared:
         }
 
     def _equations(self, states: Array, inputs: Array) -> list[Array]:
-        """Return M a and the forces by kind, (B, n) each, of the equations."""
         q, m = self._halves(states)
         none = np.zeros_like(inputs)
         mass, force = self.stepped.mass(q), self.stepped.force

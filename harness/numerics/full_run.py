@@ -166,7 +166,6 @@ def _complete(
     h: float,
     extent: _Extent,
 ) -> CompleteRun:
-    """Return a run with its drift and its energy balance."""
     run = _sampled(motion, samples, h, extent, model.epsilon)
     return CompleteRun(
         h=h,
@@ -273,7 +272,6 @@ def _rolled(
 def _sampled(
     motion: Motion, samples: _Samples, h: float, extent: _Extent, epsilon: float
 ) -> SampledRun:
-    """Return samples with their errors."""
     return SampledRun(
         h=h,
         steps=extent.steps,

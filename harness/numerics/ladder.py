@@ -342,7 +342,6 @@ def _rounding(
     observed: Sequence[Array],
     epsilon: float,
 ) -> Array:
-    """Return 3 sum |w_i| times the rounding of each rung."""
     each = [epsilon * np.sqrt(n) * rounding_scale for n in rungs[: len(weight)]]
     if observed:
         each = [np.maximum(usual, seen) for usual, seen in zip(each, observed, strict=False)]

@@ -123,6 +123,8 @@ class Observable:
         initial: initial values of all starts, (K + 2P, C), for an engine with fewer digits than
             doubles; its rounding is added to them.
         centred: whether each start has an event in the middle of its segment, (K,); None: none has.
+        lost: errors of values on a rung that do not follow powers of h, (F, K), for F rates;
+            None without any.
         where: describes a start, by its segment and the rung, for a message.
     """
 
@@ -134,6 +136,7 @@ class Observable:
     origin: Array | None = None
     initial: Array | None = None
     centred: Array | None = None
+    lost: Callable[[int], Array] | None = None
     where: Callable[[int, int], str]
 
 
@@ -278,11 +281,30 @@ def climb(
 
     if resolution is not None:
         limit = _reweighted(o, limit, judge, scale, resolution)
+    if o.lost is not None:
+        errors = np.stack([o.lost(rung) for rung in limit.rungs])
+        shift = np.abs(np.tensordot(weights(limit.rungs, o.exponents), errors, axes=1))
+        limit.uncertainty[:] += np.max(shift, axis=0)[:, None]
     limit.uncertainty[~alive] = np.inf
     used = rungs[: len(raw)]
     return Extrapolated(
         limit=limit, raw=np.stack(raw), rungs=used, steps=sum(used) * len(o.starts.rows)
     )
+
+
+def lost_turns(model: LoadedModel, rates: Array, h: Array | float) -> Array:
+    """Return the rotation that a step loses at rates of rotation, rad/s; rad, of equal shapes.
+
+    Some rungs lose it and others do not, so that it does not vanish by extrapolation.
+    """
+    turn = rates * h
+    lost: Array = np.where(turn < model.lost_turn, turn**3 / 6, 0.0)
+    return lost
+
+
+def spread(first: Array, last: Array) -> Array:
+    """Return rates between two, (K,) each, and somewhat beyond, (F, K)."""
+    return np.abs(np.linspace(1.25 * first - 0.25 * last, 1.25 * last - 0.25 * first, 7))
 
 
 def _reweighted(
@@ -320,7 +342,6 @@ def _reweighted(
 
 
 def _coarse(limit: ExtrapolatedLimit, scale: Array, resolution: float) -> int:
-    """Return the number of segments whose uncertainty is above the resolution."""
     return int(np.sum((limit.uncertainty / scale > resolution).any(axis=1)))
 
 
@@ -373,8 +394,23 @@ def _ends(
         scale=segments.scale,
         initial=initial,
         centred=centred,
+        lost=_lost_by(model, coordinates, segments) if model.lost_turn else None,
         where=where,
     )
+
+
+def _lost_by(
+    model: LoadedModel, coordinates: CoordinateMap, segments: Segments
+) -> Callable[[int], Array]:
+    states = segments.start, segments.end
+    rates = spread(*(model.turning_rates(*coordinates.to_engine(one)) for one in states))
+
+    def lost(rung: int) -> Array:
+        each = lost_turns(model, rates, segments.lengths / rung)
+        total: Array = rung * each * np.maximum(rates, 1.0)
+        return total
+
+    return lost
 
 
 def run_rung(

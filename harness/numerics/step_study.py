@@ -154,7 +154,6 @@ def study_step(
 def _evidence(
     runs: Sequence[CompleteRun], claimed: int, size: Array, motion: Motion, needed: int
 ) -> FullRunCheck | None:
-    """Return the evidence of runs; None for fewer than needed."""
     return check_full_runs(_alike(runs), claimed, size, motion) if len(runs) >= needed else None
 
 
@@ -240,7 +239,6 @@ def _wants_more(runs: list[CompleteRun], evidence: FullRunCheck) -> bool:
 
 
 def _decomposed(run: CompleteRun, motion: Motion, size: Array) -> OscillationError | None:
-    """Decompose the error of the worst position; None if it is too large."""
     if not run.finite or largest(run, size) > MAX_DECOMPOSED_ERROR:
         return None
     n = len(size)

@@ -258,7 +258,6 @@ class Steps:
         return self._states_of(*self._rolled(steps, starts), starts)
 
     def _rolled(self, steps: int, starts: Starts) -> tuple[Array, Array]:
-        """Return the engine's positions and velocities after some steps."""
         model = self._model
         held = self._inputs[starts.rows] * starts.gain[:, None]
         force = self._coordinates.force(np.repeat(held[:, None], steps, axis=1))
@@ -287,7 +286,6 @@ class Steps:
         )
 
     def _of_equations(self, matrix: Array | None) -> Array | None:
-        """Return a matrix of the engine's coordinates in the equations', (n, n)."""
         return None if matrix is None else self._slope.T @ matrix @ self._slope
 
     def _pairs_of_equations(self, coupled: NDArray[np.bool_]) -> NDArray[np.bool_]:

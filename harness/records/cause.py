@@ -97,6 +97,7 @@ class Cause(Record, frozen=True, kw_only=True):
         nominal: Value in the file or in the equations.
         estimate: Value that explains the motion.
         standard_error: Standard error of the estimate.
+        is_read: Whether the bodies that the engine compiled have the estimate.
         locations: Lines and byte ranges of the numbers; empty if no file states them.
     """
 
@@ -105,6 +106,7 @@ class Cause(Record, frozen=True, kw_only=True):
     nominal: Number
     estimate: Number
     standard_error: Number
+    is_read: bool = False
     locations: tuple[SourceLine, ...] = ()
     code: str = ""
 

@@ -86,7 +86,7 @@ def gate_code(status: str, kinds: Sequence[str]) -> str:
 
 
 def part_code() -> str:
-    """Return the code of an audit, a linearization or a diagnosis that failed."""
+    """Return the code of an audit or a linearization that failed."""
     return _by_kind()["part:failed"]
 
 

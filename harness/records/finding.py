@@ -151,6 +151,10 @@ class CorrectedMotion(Record, frozen=True, kw_only=True):
     scenarios: tuple[CorrectedScenario, ...]
 
 
+CLOSE = 0.1
+"""Largest remaining share of the discrepancy at which a cause is printed."""
+
+
 class Diagnosis(Record, frozen=True, kw_only=True):
     """The causes of a model's discrepancy.
 
@@ -169,3 +173,8 @@ class Diagnosis(Record, frozen=True, kw_only=True):
     corrected: CorrectedMotion | None = None
     failure: str = ""
     seconds: float = 0.0
+
+    @property
+    def best(self) -> Explanation | None:
+        """The first explanation, unless it leaves more than a tenth of the discrepancy."""
+        return next((one for one in self.explanations[:1] if one.remaining <= CLOSE), None)

@@ -183,12 +183,7 @@ class Model(Record, frozen=True, kw_only=True):
     @property
     def failures(self) -> tuple[tuple[str, str], ...]:
         """Parts that failed with reasons; these parts can't have findings."""
-        diagnosis = "" if self.diagnosis is None else self.diagnosis.failure
-        parts = (
-            ("audit", self.audit_failure),
-            ("linearization", self.linearization_failure),
-            ("diagnosis", diagnosis),
-        )
+        parts = (("audit", self.audit_failure), ("linearization", self.linearization_failure))
         return tuple((what, why) for what, why in parts if why)
 
     @property

@@ -42,14 +42,16 @@ def _sentence(cause: Cause) -> str:
 
 def _statement(cause: Cause, name: str, fitted: str) -> str:
     nominal = _digits(cause.nominal)
+    acts = ", but" if cause.is_read else "; the engine acts as if it were"
+    there = " in the engine" if cause.is_read else ""
     if cause.kind == "dropped":
-        return f"{name}: in the file, but 0 in the engine"
+        return f"{name}: in the file{acts} 0{there}"
     if cause.kind == "law":
         return f"{name} explains the difference"
     if cause.kind in SWITCHES:
         return f"{name} explains the motion"
     if cause.kind == "taken":
-        return f"{name} is {nominal} in the file, but {fitted} in the engine"
+        return f"{name} is {nominal} in the file{acts} {fitted}{there}"
     if cause.kind in IN_FILE:
         return f"{name} is {nominal}; the motion implies {fitted}"
     return f"{name} is {fitted} in the model, but {nominal} in the equations"

@@ -136,9 +136,9 @@ def _visible(text: str) -> str:
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     """Return the first explanation of a diagnosis, or why no cause was found."""
-    if not diagnosis.explanations:
+    best = diagnosis.best
+    if best is None:
         return [f"no cause found: {diagnosis.failure or 'no tried cause explains it'}"]
-    best = diagnosis.explanations[0]
     *sentences, tail = cause_sentences(best)
     if not diagnosis.explained:
         return ["no cause found; closest:", *sentences, tail]

@@ -226,6 +226,9 @@ class Constraints:
         first, other = (_Anchored.from_posture(posture, anchor) for anchor in anchors)
         apart, row = first.origin - other.origin, first.linear - other.linear
         bias = first.acceleration - other.acceleration
+        if self.laws.sliding_drift:
+            before, after = (posture.sliding_drift(anchor.body) for anchor in anchors)
+            bias = bias + before - after
         weights = [sum(float(self.weights.bodies[a.body, k]) for a in anchors) for k in range(2)]
         weight = [weights[0]] * 3
         if equality.turn_scale is not None:

@@ -248,6 +248,22 @@ class Posture:
         origin = turn @ motion.linear + self.parent.tree.gravity
         return origin + np.cross(change, arm) + np.cross(spin, np.cross(spin, arm)), change, spin
 
+    def sliding_drift(self, body: int) -> Array:
+        """Return the error of `drift`, (3,), if balls move with the slides after them in a body.
+
+        Joints of one body are links without mass, except for the last one.
+        """
+        links, link = self.parent.tree.links, self.parent.bodies[body][0]
+        error, along = np.zeros(3), np.zeros(3)
+        while link != WORLD:
+            (about, axis), rates = self._axes[link], self.m[self.parent.tree.velocities[link]]
+            if links[link].kind == "ball":
+                error += np.cross(along, about @ rates)
+            slides, link = links[link].kind == "slide", links[link].parent
+            within = slides and link != WORLD and not links[link].mass
+            along = along + axis @ rates if within else np.zeros(3)
+        return error
+
     def angle(self, joint: int) -> Array:
         """Return the rotation vector of a ball joint, (3,)."""
         vector: Array = rotation_vector(self.q[self.parent.tree.positions[joint]])

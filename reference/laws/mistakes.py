@@ -53,6 +53,11 @@ _MIXING = {
     "smallest": "the smaller friction of two shapes acts",
 }
 
+_SLIDING = (
+    "a wrong dJ/dt v of an equality, in which a ball joint moves with the slides after it in its "
+    "body,"
+)
+
 _UNITS = (
     (180 / np.pi, "gains of drives are multiplied by 180/pi, as if they were per degree"),
     (np.pi / 180, "gains of drives are divided by 180/pi, as if they were per degree"),
@@ -144,6 +149,8 @@ def _lost(model: LawModel) -> Iterator[tuple[str, _Change]]:
     for friction in laws.frictions:
         yield f"dry friction of {name(friction)} is ignored", partial(_without_friction, friction)
     yield "equalities are ignored", partial(replace, equalities=())
+    if any(one.kind == "ball" and not one.mass for one in model.tree.tree.links):
+        yield _SLIDING, partial(replace, sliding_drift=bool(laws.equalities))
 
 
 def _without_limit(limit: SoftLimit, laws: Laws) -> Laws:

@@ -57,6 +57,7 @@ OPTIONS = (
     "friction_ratio",
     "least_friction",
     "drift",
+    "sliding_drift",
     "safe",
     "light",
 )

@@ -232,6 +232,7 @@ class Laws:
         friction_ratio: of the softness of normal forces to that of friction.
         least_friction: smallest friction coefficient.
         drift: whether equalities of frames count their acceleration at constant velocities.
+        sliding_drift: whether ball joints then move with the slides after them in their body.
         safe: whether a time constant is at least two steps.
         damps_implicitly: whether the Euler step evaluates joint dampers at its end.
         light: bodies whose inverse weight is one over their mass: alone on slides along the axes.
@@ -249,6 +250,7 @@ class Laws:
     friction_ratio: float = 1.0
     least_friction: float = 1e-5
     drift: bool = True
+    sliding_drift: bool = False
     safe: bool = True
     damps_implicitly: bool = True
     drive_damping: Mapping[int, float] = field(default_factory=dict)

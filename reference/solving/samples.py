@@ -82,11 +82,20 @@ def samples(
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
     fastest = max(pool.swing, _rates(equations, start, forces)[0], pool.rate, spinning)
     if fastest > MAX_RATE:
-        joint = equations.system.coordinates[int(np.argmax(pool.settling))].name
+        index = int(np.argmax(pool.settling))
+        joint, rate = equations.system.coordinates[index].name, pool.settling[index]
+        damping = next(
+            (one.damping for one in equations.system.tree.links if one.name == joint), 0.0
+        )
+        why = (
+            f"its damping {damping:g} acts on an inertia of {damping / rate:.2g}: lower the "
+            "damping, or remove the joint if it is locked"
+            if damping > 0 and rate > MAX_RATE
+            else "check the inertia that it moves"
+        )
         raise ReferenceError(
             f"its fastest motion takes {1 / fastest:.0e} s, too short to move any "
-            f"position by more than rounding; joint {joint!r} is the fastest: check "
-            "the inertia that it moves"
+            f"position by more than rounding; joint {joint!r} is the fastest; {why}"
         )
     length = min(_length(equations, fastest), pool.longest)
     return solved(equations, start, forces, length, fastest)

@@ -181,6 +181,9 @@ def test_drive_without_damping_oscillates(tmp_path: Path) -> None:
     assert finding.actual is not None
     assert finding.actual < 0.1
     assert "<position" in text_at(finding)
+    rubbed = ARM.format(damping='0.001" frictionloss="6')
+    assert advice(tmp_path, rubbed, suffix=".xml") == []  # it stops within three periods
+    only(tmp_path, "damping ratio", rubbed.replace('"6"', '"0.1"'), suffix=".xml")
 
 
 def test_drive_near_critical_damping_is_fine(tmp_path: Path) -> None:

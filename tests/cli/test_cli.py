@@ -21,7 +21,7 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.results import Results
@@ -231,7 +231,6 @@ def test_audit_finding_is_a_difference_unless_accepted(
 
 @pytest.mark.parametrize("failed", [
     {"audit": None, "audit_failure": "it died"}, {"linearization_failure": "it died"},
-    {"diagnosis": Diagnosis(failure="it died")},
     {"audit": None, "audit_failure": "it died", "accepted": "known"},
 ])  # fmt: skip
 @pytest.mark.parametrize("cases", [[AGREES], [ACCEPTED], [DIFFERS]])

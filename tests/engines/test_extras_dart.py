@@ -8,8 +8,13 @@ from typing import Any
 
 import pytest
 
+from physics_crosscheck.harness.checks.audit import audit_terms
+from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.law_engine import LawEngine
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from tests.engines.whole_steps import checked, problem_of
@@ -59,3 +64,54 @@ def test_wrong_friction_is_named_with_its_line(tmp_path: Path) -> None:
     ranking = diagnose_laws(problem.mistaken(name))
     assert ranking.explained
     assert name in [str(cause) for fit in ranking.fits[:1] for cause in fit.causes]
+
+
+TUMBLING = """<robot name="r"><link name="l0"><inertial>
+<origin xyz="0.062380318630556236 0.0016536311734647426 0.025592201384041148"/>
+<mass value="0.573376142967912"/><inertia ixx="0.009347127449845" ixy="0" ixz="0"
+iyy="0.007607447957258102" iyz="0" izz="0.009942865331375225"/></inertial></link></robot>"""
+
+CRATE = """<sdf version="1.9"><model name="crate"><pose>0 0 0.6 0 0 0</pose><link name="link">
+<inertial><mass>1</mass><inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia>
+</inertial></link></model></sdf>"""
+
+
+def test_turns_that_some_steps_lose_are_in_the_uncertainty(tmp_path: Path) -> None:
+    """Cover a floating root, whose steps below 1e-3 rad lose a cubic term: no difference."""
+    file = tmp_path / "r.urdf"
+    file.write_text(TUMBLING)
+    task = model_task(prepare_tree(file, floating=True), "dart")
+    verdict = judge(task)
+    assert (verdict.outcome, verdict.decided_by) == (Outcome.AGREES, "accelerations")
+    file.write_text(TUMBLING.replace("0.0093471", "0.0093472"))
+    assert judge(task).outcome is Outcome.DIFFERS
+
+
+def test_audit_takes_lost_turns_for_no_difference(tmp_path: Path) -> None:
+    file = tmp_path / "crate.sdf"
+    file.write_text(CRATE)
+    findings = audit_terms(model_task(prepare_tree(file), "dart")).findings
+    assert {one.severity for one in findings} == {"note"}
+
+
+ROTOR = """<robot name="r" xmlns:drake="http://drake.mit.edu"><link name="base"/>
+<joint name="j" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+</joint>{link}{more}</robot>"""
+LINK = """<link name="{}"><inertial><origin xyz="0.1 0 -0.2"/><mass value="1"/>
+<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>"""
+GEARED = """<transmission><type>SimpleTransmission</type><joint name="j"/><actuator name="m">
+<drake:rotor_inertia value="0.0001"/><drake:gear_ratio value="20"/></actuator></transmission>"""
+FOLLOWS = """<joint name="k" type="continuous"><parent link="a"/><child link="b"/>
+<origin xyz="0 0.1 0.2"/><axis xyz="1 0 0"/><mimic joint="j" multiplier="-1"/></joint>"""
+
+
+@pytest.mark.parametrize(("engine", "more", "cause"), [
+    ("dart", LINK.format("b") + FOLLOWS, "without a reaction on the leader (k)"),
+    ("drake", GEARED, "rotor inertia times gear ratio^2 (line 5)"),
+])  # fmt: skip
+def test_own_behaviour_is_named(tmp_path: Path, engine: str, more: str, cause: str) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(ROTOR.format(link=LINK.format("a"), more=more))
+    task = model_task(prepare_tree(file, states=8), engine)
+    (explanation,) = diagnose_robot(task, is_reference=True).explanations
+    assert cause in str(explanation.causes[0])

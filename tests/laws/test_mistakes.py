@@ -105,6 +105,24 @@ def test_engine_with_a_mistake_is_caught_and_the_mistake_named(name: str, text: 
     assert [str(cause) for cause in ranking.fits[0].causes] == [name]
 
 
+SLIDING = """<mujoco><worldbody><body name="a"><freejoint/><geom size=".1" mass="1"/>
+<body name="b" pos=".1 .2 .3"><joint type="ball" pos=".02 .03 .01"/>{}
+<geom size=".1" mass="2" pos=".1 .1 .1"/></body></body></worldbody>
+<equality><{} body1="a" body2="b" {}/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("row", [("connect", 'anchor=".1 -.2 .3"'), ("weld", "")])
+@pytest.mark.usefixtures("few_states")
+def test_ball_before_a_slide_is_named(row: tuple[str, str]) -> None:
+    """Cover MuJoCo 4.0.0, whose dJ/dt v is off by the slide's velocity x the ball's."""
+    ranking = diagnose_laws(problem_of(SLIDING.format('<joint type="slide" axis="1 2 3"/>', *row)))
+    assert ranking.explained
+    assert "ball joint moves with the slides after it" in str(ranking.fits[0].causes[0])
+    assert ranking.fits[0].remaining < 1e-9
+    right = problem_of(SLIDING.format("", *row)).judge(RESOLUTION)
+    assert right.outcome is Outcome.AGREES
+
+
 @pytest.mark.usefixtures("few_states")
 def test_another_condim_is_named_with_its_value(tmp_path: Path) -> None:
     """Catch a number that selects directions of a contact and that no diagnosis tries."""

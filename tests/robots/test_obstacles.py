@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.checks.findings import inertia_findings
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
 from tests.robots.files import (
     BODY,
@@ -213,3 +215,22 @@ def test_tiny_inertias_are_accepted(tmp_path: Path) -> None:
     robot = read(tmp_path, BASE, A, joint("j", "base", "a"), tiny,
                  joint("k", "a", "b", '<origin xyz="5 0 0"/>'))  # fmt: skip
     assert problems(robot) == []
+
+
+def test_impossible_inertias_are_named_before_their_consequences(tmp_path: Path) -> None:
+    negative = inertial("0.5", "-0.1 -0.1 0.01")
+    hip = joint("hip", "base", "thigh")
+    robot = read(tmp_path, BASE, link("thigh", negative), hip)
+    with pytest.raises(RobotError, match=r":3: link 'thigh' has the principal moments") as raised:
+        robot_system(robot)
+    assert raised.value.kind == "moments"
+    assert "moves nothing" not in str(raised.value)
+    assert [one.severity for one in inertia_findings(robot)] == ["finding"]
+    light = link("a", inertial("-1", "0.02 0.02 0.01", origin='<origin xyz="0 0 -0.2"/>'))
+    with pytest.raises(RobotError, match=":3: link 'a' has a mass of -1 kg") as raised:
+        robot_system(read(tmp_path, BASE, light, joint("j", "base", "a")))
+    assert raised.value.kind == "negative mass"
+    flat = link("a", inertial("1", "0.1 0.1 0.5"))
+    unread = read(tmp_path, BASE, flat, joint("j", "base", "a"), joint("k", "base", "gone"))
+    with pytest.raises(RobotError, match=r"(?s)largest can't exceed.*'gone'"):
+        robot_system(unread)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.base import Number, SourceLine
 from physics_crosscheck.harness.records.cause import Cause, CauseId, CauseKind
@@ -54,6 +55,10 @@ def sentences(*causes: Cause, tied: tuple[CauseId, ...] = ()) -> list[str]:
          "quadratic damping on theta is 2 ± 1e-06 in the model, but 0 in the equations"),
         (cause("constant", "m", error=None),
          "m is 2 ± unknown in the model, but 1 in the equations"),
+        (cause("taken", "m"), "m is 1 in the file; the engine acts as if it were 2 ± 1e-06"),
+        (replace(cause("taken", "m", error=0.0), is_read=True),
+         "m is 1 in the file, but 2 in the engine"),
+        (cause("dropped", "m"), "m: in the file; the engine acts as if it were 0"),
     ],
 )  # fmt: skip
 def test_cause_is_a_sentence(explained: Cause, sentence: str) -> None:

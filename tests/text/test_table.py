@@ -115,7 +115,7 @@ def test_problems_come_worst_first_with_engine_output() -> None:
             case(Outcome.FAILED, scenario="dies", reason="it [b]died[/b]", stdout="one\ntwo"),
             models=(
                 model(finding("the mass is wrong"), finding("rounded", severity="note")),
-                model(engine="pymunk", diagnosis=Diagnosis(failure="it died too")),
+                model(engine="pymunk", linearization_failure="it died too"),
             ),
         )
     )
@@ -123,7 +123,7 @@ def test_problems_come_worst_first_with_engine_output() -> None:
         "  ERROR disc/mujoco.xml/dies [mujoco]  XC612 it [b]died[/b]",
         "        | one",
         "        | two",
-        "  ERROR disc/mujoco.xml [pymunk]  XC613 the diagnosis failed: it died too",
+        "  ERROR disc/mujoco.xml [pymunk]  XC613 the linearization failed: it died too",
         "  FAIL  disc/mujoco.xml [mujoco]  XC301 x off by up to 100 % (far); 2 of 3 cases differ",
         "  FAIL  disc/mujoco.xml [mujoco]  the audit finds 1 fault in the file",
         "        found: XC101 the mass is wrong",
@@ -135,7 +135,7 @@ def test_problems_come_worst_first_with_engine_output() -> None:
 def test_audit_findings_replace_a_missing_cause() -> None:
     """List all wrong literals of the audit if at most two cannot explain a large fault."""
     best = Cause(kind="constant", subject=("m",), nominal=1.0, estimate=7.0, standard_error=2.0)
-    explanation = Explanation(causes=(best,), remaining=0.67)
+    explanation = Explanation(causes=(best,), remaining=0.07)
     diagnosis = Diagnosis(explanations=(explanation,))
     wrong = finding("mass is 9 where m = 0.9"), finding("rounded", severity="note")
     differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=1.0))
@@ -146,6 +146,10 @@ def test_audit_findings_replace_a_missing_cause() -> None:
     assert BEGIN_WITH_AUDIT in printed(run, details=True)
     bare = printed(results(differs, models=(model(diagnosis=diagnosis),)))
     assert "cause: none found; closest: m is 7 ± 2 in the model, but 1 in the equations" in bare
+    far = Diagnosis(explanations=(Explanation(causes=(best,), remaining=0.2),), failure="it died")
+    bare = printed(results(differs, models=(model(diagnosis=far),)))
+    assert "cause: none found: it died" in bare
+    assert "ERROR" not in bare
 
 
 def test_many_problems_and_changes_are_counted() -> None:

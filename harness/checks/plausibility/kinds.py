@@ -66,6 +66,9 @@ MIRROR_MASS, MIRROR_MOMENTS = 0.05, 0.2
 MIN_RATIO, MAX_RATIO = 0.05, 10.0
 """Damping ratios of drives that oscillate for long, and that may creep."""
 
+STOPPED_BANDS = 12
+"""Dead bands of dry friction in an amplitude that ends within three periods: two a half period."""
+
 MAX_LAG_SECONDS = 0.5
 """Longest time constant of a drive that does not creep."""
 
@@ -492,9 +495,11 @@ def _vector(values: Array) -> str:
 
 def damping_ratios(facts: RobotFacts) -> Iterator[Advice]:
     """Yield position drives that oscillate for long or creep, with all other joints held."""
-    for joint, (hertz, ratio) in _oscillators(facts).items():
+    for joint, (hertz, ratio, band) in _oscillators(facts).items():
         lag = ratio / (np.pi * hertz)
         if ratio >= MIN_RATIO and (ratio <= MAX_RATIO or lag <= MAX_LAG_SECONDS):
+            continue
+        if ratio < 1 and STOPPED_BANDS * band >= _amplitude(facts, joint):
             continue
         slow = f"takes {lag:.2g} s for two thirds of the way to its target"
         what = "oscillates for many periods" if ratio < 1 else slow
@@ -510,8 +515,15 @@ def damping_ratios(facts: RobotFacts) -> Iterator[Advice]:
         )
 
 
-def _oscillators(facts: RobotFacts) -> Mapping[str, tuple[float, float]]:
-    """Return natural frequency, Hz, and damping ratio of position drives, by their joints."""
+def _amplitude(facts: RobotFacts, joint: str) -> float:
+    """Return half the range of a joint, or 0.5 without limits, rad or m."""
+    bodies = () if facts.compiled is None else facts.compiled.bodies
+    limits = [one.limits for body in bodies for one in body.joints if one.name == joint]
+    return next(((high - low) / 2 for low, high in filter(None, limits)), 0.5)
+
+
+def _oscillators(facts: RobotFacts) -> Mapping[str, tuple[float, float, float]]:
+    """Return natural frequency, Hz, damping ratio and dead band of position drives, by joint."""
     values: dict[str, dict[str, float]] = {}
     for row in () if facts.compiled is None else acting_quantities(facts.compiled):
         joint = row.subject.removeprefix("drive of ")
@@ -519,7 +531,7 @@ def _oscillators(facts: RobotFacts) -> Mapping[str, tuple[float, float]]:
             values.setdefault(joint, {})[row.quantity] = row.value
     keys = ("natural frequency", "damping ratio")
     return {
-        joint: (rows[keys[0]], rows[keys[1]])
+        joint: (rows[keys[0]], rows[keys[1]], rows.get("dead band", 0.0))
         for joint, rows in values.items()
         if rows.get(keys[0], 0.0) > 0 and keys[1] in rows
     }

@@ -53,7 +53,7 @@ from physics_crosscheck.harness.engines.sdf_sidecar import (
     sdf_without_bounds,
     sdf_without_friction,
 )
-from physics_crosscheck.harness.engines.source import one_line
+from physics_crosscheck.harness.engines.source import one_line, shortened
 from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -115,7 +115,6 @@ class WorldSteps(Stepper):
         self._set_dart_state(q, v)
 
     def _set_dart_state(self, q: Array, v: Array) -> None:
-        """Set DART's coordinates and velocities."""
         self._body.resetCommands()
         self._body.clearConstraintImpulses()
         self._body.resetAccelerations()
@@ -143,7 +142,6 @@ class WorldSteps(Stepper):
         return self._along_root(self._body.getVelocities(), turn)
 
     def _along_root(self, values: Array, turn: Array) -> Array:
-        """Return DART's velocities or accelerations in `RungeKutta`'s convention."""
         if not self._floats:
             return values
         return np.concatenate([values[3:FREE], turn.T @ values[:3], values[FREE:]])
@@ -206,6 +204,8 @@ def _rotation_vector(turn: Array) -> Array:
 TURNS = "DART's dropping of the cubic term of turns below 1e-3 rad a step of a root that floats"
 
 SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
+
+REACTION = "DART's servo for <mimic> without a reaction on the leader"
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
@@ -279,7 +279,6 @@ class DartEngine(UrdfEngine):
 
 
 def _without_law(robot: XmlElement) -> Iterator[str]:
-    """Yield the parts of a URDF that act in DART and have no law here."""
     if robot.findall("link/collision"):
         yield "contacts"
     if robot.findall("joint/mimic"):
@@ -324,7 +323,11 @@ class DartModel(UrdfModel):
         self._steps = WorldSteps(self._world, self._body, self.floats, springs, exact)
         self.stepper = self._steps
         if self.floats and not exact:
+            self.lost_turn = 1e-3
             self._corrective_settings[TURNS] = {"exact_turns": True}
+        if self.declared.mimics and not self.settings["couplers"]:
+            names = shortened([one.joint for one in self.declared.mimics])
+            self._corrective_settings[f"{REACTION} ({names})"] = {"couplers": True}
         slides = any(joint.getCoulombFriction(0) for joint in joints)
         if not (self.declared.mimics or slides):
             self.forward = each_alone(self._steps.accelerations)
@@ -338,6 +341,12 @@ class DartModel(UrdfModel):
             raise EngineError(f"{self.path}: DART can't load it: {message}")
         self._printed = (message,) if message else ()
         return skeleton
+
+    def turning_rates(self, z: Array, w: Array) -> Array:
+        """Return the rates of rotation of a floating root, (K,), rad/s."""
+        spins = angular_velocity(z[:, 3:FREE].T, w[:, 3:FREE].T)
+        rates: Array = np.linalg.norm(spins, axis=0)
+        return rates
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Return order 1 for every input."""

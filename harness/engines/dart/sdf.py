@@ -94,7 +94,6 @@ def with_turned(model: XmlElement) -> None:
 
 
 def _write_inertial(link: XmlElement, mass: float, center: Array, moments: Array) -> None:
-    """Write an `<inertial>` along the axes of a link in place of its own."""
     for part in link.findall("inertial"):
         link.remove(part)
     inertial = link.add("inertial")
@@ -176,7 +175,6 @@ def _automatic(link: XmlElement) -> tuple[float, Array, Array]:
 
 
 def _collision(link: XmlElement, collision: XmlElement) -> tuple[float, Array, Array]:
-    """Return mass, center and moments of one shape, in the link's frame."""
     shape = collision.find("geometry/*")
     inertial = link.find("inertial")
     if shape is None or shape.tag not in SIZES or inertial is None:
@@ -267,7 +265,6 @@ def _axes_as_older(model: XmlElement) -> None:
 
 
 def _pose(element: XmlElement) -> Array:
-    """Return position and rpy, (6,)."""
     words = element.findtext("pose").split()
     return np.array(words, dtype=float) if words else np.zeros(6)
 

@@ -58,15 +58,12 @@ class DartWhole(UndrivenWhole):
         )
 
     def _set(self, state: WholeState) -> None:
-        """Set a state."""
         z, m = state.z, state.m
         self._steps.reset(z, rates(z, m) if self._floats else m)
 
     def _read(self, state: WholeState) -> WholeState:
-        """Return the current state."""
         z = self._steps.position()
         return state._replace(z=z, m=self._steps.velocities(self._turn(z)))
 
     def _turn(self, z: Array) -> Array:
-        """Return the rotation of the root, (3, 3)."""
         return from_quaternion(unit_quaternion(z[3:FREE])) if self._floats else np.eye(3)

@@ -98,6 +98,23 @@ def without_own(model: XmlElement) -> None:
                 joint.remove(part)
 
 
+ROTORS = (f"{PREFIX}rotor_inertia", f"{PREFIX}gear_ratio")
+
+
+def without_rotors(model: XmlElement) -> None:
+    """Remove rotor inertias and gear ratios, which only Drake reads."""
+    for element in list(model.iter()):
+        for part in [one for one in element if one.tag in ROTORS]:
+            element.remove(part)
+
+
+def rotor_cause(model: XmlElement) -> str:
+    """Return the cause that a diagnosis reports, or "" without rotors."""
+    rotors = [f"line {one.place[1]}" for one in model.iter() if one.tag == ROTORS[0]]
+    where = shortened(rotors)
+    return f"Drake's own rotor inertia times gear ratio^2 ({where})" if rotors else ""
+
+
 def own_mimics(mimics: Sequence[Mimic]) -> Change:
     """Return a change that writes `<mimic>` as `<drake:mimic>`."""
 
@@ -155,6 +172,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
         UrdfModel.__init__(self, spec, "Drake", reader, defaults, changes)
         self.floats = self.floats and self.declared.root != WORLD
         self._weightless = weightless_links(self.declared.robot) if spec.path.suffix == SDF else ()
+        self._rotors = rotor_cause(self.declared.robot)
         held = self.settings["hold_mimics"] and self.stepping == CONTINUOUS
         free = replace(self.declared, changes=(*self.declared.changes, without_mimics)).text
         self.take(self.declared.text, spec.path.suffix[1:], self.mimics if held else (), free)
@@ -177,6 +195,8 @@ class DrakeUrdf(DrakeModel, UrdfModel):
         settings: dict[str, Mapping[str, object]] = (
             {MIMICS: {"stepping": SAP}} if self.ignores_mimics else {}
         )
+        if self._rotors and self.settings["rotors"]:
+            settings[self._rotors] = {"rotors": False}
         if self._weightless and not self.lifts:
             settings[weight_cause(self._weightless)] = {"weightless_links": True}
         return settings
@@ -199,14 +219,15 @@ def _changes(spec: ModelSpec, stepping: str, *, touches: bool) -> list[Change]:
     engines.
     """
     smooth, free = bool(spec.settings.get("smooth", False)), stepping != SAP
+    rotors = [] if spec.settings.get("rotors", True) else [without_rotors]
     if spec.path.suffix == SDF:
         bounds = [sdf_without_bounds, without_own] if smooth else []
         file = load_sdf(spec.path, spec.settings.get(MODEL, ""))
         kept = kept_mimics(file.mimics, followers_of(spec.settings, f"{spec.path}.toml"))
-        return [*bounds, sdf_mimics_of(()) if free else own_mimics(kept)]
+        return [*bounds, *rotors, sdf_mimics_of(()) if free else own_mimics(kept)]
     bounds_change = without_bounds if smooth else without_crossed_bounds
     shapes = (without_visuals, with_forms(FORMS), refuse_words) if touches else (without_shapes,)
-    return [*shapes, bounds_change, *([mimics_of(())] if free else [])]
+    return [*shapes, *rotors, bounds_change, *([mimics_of(())] if free else [])]
 
 
 ARMATURE = "Drake's leaving out of armature where no actuator drives a joint"
@@ -254,7 +275,6 @@ class DrakeMjcf(DrakeModel, MjcfModel):
                 plant.AddCouplerConstraint(*pair, mimic.multiplier, mimic.offset)
 
     def _drawn(self) -> Array:
-        """Return the coordinates of a floating body at Drake's default state."""
         positions = np.array(moving_joints(self._plant)[0].default_positions())
         return np.concatenate([positions[4:], minimal_coordinates(positions[:4], positions[:4])])
 
@@ -346,6 +366,8 @@ DEFAULTS: Mapping[str, bool | str] = MappingProxyType({
     "stepping": SAP,
     # Whether mimic joints of a URDF are constrained where Drake itself ignores them.
     "hold_mimics": False,
+    # Whether rotor inertias and gear ratios act that only Drake reads.
+    "rotors": True,
     # Whether a force cancels the weight of SDFormat links with <gravity>false</gravity>; Drake
     # ignores the element.
     "weightless_links": False,

@@ -151,7 +151,6 @@ class DrakeModel(TreeModel):
         return self._parsed(plant, self.step, prepare)
 
     def _build(self, h: float) -> Any:
-        """Build a plant with this step; 0 gives a continuous plant."""
         from pydrake.multibody.plant import MultibodyPlant
 
         return self._parsed(MultibodyPlant(h), h)
@@ -181,7 +180,6 @@ class DrakeModel(TreeModel):
 
     @cached_property
     def _continuous_plant(self) -> Plant:
-        """A continuous plant, since a discrete one does not provide accelerations."""
         return self._wrap(self._plant if self._continuous else self._build(0.0))
 
     def _wrap(self, plant: Any) -> Plant:

@@ -122,7 +122,6 @@ class Plant:
         return not self._springs.empty or bool(self._lifts)
 
     def _lifted(self) -> Array:
-        """Return generalized forces of gravity compensation in the current state."""
         from pydrake.multibody.math import SpatialForce
         from pydrake.multibody.tree import MultibodyForces
 

@@ -99,7 +99,6 @@ class DrakeWhole(UndrivenWhole):
             self.home = self._on_floor()
 
     def _prepare(self, plant: Any) -> None:
-        """Let shapes touch in points, and put a floor under a floating root."""
         from pydrake.geometry import HalfSpace
         from pydrake.math import RigidTransform
         from pydrake.multibody.plant import ContactModel, CoulombFriction
@@ -170,7 +169,6 @@ class DrakeWhole(UndrivenWhole):
         )
 
     def _joint_damping(self) -> Array:
-        """Return the damping of each velocity, in Drake's order, (nv,)."""
         damping = np.zeros(self._drake.num_velocities())
         for joint in moving_joints(self._drake):
             there = slice(joint.velocity_start(), joint.velocity_start() + joint.num_velocities())
@@ -199,18 +197,15 @@ class DrakeWhole(UndrivenWhole):
         return result
 
     def _set(self, state: WholeState) -> Array:
-        """Set a state; return the positions in the order of `Plant`."""
         x = to_state(state.z, 0 * state.z)[0] if self._floats else state.z
         self._plant.set_state(x, state.m)
         return x
 
     def _read(self, state: WholeState) -> WholeState:
-        """Return the current state."""
         x, m = self._plant.state()
         return state._replace(z=place(x) if self._floats else x, m=m)
 
     def _contacts(self) -> Iterator[ContactPoint]:
-        """Yield the contacts of a step from the current state."""
         results = self._drake.get_contact_results_output_port().Eval(self._plant.context)
         for i in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(i)

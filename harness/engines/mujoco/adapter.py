@@ -40,6 +40,7 @@ from physics_crosscheck.harness.engines.mujoco.remarks import (
 )
 from physics_crosscheck.harness.engines.mujoco.rule import step_rule
 from physics_crosscheck.harness.engines.mujoco.settings import (
+    WITHOUT,
     apply_settings,
     held_controls,
     is_on,
@@ -66,6 +67,8 @@ from physics_crosscheck.harness.engines.mujoco.urdf import (
     SHAPE_MASSES,
     changes,
     complete_urdf,
+    extension_cause,
+    extensions,
     name_collisions,
     shaped_links,
 )
@@ -490,11 +493,28 @@ class MujocoModel(LoadedModel):
         if self._shaped:
             cause = bare_cause(self._shaped, "MuJoCo's masses from the shapes")
             settings[cause] = {SHAPE_MASSES: False}
+        settings |= self._extended
         if idle_compensation(self.model):
             settings[UNCOMPENSATED] = {"compensated": True}
         return (
             {**settings, _SAME: {"exact_frames": True}} if rounded_frames(self.model) else settings
         )
+
+    @cached_property
+    def _extended(self) -> dict[str, Mapping[str, object]]:
+        """Attributes in `<mujoco>` of a URDF, with the masses that each changes."""
+        settings: dict[str, Mapping[str, object]] = {}
+        chosen = self._spec.settings
+        for element, key in extensions(self._urdf_file.document.root) if self._urdf_file else ():
+            without = {WITHOUT + key: True}
+            if not without.items() <= chosen.items():
+                other = MujocoEngine().load(replace(self._spec, settings={**chosen, **without}))
+                stated, compiled = (
+                    {name: one.mass for name, one in model.inertias.items()}
+                    for model in (other, self)
+                )
+                settings[extension_cause(element, key, stated, compiled)] = without
+        return settings
 
     @cached_property
     def _shaped(self) -> list[XmlElement]:

@@ -11,6 +11,9 @@ from physics_crosscheck.harness.engines.mujoco.pulls import actuators, control, 
 from physics_crosscheck.harness.engines.mujoco.smooth import switch_off
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec
 
+WITHOUT = "without_"
+"""Begin of the settings that leave an attribute in `<mujoco>` of a URDF out, by its name."""
+
 
 def is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
     """Return a boolean setting.
@@ -36,6 +39,7 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
     switch_off(tree, smooth=bool(settings.pop("smooth", False)), actuated=actuated)
     settings.pop("couplings", None)
     for key in (
+        *(key for key in spec.settings if key.startswith(WITHOUT)),
         "controls",
         "activations",
         "floating",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
-from physics_crosscheck.harness.engines.mujoco.settings import is_on
+from physics_crosscheck.harness.engines.mujoco.settings import WITHOUT, is_on
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
+from physics_crosscheck.harness.engines.source import shortened
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     bare_links,
@@ -24,6 +28,15 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 
 FORMS = ("box", "sphere", "cylinder", "capsule")
 """Tags of shapes that need no file."""
+
+_EXTENSIONS: Mapping[str, tuple[str, ...]] = MappingProxyType({
+    "compiler": (
+        "inertiafromgeom", "boundmass", "boundinertia", "balanceinertia", "settotalmass", "angle",
+        "eulerseq",
+    ),
+    "option": ("density", "viscosity", "wind"),
+    "option/flag": ("gravity", "spring", "damper"),
+})  # fmt: skip
 
 SHAPE_MASSES = "shape_masses"
 """The setting that keeps MuJoCo's masses of links without `<inertial>`, from their shapes."""
@@ -76,15 +89,45 @@ def spring_terms(value: float, there: Any) -> Any:
 
 def changes(spec: ModelSpec) -> list[Change]:
     """Return the changes that settings make to a URDF before it is loaded."""
-    changes_made: list[Change] = (
-        [_without_idle_shapes] if is_on(spec, "smooth", otherwise=False) else []
-    )
+    changes_made: list[Change] = []
+    if any(key.startswith(WITHOUT) for key in spec.settings):
+        changes_made.append(partial(_without_extensions, settings=spec.settings))
+    if is_on(spec, "smooth", otherwise=False):
+        changes_made.append(_without_idle_shapes)
     if not is_on(spec, SHAPE_MASSES, otherwise=True):
         changes_made.append(_without_masses_of_shapes)
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     if followers is not None:
         changes_made.append(mimics_of(followers))
     return [*changes_made, with_held(held)] if (held := held_joints(spec)) else changes_made
+
+
+def extensions(robot: XmlElement) -> Iterator[tuple[XmlElement, str]]:
+    """Yield each attribute in `<mujoco>` of a URDF that changes its physics, and its element."""
+    for tag, keys in _EXTENSIONS.items():
+        for element in robot.findall(f"mujoco/{tag}"):
+            yield from ((element, key) for key in keys if key in element.attributes)
+
+
+def extension_cause(
+    element: XmlElement, key: str, stated: Mapping[str, float], compiled: Mapping[str, float]
+) -> str:
+    """Return the cause that a diagnosis reports, with the masses of bodies that differ, kg."""
+    masses = [
+        f"{name} {stated[name]:.6g} kg in the file, {mass:.6g} kg in MuJoCo"
+        for name, mass in compiled.items()
+        if mass != stated.get(name, mass)
+    ]
+    shown = f" ({shortened(masses, 3, '; ')})" if masses else ""
+    value, line = element.get(key), element.place[1]
+    return f'MuJoCo\'s own <{element.tag} {key}="{value}">, line {line}{shown}'
+
+
+def _without_extensions(robot: XmlElement, settings: Mapping[str, object]) -> None:
+    """Remove the attributes that settings leave out."""
+    for element, key in list(extensions(robot)):
+        if settings.get(WITHOUT + key, False):
+            del element.attributes[key]
 
 
 def shaped_links(robot: XmlElement, *, floats: bool) -> list[XmlElement]:

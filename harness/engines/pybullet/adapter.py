@@ -301,7 +301,6 @@ class PybulletModel(LoadedModel):
         self._load()
 
     def _load(self) -> None:
-        """Load the file into an emptied physics server."""
         import pybullet as p
 
         global _client, _loaded
@@ -478,7 +477,6 @@ class PybulletModel(LoadedModel):
         return np.array([*free, *bounds])
 
     def _moving_joints(self) -> tuple[list[int], list[str], list[Ball]]:
-        """Return indices and names of slides and hinges, and ball joints."""
         import pybullet as p
 
         joints, names, balls = [], [], []
@@ -503,7 +501,6 @@ class PybulletModel(LoadedModel):
 
     @property
     def _free(self) -> int:
-        """The number of coordinates of the base and of ball joints."""
         return len(self.coordinates) - len(self._joints)
 
     def _disable_effects(self) -> None:
@@ -608,6 +605,5 @@ class PybulletModel(LoadedModel):
         return self.stepper
 
     def _ensure_loaded(self) -> None:
-        """Load the file again if another one has been loaded since."""
         if _loaded is not self:
             self._load()

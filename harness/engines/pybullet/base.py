@@ -162,7 +162,6 @@ class Base:
         return np.concatenate([moved, coordinate_rate(z[3:], turn.T @ spin)])
 
     def _placed(self) -> tuple[Array, Array]:
-        """Return the link's origin and quaternion."""
         import pybullet as p
 
         center, inertial = p.getBasePositionAndOrientation(self._body)

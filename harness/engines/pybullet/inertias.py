@@ -190,7 +190,6 @@ def exact_axes(robot: XmlElement) -> None:
 
 
 def _with_products(link: XmlElement) -> XmlElement | None:
-    """Return a link's `<inertial>` if its tensor has products."""
     inertial = link.find("inertial")
     inertia = inertial.find("inertia") if inertial is not None else None
     if inertia is None or not any(float(inertia.get(key, "0")) for key in PRODUCTS):
@@ -208,13 +207,11 @@ def _tensor(inertial: XmlElement) -> Array:
 
 
 def _origin(inertial: XmlElement) -> list[float]:
-    """Return roll, pitch and yaw of the inertial frame in the link's."""
     origin = inertial.find("origin")
     return finite_numbers("" if origin is None else origin.get("rpy", "")) or [0.0, 0.0, 0.0]
 
 
 def _diagonalize(inertial: XmlElement) -> None:
-    """Rotate an `<inertial>` to its principal axes."""
     moments, axes = np.linalg.eigh(_tensor(inertial))  # ascending
     axes[:, 0] *= np.linalg.det(axes)  # right-handed
     # PyBullet zeroes moments that exceed the sum of the others by rounding, as for a flat body.

@@ -39,7 +39,6 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 
 def _long(robot: XmlElement) -> Iterator[tuple[XmlElement, XmlElement, list[float], float]]:
-    """Yield joints with such an axis, the axis, its numbers and its length."""
     for joint in robot.findall("joint"):
         axis = joint.find("axis")
         if axis is None or joint.get("type") not in MOVING:

@@ -85,7 +85,6 @@ def link_shapes(body: int, robot: XmlElement) -> Mapping[str, LinkShape]:
 
 
 def _forms(link: XmlElement) -> Iterator[tuple[str, str]]:
-    """Yield the name and the form of each shape that `simple_shapes` keeps."""
     for name, shape in collision_shapes(link):
         form = shape.find("geometry/*")
         if form is not None and form.tag in _SIZES:

@@ -180,7 +180,6 @@ class BodyStepper:
                 self._take(current, out_q[i // every], out_v[i // every])
 
     def _push(self, forces: list[float], current: Any) -> None:
-        """Set the forces of the next step: on all coordinates, and of the springs."""
         import pybullet as p
 
         for part, rows in self.turning:
@@ -198,7 +197,6 @@ class BodyStepper:
             p.setJointMotorControlArray(self.body, self.joints, p.TORQUE_CONTROL, forces=tau)
 
     def _take(self, current: Any, q: Array, v: Array) -> None:
-        """Write current positions and velocities into rows, (nz,) each."""
         for part, rows in self.turning:
             q[rows] = part.position()
             v[rows] = part.rates(q[rows])

@@ -107,7 +107,6 @@ class PybulletWhole(WholeModel):
         )  # fmt: skip
 
     def _take(self, stepper: BodyStepper) -> None:
-        """Use a loaded body, which has no floor yet."""
         self._stepper, self._body, self._joints = stepper, stepper.body, stepper.joints
         bases = [part for part, _ in stepper.turning if isinstance(part, Base)]
         if len(bases) < len(stepper.turning):
@@ -116,7 +115,6 @@ class PybulletWhole(WholeModel):
         self._floor = -1
 
     def _ensure_loaded(self) -> None:
-        """Prepare the body again if another model was in its place."""
         if (stepper := self._load()) is not self._stepper:
             self._take(stepper)
             _ = tuple(self._switch_off())
@@ -137,7 +135,6 @@ class PybulletWhole(WholeModel):
                 yield name
 
     def _add_floor(self) -> None:
-        """Put a plane under the drawn configuration of a floating root."""
         import pybullet as p
 
         if self._base is None:
@@ -220,11 +217,9 @@ class PybulletWhole(WholeModel):
             )  # fmt: skip
 
     def _turn(self, z: Array) -> Array:
-        """Return the rotation of the base, (3, 3)."""
         return from_quaternion(unit_quaternion(z[3:COUNT])) if self._free else np.eye(3)
 
     def _joint_states(self) -> Any:
-        """Return position, velocity, reaction and motor force of each joint."""
         import pybullet as p
 
         return p.getJointStates(self._body, self._joints) if self._joints else ()

@@ -382,7 +382,7 @@ def _print_stopped(results: Results, out: Path, done: Journal) -> None:
 def exit_code(results: Results, require_engines: bool) -> int:
     """Return the exit code of results.
 
-    Results without cases fail; accepted differences pass. An audit, linearization or diagnosis that
+    Results without cases fail; accepted differences pass. An audit or linearization that
     failed counts as a failure. A robot file that one engine rejects does not, if another engine has
     a verdict.
     """

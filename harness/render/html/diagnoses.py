@@ -126,13 +126,13 @@ def sentence(model: Model) -> str:
     diagnosis = model.diagnosis
     if diagnosis is None:
         return shown(model.findings[0].message) if model.findings else ""
-    if not diagnosis.explanations:
-        return f"Not diagnosed: {shown(diagnosis.failure or 'no hypothesis fits')}."
-    best = diagnosis.explanations[0]
+    best = diagnosis.best
     if findings := model.unexplained_findings:
         more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
         advice = BEGIN_WITH_AUDIT[0].upper() + BEGIN_WITH_AUDIT[1:]
         return f"{advice}: {shown(findings[0].message)}{more}."
+    if best is None:
+        return f"Not diagnosed: {shown(diagnosis.failure or 'no hypothesis fits')}."
     if not diagnosis.explained:
         return (
             f"Unexplained: the best single cause, {named(best.causes)}, leaves a "

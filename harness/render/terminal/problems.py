@@ -283,18 +283,14 @@ def _component(name: str) -> str:
 def _cause_notes(model: Model, engines: str, details: bool) -> list[Note]:
     diagnosis = model.diagnosis
     assert diagnosis is not None
-    if not diagnosis.explanations:
-        return [(f"cause{engines}", ": ".join(filter(None, ["none found", diagnosis.failure])))]
-    best = placed(diagnosis.explanations[0], model.folder)
-    if not diagnosis.explained:
+    best = diagnosis.best and placed(diagnosis.best, model.folder)
+    if not diagnosis.explained or best is None:
         finding_notes = list(map(_finding_note, _of_file(model, model.unexplained_findings)))
         if finding_notes and not details:
             return [*finding_notes, *_fixes(model, model.unexplained_findings)]
-        text = (
-            BEGIN_WITH_AUDIT
-            if finding_notes
-            else f"none found; closest: {cause_sentences(best)[0]}"
-        )
+        nothing = ": ".join(filter(None, ["none found", diagnosis.failure]))
+        closest = nothing if best is None else f"none found; closest: {cause_sentences(best)[0]}"
+        text = BEGIN_WITH_AUDIT if finding_notes else closest
         return [
             *finding_notes,
             (f"cause{engines}", text),
