@@ -77,14 +77,14 @@ class PybulletWhole(WholeModel):
 
     Args:
         model: the loaded model, with `WHOLE_SETTINGS`.
-        load: returns its body, which is loaded again if another model has replaced it.
+        load: returns its body, which is loaded again if another model has replaced it, or `anew`.
     """
 
     activations = 0
     edits = _EDITS
     speed = 0.4  # above that at which contacts bounce
 
-    def __init__(self, model: LoadedModel, load: Callable[[], BodyStepper]) -> None:
+    def __init__(self, model: LoadedModel, load: Callable[..., BodyStepper]) -> None:
         import pybullet as p
 
         self._model, self._load = model, load
@@ -243,7 +243,10 @@ class PybulletWhole(WholeModel):
     def _read(self, state: WholeState, turn: Array | None) -> WholeState:
         """Return the current state, with velocities for a given rotation of the base."""
         z = self._stepper.position()
-        return state._replace(z=z, m=self._velocities(self._turn(z) if turn is None else turn))
+        m = self._velocities(self._turn(z) if turn is None else turn)
+        if not np.isfinite([*z, *m]).all():  # a NaN stays through every reset: no row acts again
+            self._load(anew=True)
+        return state._replace(z=z, m=m)
 
     def _contacts(self) -> Iterator[ImpulseContact]:
         """Yield contacts, from the second body to the first one, whose normal PyBullet reports."""
