@@ -155,12 +155,6 @@ class PybulletWhole(WholeModel):
             controls = np.full(self.controls, control)
             yield WholeState(home, np.zeros(len(home)), controls, home[:0])
 
-    @property
-    def ranges(self) -> tuple[Array, Array]:
-        """Joint limits, and those of the joints that motors drive."""
-        limits = self._model.limits
-        return limits, limits[self._free :]
-
     def moved(self, state: WholeState, steps: int) -> WholeState:
         """Return the state after some steps."""
         import pybullet as p
