@@ -355,11 +355,11 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         """Ranges of controls and of states of drives, infinite without one."""
         counts = self.model.controls, self.model.activations
         controls, states = (np.tile([-np.inf, np.inf], (count, 1)) for count in counts)
-        for one in self.laws.laws.drives:
-            if one.control_range is not None:
-                controls[one.control] = one.control_range
-            if one.state >= 0 and one.state_range is not None:
-                states[one.state] = one.state_range
+        for drive in self.laws.laws.drives:
+            if drive.control_range is not None:
+                controls[drive.control] = drive.control_range
+            if drive.state >= 0 and drive.state_range is not None:
+                states[drive.state] = drive.state_range
         return controls, states
 
     def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
@@ -379,7 +379,7 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         laws, pairs = self.laws.laws, self.laws.laws.pairs
         yield from (self._element(part) for part in self.laws.parts())
         yield from (("equality", str(i + 1)) for i in range(len(laws.equalities)))
-        yield from (("drive", self._drive(i)) for i, one in enumerate(laws.drives) if one.on)
+        yield from (("drive", self._drive(i)) for i, drive in enumerate(laws.drives) if drive.on)
         paired = {i for first, other, _ in pairs for i in (first, other)}
         for i, surface in enumerate(laws.surfaces):
             if surface.body and (any(surface.masks) or i in paired):

@@ -141,7 +141,7 @@ class WholeStepCheck:
 
     @property
     def _besides(self) -> str:
-        """What differs beside a difference of the motion."""
+        """The difference of whole steps beside one of the motion, as the end of a sentence."""
         judged = self.judgement
         if judged is None or not self._differs:
             return ""
@@ -291,7 +291,7 @@ def _check(
     judged = comparison.judge(compared, resolution)
     kept = compared.resolved(resolution)
     rows = [sample for sample, keep in zip(evaluated, kept, strict=True) if keep]
-    covered, idle = _covered(comparison, rows, omissions)
+    covered, inactive = _covered(comparison, rows, omissions)
     return WholeStepCheck.compared(
         judged,
         resolution,
@@ -303,7 +303,7 @@ def _check(
         next_state=comparison.steps,
         edits=model.edits,
         covered=covered,
-        idle=idle,
+        inactive=inactive,
         uncovered=model.uncovered,
         acting=_shown(comparison, rows, judged),
     )
@@ -330,20 +330,20 @@ def _covered(
     """Return the parts of a file that acted at judged states, and what of them never did."""
     acted = {one for sample in samples for one in comparison.acting_elements(sample)}
     elements = tuple(dict.fromkeys(comparison.elements()))
-    covered, idle = [], []
-    for one in omissions:
-        kind = _KINDS.get(one.what, "")
+    covered, inactive = [], []
+    for omission in omissions:
+        kind = _KINDS.get(omission.what, "")
         names = tuple(name for other, name in elements if other == kind)
-        if one.where and not (names and kind == "contact"):  # links may be fused with others
-            names = one.where
+        if omission.where and not (names and kind == "contact"):  # links may be fused with others
+            names = omission.where
         silent = [name for name in names if (kind, name) not in acted]
         if kind and len(silent) == len(names):
             continue
-        covered.append(format_omission(one))
+        covered.append(format_omission(omission))
         if silent:
             which = listed([name.removeprefix("geom:") for name in silent], NAMED)
-            idle.append(f"{one.what} ({len(silent)} of {len(names)} never acted: {which})")
-    return tuple(covered), tuple(idle)
+            inactive.append(f"{omission.what} ({len(silent)} of {len(names)} never acted: {which})")
+    return tuple(covered), tuple(inactive)
 
 
 def _shown(

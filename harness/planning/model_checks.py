@@ -84,7 +84,7 @@ def _without_compared(model: Model, case: Case) -> Model:
     if steps is None or steps.outcome is None or coverage is None:
         return model
     kept = (one for one in coverage.left_out if one not in steps.covered)
-    left_out = tuple(dict.fromkeys((*kept, *steps.idle)))
+    left_out = tuple(dict.fromkeys((*kept, *steps.inactive)))
     return replace(model, coverage=replace(coverage, left_out=left_out))
 
 

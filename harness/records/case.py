@@ -443,7 +443,7 @@ class WholeStep(Record, frozen=True, kw_only=True):
         acted: Forces that acted at these states.
         edits: Options of the file that were changed, as `name=value`.
         covered: Parts of the file that only this check compares, with their counts, if they acted.
-        idle: What of these parts acted at no compared state.
+        inactive: What of these parts acted at no compared state.
         uncovered: Features without a law here; if any act on the bodies, nothing was compared.
         stated: Number of attributes whose compiled values were compared with the file's text.
         misread: Attributes that the compiler resolves otherwise, one sentence each.
@@ -462,7 +462,7 @@ class WholeStep(Record, frozen=True, kw_only=True):
     acted: tuple[LawTerm, ...] = ()
     edits: tuple[str, ...] = ()
     covered: tuple[str, ...] = ()
-    idle: tuple[str, ...] = ()
+    inactive: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
     stated: Count = 0
     misread: tuple[str, ...] = ()

@@ -602,9 +602,9 @@ class PybulletModel(LoadedModel):
                 p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v
 
-    def loaded_stepper(self, *, anew: bool = False) -> BodyStepper:
-        """Return the body, loaded again if `anew`, or if another model has been loaded since."""
-        if anew:
+    def loaded_stepper(self, *, reload: bool = False) -> BodyStepper:
+        """Return the body, loaded again if `reload`, or if another model has been loaded since."""
+        if reload:
             self._load()
         self._ensure_loaded()
         return self.stepper

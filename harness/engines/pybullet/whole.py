@@ -77,7 +77,7 @@ class PybulletWhole(WholeModel):
 
     Args:
         model: the loaded model, with `WHOLE_SETTINGS`.
-        load: returns its body, which is loaded again if another model has replaced it, or `anew`.
+        load: returns its body, which is loaded again if another model has replaced it, or `reload`.
     """
 
     activations = 0
@@ -239,7 +239,7 @@ class PybulletWhole(WholeModel):
         z = self._stepper.position()
         m = self._velocities(self._turn(z) if turn is None else turn)
         if not np.isfinite([*z, *m]).all():  # a NaN stays through every reset: no row acts again
-            self._load(anew=True)
+            self._load(reload=True)
         return state._replace(z=z, m=m)
 
     def _contacts(self) -> Iterator[ImpulseContact]:

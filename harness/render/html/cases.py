@@ -302,7 +302,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
             ("read from the text", stated),
             ("compiled otherwise", steps.misread),
             ("not read from the text", steps.unread),
-            ("never acted", steps.idle),
+            ("never acted", steps.inactive),
         )
         if sentences
     )

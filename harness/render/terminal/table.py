@@ -475,8 +475,8 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         number = counted(sum(step.states for step, _ in alike), "state")
         which = f" (worst: {worst.id})" if len(alike) > 1 else ""
         size = largest.discrepancy or 0.0
-        left = sum(step.unresolved for step, _ in alike)
-        more = f"; {left} more unresolved" if left else ""
+        unresolved = sum(step.unresolved for step, _ in alike)
+        more = f"; {unresolved} more unresolved" if unresolved else ""
         lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}{more}")
     unsettled = [
         f"{case.id}: whole steps {why}" for case in cases if (why := unsettled_steps(case))
