@@ -439,10 +439,12 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
             m[self.order] += sped
             yield state._replace(z=z, m=m)
 
-    def at_limit(self, state: WholeState, part: Part, share: float, speed: float) -> WholeState:
+    def at_limit(
+        self, state: WholeState, part: Part, share: float, speed: float, *, forced: bool = False
+    ) -> WholeState:
         """Return a state beyond a limit of a joint, by a share of its range, moving outward.
 
-        It moves so fast that the limit acts although other forces pull the joint back.
+        If `forced`, so fast that the limit acts although other forces pull the joint back.
         """
         limit, tree = self.laws.laws.limits[part.place], self.laws.tree.tree
         if limit.joint < 0:
@@ -453,11 +455,13 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         z, m, (place,) = state.z.copy(), state.m.copy(), there
         end = limit.lower if part.way < 0 else limit.upper
         z[place] = end + part.way * share * (limit.upper - limit.lower)
-        beyond, outwards = state._replace(z=z), np.zeros(len(z))
-        outwards[place] = part.way
-        least = abs(self.outward_speed(beyond, outwards, MAX_FORCED)[place])
-        m[place] = part.way * max(speed, 1.5 * least)
-        return beyond._replace(m=m)
+        if forced:
+            outwards = np.zeros(len(z))
+            outwards[place] = part.way
+            least = self.outward_speed(state._replace(z=z), outwards, MAX_FORCED)[place]
+            speed = max(speed, 1.5 * abs(least))
+        m[place] = part.way * speed
+        return state._replace(z=z, m=m)
 
     def held(self, states: Sequence[WholeState]) -> Iterator[WholeState]:
         """Yield states whose drives balance the other forces along their paths."""

@@ -171,11 +171,11 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
             held.append(len(states))
             states.append(state._replace(z=state.z + near, m=SMALL**2 * state.m))
     for part in limits:
-        elsewhere = (_anywhere(comparison, rng, starts[0].z) for _ in range(3))
-        for start in (starts[0], *(starts[0]._replace(z=z) for z in elsewhere)):
+        elsewhere = starts[0]._replace(z=_anywhere(comparison, rng, starts[0].z))
+        for start, forced in ((starts[0], False), (elsewhere, True)):
             share, speed = DEEPEST * 10 ** rng.uniform(-2, 0), MAX_OUTWARD ** rng.uniform(-1, 1)
             held.append(len(states))
-            states.append(comparison.at_limit(start, part, share, speed))
+            states.append(comparison.at_limit(start, part, share, speed, forced=forced))
     for places, change in ((eased, comparison.eased), (held, comparison.held)):
         for i, changed in zip(places, change([states[i] for i in places]), strict=True):
             states[i] = changed
