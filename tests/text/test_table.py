@@ -290,7 +290,7 @@ def test_whole_steps_without_a_verdict_take_one_line_without_details() -> None:
 
 def test_whole_steps_that_differ_or_are_unresolved_are_listed() -> None:
     """Catch a step that is off by 110 % behind a motion, or behind the steps of other engines."""
-    numbers = {"component": "knee_ddot", "uncertainty": 2e-9, "states": 19}
+    numbers: dict[str, Any] = {"component": "knee_ddot", "uncertainty": 2e-9, "states": 19}
     step = WholeStep(outcome=Outcome.UNRESOLVED, discrepancy=1e-9, **numbers)
     wrong = WholeStep(outcome=Outcome.DIFFERS, discrepancy=1.1, **numbers)
     good = WholeStep(outcome=Outcome.AGREES, discrepancy=3e-12, **{**numbers, "unresolved": 5})
