@@ -364,8 +364,8 @@ def count_tested(paths: Iterable[Path], engine: str, *, floating: bool) -> None:
         for number in counted:
             if NOT_DYNAMIC.fullmatch(number.path):
                 continue
-            is_tested = number.bound or number.effect in (*SMOOTH, NumberEffect.SHAPES)
-            kind = "tested" if is_tested else number.effect.value
+            is_tested = number.effect in (*SMOOTH, NumberEffect.SHAPES)
+            kind = "tested" if is_tested else "only read" if number.read else number.effect.value
             words = {kind: 1, SMOOTH_KEY: int(number.smooth)}
             group = next(name for name, k in GROUPS.items() if re.fullmatch(k, number.path))
             for count in (file, totals.setdefault(kind_of(number.path), Counter()), groups[group]):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Generic, Self, TypeVar
 
 import numpy as np
@@ -34,6 +35,7 @@ from physics_crosscheck.reference.laws.step import (
     LawStep,
 )
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
+from physics_crosscheck.reference.mechanism.laws import ImpulseContact
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 SHARE = 1e-3
@@ -44,6 +46,9 @@ LEAST_GAIN = 1e-6
 
 MAX_OUTWARD = 50.0
 """Half of the largest speed of a joint beyond its limit, rad/s or m/s."""
+
+MAX_FORCED = 300.0
+"""The same of a joint that other forces pull back so much that its limit never acted."""
 
 M = TypeVar("M", bound=LawModel | ImpulseModel)
 
@@ -105,6 +110,7 @@ class WholeStepComparison(ABC, Generic[M, S]):
     Args:
         laws: on the file's bodies.
         model: the file in the engine.
+        drives, shapes: names of drives and of the surfaces of contacts, if they are known.
 
     Attributes:
         names: of the coordinates, in the tree's order.
@@ -114,8 +120,16 @@ class WholeStepComparison(ABC, Generic[M, S]):
         TreeError: if the engine's joints are not those of the file.
     """
 
-    def __init__(self, laws: M, model: WholeModel) -> None:
+    def __init__(
+        self,
+        laws: M,
+        model: WholeModel,
+        *,
+        drives: Sequence[str] = (),
+        shapes: Sequence[str] = (),
+    ) -> None:
         self.laws, self.model = laws, model
+        self._drives, self._shapes = drives, shapes
         links = laws.tree.tree.links
         self.names = tuple(
             name for link in links for name, _ in coordinate_names(link.kind, link.name)
@@ -177,12 +191,51 @@ class WholeStepComparison(ABC, Generic[M, S]):
     def efforts(self, sample: Evaluated[S]) -> Iterator[tuple[int, float, float]]:
         """Yield joints with the force of a drive and its limit in that direction."""
 
-    def outward_speed(self, state: WholeState, outwards: Array) -> Array:
+    def elements(self) -> Iterator[tuple[str, str]]:
+        """Yield the kind and the name of the elements of the laws that may act."""
+        return iter(())
+
+    @abstractmethod
+    def acting_elements(self, sample: Evaluated[S]) -> Iterator[tuple[str, str]]:
+        """Yield the kind and the name of the elements that act at a state."""
+
+    def _shape(self, index: int) -> str:
+        return self._shapes[index] if index < len(self._shapes) else f"shape {index}"
+
+    def outward_speed(
+        self, state: WholeState, outwards: Array, largest: float = MAX_OUTWARD
+    ) -> Array:
         """Return speeds at which limits act although other forces pull joints back, (nz,).
 
         `outwards` are the signs of the joints that are beyond a limit, 0 for others, (nz,).
+        No speed is above the largest one.
         """
         return np.zeros(len(outwards))
+
+    @property
+    @abstractmethod
+    def drive_ranges(self) -> tuple[Array, Array]:
+        """Ranges of controls, (controls, 2), and of states of drives, (activations, 2)."""
+
+    @cached_property
+    def ranges(self) -> Array:
+        """Ranges of the engine's coordinates by the file, (nz, 2); infinite without one."""
+        tree = self.laws.tree.tree
+        result = np.tile([-np.inf, np.inf], (len(self.order), 1))
+        for joint, lower, upper in self.limits():
+            if tree.links[joint].kind in ("hinge", "slide"):
+                result[self.order[tree.velocities[joint].start]] = lower, upper
+        return result
+
+    @cached_property
+    def balls(self) -> tuple[tuple[list[int], float], ...]:
+        """The engine's coordinates of each limited ball joint, and its largest angle."""
+        tree = self.laws.tree.tree
+        return tuple(
+            (self.order[tree.velocities[joint]], max(lower, upper))
+            for joint, lower, upper in self.limits()
+            if tree.links[joint].kind == "ball"
+        )
 
     @property
     def rotations(self) -> Iterator[int]:
@@ -284,8 +337,8 @@ class WholeStepComparison(ABC, Generic[M, S]):
 class LawComparison(WholeStepComparison[LawModel, LawSolution]):
     """The convex laws of a file, with the choices of an engine that loaded it."""
 
-    def __init__(self, laws: LawModel, model: WholeModel) -> None:
-        super().__init__(applied(laws, model), model)
+    def __init__(self, laws: LawModel, model: WholeModel, **names: Sequence[str]) -> None:
+        super().__init__(applied(laws, model), model, **names)
 
     @property
     def steps(self) -> bool:
@@ -296,6 +349,18 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
     def drives(self) -> int:
         """Number of drives."""
         return len(self.laws.laws.drives)
+
+    @property
+    def drive_ranges(self) -> tuple[Array, Array]:
+        """Ranges of controls and of states of drives, infinite without one."""
+        counts = self.model.controls, self.model.activations
+        controls, states = (np.tile([-np.inf, np.inf], (count, 1)) for count in counts)
+        for drive in self.laws.laws.drives:
+            if drive.control_range is not None:
+                controls[drive.control] = drive.control_range
+            if drive.state >= 0 and drive.state_range is not None:
+                states[drive.state] = drive.state_range
+        return controls, states
 
     def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
         """Return controls and states at which drives exert shares of their limits."""
@@ -308,6 +373,49 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         residual = None if engine.solver_residual is None else engine.solver_residual[self.order]
         inputs = state.controls, state.activations, engine.contacts
         return self.laws.solve(posture, *inputs, start, residual)
+
+    def elements(self) -> Iterator[tuple[str, str]]:
+        """Yield limits, drives, clamps, dry friction, equalities, and shapes of moving bodies."""
+        laws, pairs = self.laws.laws, self.laws.laws.pairs
+        yield from (self._element(part) for part in self.laws.parts())
+        yield from (("equality", str(i + 1)) for i in range(len(laws.equalities)))
+        yield from (("drive", self._drive(i)) for i, drive in enumerate(laws.drives) if drive.on)
+        paired = {i for first, other, _ in pairs for i in (first, other)}
+        for i, surface in enumerate(laws.surfaces):
+            if surface.body and (any(surface.masks) or i in paired):
+                yield "contact", self._shape(i)
+        yield from (("contact", self._shape(i)) for i in range(1, len(laws.compliant)))
+
+    def acting_elements(self, sample: Evaluated[LawSolution]) -> Iterator[tuple[str, str]]:
+        """Yield the elements that act at a state; both shapes of a contact do."""
+        for part in self.laws.acting(sample.solution):
+            if part.kind == "contact":
+                surfaces = sample.solution.contacts[part.place].surfaces
+                yield from (("contact", self._shape(i)) for i in surfaces)
+            else:
+                yield self._element(part)
+        for i in np.flatnonzero(sample.solution.law.driven.forces):
+            yield "drive", self._drive(int(i))
+
+    def _element(self, part: Part) -> tuple[str, str]:
+        """Return the kind and the name of the element that a part belongs to."""
+        laws, links = self.laws.laws, self.laws.tree.tree.links
+        if part.kind in ("limit", "dry friction"):
+            row = (laws.limits if part.kind == "limit" else laws.frictions)[part.place]
+            name = links[row.joint].name if row.joint >= 0 else f"tendon {row.path + 1}"
+            return part.kind, name
+        match part.kind:
+            case "control" | "state" | "force":
+                return "clamp", self._drive(part.place)
+            case "joint force":
+                return "clamp", links[part.place].name
+            case "tendon force":
+                return "clamp", f"tendon force {part.place + 1}"
+        return part.kind, str(part.place + 1)
+
+    def _drive(self, index: int) -> str:
+        names = self._drives
+        return names[index] if index < len(names) and names[index] else f"drive {index + 1}"
 
     def missing_parts(self, evaluated: Sequence[Evaluated[LawSolution]]) -> set[Part]:
         """Return the parts of the laws that act at none of these states, of those that may."""
@@ -331,15 +439,27 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
             m[self.order] += sped
             yield state._replace(z=z, m=m)
 
-    def at_limit(self, state: WholeState, part: Part, share: float, speed: float) -> WholeState:
-        """Return a state beyond a limit of a joint, by a share of its range, moving outward."""
-        limit = self.laws.laws.limits[part.place]
-        if limit.joint < 0 or self.laws.tree.tree.links[limit.joint].kind == "ball":
+    def at_limit(
+        self, state: WholeState, part: Part, share: float, speed: float, *, forced: bool = False
+    ) -> WholeState:
+        """Return a state beyond a limit of a joint, by a share of its range, moving outward.
+
+        If `forced`, so fast that the limit acts although other forces pull the joint back.
+        """
+        limit, tree = self.laws.laws.limits[part.place], self.laws.tree.tree
+        if limit.joint < 0:
             return state
-        place = self.order[self.laws.tree.tree.velocities[limit.joint].start]
-        z, m = state.z.copy(), state.m.copy()
+        there = self.order[tree.velocities[limit.joint]]
+        if tree.links[limit.joint].kind == "ball":
+            return turned(state, there, (1 + share) * max(limit.lower, limit.upper), speed)
+        z, m, (place,) = state.z.copy(), state.m.copy(), there
         end = limit.lower if part.way < 0 else limit.upper
         z[place] = end + part.way * share * (limit.upper - limit.lower)
+        if forced:
+            outwards = np.zeros(len(z))
+            outwards[place] = part.way
+            least = self.outward_speed(state._replace(z=z), outwards, MAX_FORCED)[place]
+            speed = max(speed, 1.5 * abs(least))
         m[place] = part.way * speed
         return state._replace(z=z, m=m)
 
@@ -352,7 +472,9 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
     def _with_postures(self, states: Sequence[WholeState]) -> Iterator[tuple[WholeState, Posture]]:
         return zip(states, self.postures(states), strict=True) if states else iter(())
 
-    def outward_speed(self, state: WholeState, outwards: Array) -> Array:
+    def outward_speed(
+        self, state: WholeState, outwards: Array, largest: float = MAX_OUTWARD
+    ) -> Array:
         """Return the speeds at which the reference of each limit resists the free acceleration."""
         laws = self.laws.laws
         posture = next(self.postures([state]))
@@ -365,7 +487,7 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
                 damping = gains(softness.reference, softness.impedance[1], laws.step,
                                 safe=laws.safe)[1]  # fmt: skip
                 back = max(0.0, -outwards[place] * float(free[there]))
-                speed[place] = outwards[place] * min(MAX_OUTWARD, back / damping)
+                speed[place] = outwards[place] * min(largest, back / damping)
         return speed
 
     def velocity_uncertainty(self, sample: Evaluated[LawSolution], unsure: Array) -> Array:
@@ -421,6 +543,15 @@ class ImpulseComparison(WholeStepComparison[ImpulseModel, ImpulseStep]):
     steps = True
 
     @property
+    def drive_ranges(self) -> tuple[Array, Array]:
+        """Ranges of the driven joints, infinite without one, and no states."""
+        controls = np.tile([-np.inf, np.inf], (self.model.controls, 1))
+        for joint in self.laws.laws.joints:
+            if joint.lower <= joint.upper:
+                controls[joint.control] = joint.lower, joint.upper
+        return controls, np.zeros((0, 2))
+
+    @property
     def drives(self) -> int:
         """Number of motors."""
         return len(self.laws.laws.rules.controls)
@@ -449,11 +580,33 @@ class ImpulseComparison(WholeStepComparison[ImpulseModel, ImpulseStep]):
             if joint.lower <= joint.upper:
                 yield joint.joint, joint.lower, joint.upper
 
+    def acting_elements(self, sample: Evaluated[ImpulseStep]) -> Iterator[tuple[str, str]]:
+        """Yield limits, motors at a limit, and the links that touch something."""
+        for kind, place in sample.solution.acting():
+            yield kind, self.names[place]
+        for contact in sample.engine.contacts:
+            assert isinstance(contact, ImpulseContact)
+            if contact.impulse[0]:
+                yield from (("contact", self._shape(i)) for i in contact.surfaces)
+
     def efforts(self, sample: Evaluated[ImpulseStep]) -> Iterator[tuple[int, float, float]]:
         """Yield joints with the force of their motor and its limit."""
         places = [there.start for there in self.laws.tree.tree.velocities]
         for place, force, largest in sample.solution.motors:
             yield places.index(place), force, largest
+
+
+def turned(state: WholeState, places: Sequence[int], angle: float, speed: float) -> WholeState:
+    """Return a state with a ball joint at an angle, moving on about the same axis.
+
+    The axis is that of its coordinates, (3,), which are 4 tan(angle / 4) along it.
+    """
+    z, m = state.z.copy(), state.m.copy()
+    size = float(np.linalg.norm(z[places]))
+    axis = z[places] / size if size else np.full(3, 3**-0.5)
+    z[places] = 4 * np.tan(angle / 4) * axis
+    m[places] = speed * axis
+    return state._replace(z=z, m=m)
 
 
 def state_sizes(engine: EngineStep) -> Array:

@@ -38,11 +38,6 @@ class LawEngine(WholeModel, Generic[M, S]):
         """States of the file at rest."""
         return self._comparison.model.starts
 
-    @property
-    def ranges(self) -> tuple[Array, Array]:
-        """Ranges of coordinates and of controls."""
-        return self._comparison.model.ranges
-
     def moved(self, state: WholeState, steps: int) -> WholeState:
         """Return the state after some steps of the other engine."""
         return self._comparison.model.moved(state, steps)

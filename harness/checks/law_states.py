@@ -14,6 +14,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     M,
     S,
     WholeStepComparison,
+    turned,
 )
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -69,20 +70,20 @@ def drawn_states(
     for k in range(count):
         start = starts[k % len(starts)]
         for attempt in range(ATTEMPTS):
-            state = _driven(model, rng, start, k // 2)
+            state = _driven(comparison, rng, start, k // 2)
             match k % 3:
                 case 0:
                     moved = _fallen(comparison, rng, state, 0 if attempt else k)
                 case 1:
                     moved = _beyond(comparison, rng, state, k // 3)
                 case _:
-                    moved = state._replace(z=_anywhere(model, rng, state.z))
+                    moved = state._replace(z=_anywhere(comparison, rng, state.z))
             speed = model.speed * rng.normal(size=len(moved.m))
             drawn = moved._replace(m=moved.m + speed)
             if k % 2:
                 drawn = _unsaturated(comparison, rng, drawn)
             if isinstance(model.rules, ImpulseRules):
-                drawn = _pressed(model, model.rules, drawn)
+                drawn = _pressed(comparison, model.rules, drawn)
             step = _usable_step(model, drawn)
             if step is not None:
                 yield drawn, step
@@ -155,14 +156,14 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
     starts, kinds = list(model.starts), {part.kind for part in parts}
     limits = sorted(part for part in parts if part.kind == "limit")
     for k in range(CANDIDATES):
-        state = _driven(model, rng, starts[k % len(starts)], k)
+        state = _driven(comparison, rng, starts[k % len(starts)], k)
         fast = state._replace(m=state.m * FASTEST ** rng.uniform(-0.5, 1))
         if limits:
-            moved = fast._replace(z=_anywhere(model, rng, state.z))
+            moved = fast._replace(z=_anywhere(comparison, rng, state.z))
             states.append(_beyond(comparison, rng, moved, k))
-        if kinds & {"force", "joint force"}:
-            states.append(fast._replace(z=_anywhere(model, rng, state.z)))
-        if "control" in kinds:
+        if kinds & {"force", "joint force", "tendon force"}:
+            states.append(fast._replace(z=_anywhere(comparison, rng, state.z)))
+        if kinds & {"control", "state"}:
             eased.append(len(states))
             states.append(state)
         if kinds & {"dry friction", "equality"}:
@@ -170,10 +171,11 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
             held.append(len(states))
             states.append(state._replace(z=state.z + near, m=SMALL**2 * state.m))
     for part in limits:
-        for start in (starts[0], starts[0]._replace(z=_anywhere(model, rng, starts[0].z))):
-            share, speed = DEEPEST * rng.uniform(0.1, 1), MAX_OUTWARD ** rng.uniform(-1, 1)
+        elsewhere = starts[0]._replace(z=_anywhere(comparison, rng, starts[0].z))
+        for start, forced in ((starts[0], False), (elsewhere, True)):
+            share, speed = DEEPEST * 10 ** rng.uniform(-2, 0), MAX_OUTWARD ** rng.uniform(-1, 1)
             held.append(len(states))
-            states.append(comparison.at_limit(start, part, share, speed))
+            states.append(comparison.at_limit(start, part, share, speed, forced=forced))
     for places, change in ((eased, comparison.eased), (held, comparison.held)):
         for i, changed in zip(places, change([states[i] for i in places]), strict=True):
             states[i] = changed
@@ -192,13 +194,14 @@ def _usable_step(model: WholeModel, state: WholeState) -> EngineStep | None:
 
 
 def _driven(
-    model: WholeModel, rng: np.random.Generator, start: WholeState, turn: int
+    comparison: WholeStepComparison[M, S], rng: np.random.Generator, start: WholeState, turn: int
 ) -> WholeState:
     """Return a start with random velocities, controls and states of drives.
 
     In turn, the controls are inside and beyond both ends of their ranges, then all on one side, so
-    that limits of sums act: each control is beyond each end in some of the turns.
+    that limits of sums act: each control is beyond each end in some of the turns. So are states.
     """
+    model, (controls, activations) = comparison.model, comparison.drive_ranges
     places = (np.arange(model.controls) + turn) % 3 - 1
     sign = SIGNS[turn % len(SIGNS)]
     inside, outside = rng.uniform(-1, 1, (2, model.controls)) + 0 * start.controls  # NaN: off
@@ -206,7 +209,7 @@ def _driven(
     share = np.where(places == 0, inside, places * beyond)
     if sign:
         share = sign * SPREAD * np.abs(inside)
-    lower, upper = model.ranges[1].T
+    lower, upper = controls.T
     limited = np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(limited, lower, -1.0), np.where(limited, upper, 1.0)
     middle, half = (low + high) / 2, (high - low) / 2
@@ -214,8 +217,19 @@ def _driven(
         z=start.z,
         m=0.3 * rng.normal(size=len(start.m)),
         controls=middle + half * share,
-        activations=start.activations + rng.uniform(0, 1, model.activations),
+        activations=_drawn_activations(activations, rng, start.activations),
     )
+
+
+def _drawn_activations(ranges: Array, rng: np.random.Generator, start: Array) -> Array:
+    """Return states of drives, (activations,), up to an eighth of their ranges beyond them."""
+    low, high = ranges.T
+    share, limited = rng.uniform(0, 1, len(start)), np.isfinite(low) & np.isfinite(high)
+    low, width = (
+        np.where(limited, low, 0.0),
+        np.where(limited, high, 0.0) - np.where(limited, low, 0.0),
+    )
+    return np.where(limited, low + width * (1.25 * share - 0.125), start + share)
 
 
 def _fallen(
@@ -231,7 +245,7 @@ def _fallen(
         return model.moved(state, int(rng.integers(1, SHORT)))
     z = state.z.copy()
     for place in comparison.rotations:
-        if np.any(np.isinf(model.ranges[0][place])):
+        if np.any(np.isinf(comparison.ranges[place])):
             z[place] += rng.normal()
     return model.moved(state._replace(z=z), int(rng.integers(LONG // 2, LONG)))
 
@@ -246,9 +260,11 @@ def _unsaturated(
     return state.driven_by(controls, activations)
 
 
-def _pressed(model: WholeModel, rules: ImpulseRules, state: WholeState) -> WholeState:
+def _pressed(
+    comparison: WholeStepComparison[M, S], rules: ImpulseRules, state: WholeState
+) -> WholeState:
     """Return a state whose joints beyond their limits move outward, and are not driven back."""
-    low, high = model.ranges[0].T
+    model, (low, high) = comparison.model, comparison.ranges.T
     outward = np.sign(np.maximum(state.z - high, 0.0) - np.maximum(low - state.z, 0.0))
     controls = state.controls.copy()
     for i, name in enumerate(rules.controls):
@@ -264,26 +280,40 @@ def _beyond(
 ) -> WholeState:
     """Return a state with half of the limited joints at a limit, up to 2 % beyond it.
 
-    The turns put each joint at both of its limits.
+    The turns put each joint at both of its limits. Balls are always beyond theirs, about any axis.
     """
     z, count = state.z, len(state.z)
-    ranges, place = comparison.model.ranges[0], np.arange(count) + turn
+    ranges, place = comparison.ranges, np.arange(count) + turn
     chosen = np.isfinite(ranges).all(axis=1) & (place % 2 == 0)
     end = place // 2 % 2
     width = np.where(chosen, ranges[:, 1] - ranges[:, 0], 0.0)
     bound = np.where(chosen, ranges[np.arange(count), end], z)
     outwards = np.where(chosen, 2 * end - 1, 0)
     sign = np.where(rng.uniform(size=count) < INSIDE, -1, 1)
-    depth = sign * width * DEEPEST * 10 ** rng.uniform(-2, 0, count)
+    # One state of each end is deep, so that a limit that acts elsewhere shows.
+    drawn = rng.uniform(-2, 0, count)
+    share = np.where(place // 4 % 2, 10**drawn, 1 + drawn / 4)
+    depth = sign * width * DEEPEST * share
     moved = state._replace(z=bound + outwards * depth)
     speed = comparison.outward_speed(moved, outwards) * rng.uniform(1, 2, count)
-    return moved._replace(m=state.m + speed)
+    moved = moved._replace(m=state.m + speed)
+    for i, (places, angle) in enumerate(comparison.balls):
+        if (i + turn) % 2 == 0:
+            moved.z[places] = rng.normal(size=3)
+            beyond = angle * (1 + DEEPEST * 10 ** rng.uniform(-2, 0))
+            moved = turned(moved, places, beyond, 0.2 * MAX_OUTWARD * rng.uniform())
+    return moved
 
 
-def _anywhere(model: WholeModel, rng: np.random.Generator, z: Array) -> Array:
+def _anywhere(comparison: WholeStepComparison[M, S], rng: np.random.Generator, z: Array) -> Array:
     """Return positions anywhere in the joints' ranges."""
-    ranges = model.ranges[0]
+    ranges = comparison.ranges
     limited = np.isfinite(ranges).all(axis=1)
     low, high = (np.where(limited, end, 0.0) for end in ranges.T)
     place = low + (high - low) * rng.uniform(size=len(z))
-    return np.where(limited, place, z)
+    result = np.where(limited, place, z)
+    for places, angle in comparison.balls:
+        axis = rng.normal(size=3)
+        share = angle * rng.uniform()
+        result[places] = 4 * np.tan(share / 4) * axis / np.linalg.norm(axis)
+    return result

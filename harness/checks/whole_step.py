@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
-from numpy.typing import NDArray
 
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.checks.law_comparison import (
@@ -52,7 +51,7 @@ from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.case import CaseKind, LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import ActingState
-from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.status import counted, listed
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules, Rules, SoftRules
 from physics_crosscheck.reference.mechanism.tree import TreeError
@@ -120,7 +119,7 @@ class WholeStepCheck:
         """Combine the verdict on a motion with this one: a difference in either counts."""
         judged, record = self.judgement, self.record
         if verdict.outcome is Outcome.DIFFERS:
-            return verdict
+            return replace(verdict, reason=f"{verdict.reason}{self._besides}")
         if self.misread:
             return self._misread(verdict)
         if judged is None or not self._differs:
@@ -139,6 +138,15 @@ class WholeStepCheck:
             ),
             resolution=self.resolution,
         )
+
+    @property
+    def _besides(self) -> str:
+        """The difference of whole steps beside one of the motion, as the end of a sentence."""
+        judged = self.judgement
+        if judged is None or not self._differs:
+            return ""
+        off = f"{self.record.component} is off by {judged.discrepancy:.2e} of its largest value"
+        return f"; with limits, friction, contacts and drives, {off}"
 
     def _misread(self, verdict: CaseJudgement) -> CaseJudgement:
         """Return the verdict of numbers that the engine compiles otherwise."""
@@ -215,10 +223,12 @@ def _check_laws(
     if laws.laws.uncovered:
         check = WholeStepCheck.skipped(laws.laws.uncovered)
     else:
-        besides = (Omission(what=what, count=count, where=()) for what, count in compiled.besides)
-        covered = tuple(map(format_omission, besides))
-        comparison = LawComparison(laws, model)
-        check = _check(comparison, covered, resolution, steps)
+        besides = [Omission(what=what, count=count, where=()) for what, count in compiled.besides]
+        names = {
+            "drives": [one.name for one in compiled.actuators],
+            "shapes": [place for one in compiled.placed if (place := one.name).startswith("geom:")],
+        }
+        check = _check(LawComparison(laws, model, **names), besides, resolution, steps)
     return _with_reading(check, reading)
 
 
@@ -243,18 +253,29 @@ def _check_rules(
     """Compare steps by impulses or by convex laws, with the settings of an engine."""
     robot = read_as_it_runs(file, {**spec.settings, "couplings": False})
     parts = _parts_of(rules, floats=robot.floats)
-    covered = tuple(format_omission(one) for one in robot.left_out if one.what in parts)
+    omissions = [one for one in robot.left_out if one.what in parts]
     laws = ruled_model(robot, rules)
     if laws is None:
         return WholeStepCheck.skipped()
     if isinstance(laws, ImpulseModel):
-        return _check(ImpulseComparison(laws, model), covered, resolution, steps)
-    return _check(LawComparison(laws, model), covered, resolution, steps)
+        impulses = ImpulseComparison(laws, model, shapes=_shapes_of(rules))
+        return _check(impulses, omissions, resolution, steps)
+    law = LawComparison(laws, model, shapes=_shapes_of(rules))
+    return _check(law, omissions, resolution, steps)
+
+
+def _shapes_of(rules: Rules) -> tuple[str, ...]:
+    """Return the names of the links whose surfaces touch, by the surface."""
+    if isinstance(rules, SoftRules):
+        return tuple(rules.bodies[surface.body] for surface in rules.laws.surfaces)
+    if isinstance(rules, ImpulseRules):
+        return rules.bodies
+    return ("ground", *(link for link, _ in rules.shapes))
 
 
 def _check(
     comparison: WholeStepComparison[M, S],
-    covered: tuple[str, ...],
+    omissions: Sequence[Omission],
     resolution: float,
     steps: KeptSteps,
 ) -> WholeStepCheck:
@@ -269,29 +290,68 @@ def _check(
     compared, model = comparison.compare(evaluated), comparison.model
     judged = comparison.judge(compared, resolution)
     kept = compared.resolved(resolution)
+    rows = [sample for sample, keep in zip(evaluated, kept, strict=True) if keep]
+    covered, inactive = _covered(comparison, rows, omissions)
     return WholeStepCheck.compared(
         judged,
         resolution,
-        _acted(evaluated),
+        _acted(rows),
         component=comparison.components[judged.component],
-        states=int(np.sum(kept)),
+        states=len(rows),
+        unresolved=len(evaluated) - len(rows),
         step=number(model.step),
         next_state=comparison.steps,
         edits=model.edits,
         covered=covered,
+        inactive=inactive,
         uncovered=model.uncovered,
-        acting=_shown(comparison, evaluated, judged, kept),
+        acting=_shown(comparison, rows, judged),
     )
+
+
+_KINDS: Mapping[str, str] = {
+    "limits of position": "limit", "dry friction": "dry friction",
+    "collision geometry": "contact", "contact geometry": "contact",
+    "<contact> of <link>": "contact", "limits of effort": "clamp",
+    "saturation of actuators": "clamp", "equality constraints": "equality",
+    "actuators of other laws or transmissions": "drive",
+}  # fmt: skip
+"""Kinds of elements by the part of a file that they are; others act at every state."""
+
+NAMED = 4
+"""Number of elements that did not act which are named."""
+
+
+def _covered(
+    comparison: WholeStepComparison[M, S],
+    samples: Sequence[Evaluated[S]],
+    omissions: Sequence[Omission],
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the parts of a file that acted at judged states, and what of them never did."""
+    acted = {one for sample in samples for one in comparison.acting_elements(sample)}
+    elements = tuple(dict.fromkeys(comparison.elements()))
+    covered, inactive = [], []
+    for omission in omissions:
+        kind = _KINDS.get(omission.what, "")
+        names = tuple(name for other, name in elements if other == kind)
+        if omission.where and not (names and kind == "contact"):  # links may be fused with others
+            names = omission.where
+        silent = [name for name in names if (kind, name) not in acted]
+        if kind and len(silent) == len(names):
+            continue
+        covered.append(format_omission(omission))
+        if silent:
+            which = listed([name.removeprefix("geom:") for name in silent], NAMED)
+            inactive.append(f"{omission.what} ({len(silent)} of {len(names)} never acted: {which})")
+    return tuple(covered), tuple(inactive)
 
 
 def _shown(
     comparison: WholeStepComparison[M, S],
-    evaluated: Sequence[Evaluated[S]],
+    rows: Sequence[Evaluated[S]],
     judged: LimitVerdict,
-    kept: NDArray[np.bool_],
 ) -> ActingState:
     """Return the worst state, or for steps that agree the one where most forces act."""
-    rows = [sample for sample, keep in zip(evaluated, kept, strict=True) if keep]
     if judged.outcome is Outcome.DIFFERS:
         return acting_state(comparison, rows[judged.segment], differs=True)
     return acting_state(comparison, max(rows, key=_acting_forces), differs=False)

@@ -365,6 +365,7 @@ class CountedNumber:
         line: its place, such as `rod.xml:12`.
         effect: its effect.
         bound: whether it is compared with a formula.
+        read: whether its compiled value is compared with the text.
         smooth: whether smooth motions or frames of links depend on it, without whole steps.
     """
 
@@ -373,6 +374,7 @@ class CountedNumber:
     line: str
     effect: NumberEffect
     bound: bool = False
+    read: bool = False
     smooth: bool = False
 
 
@@ -383,7 +385,7 @@ def reason_of(path: str, purposes: Mapping[str, str]) -> str:
 
 def summarized(numbers: Sequence[CountedNumber], purposes: Mapping[str, str]) -> Coverage:
     """Count each number once, by the check that tests it, or by the reason that none does."""
-    counts = {"motion": 0, "audit": 0, "frames": 0}
+    counts = {"motion": 0, "audit": 0, "frames": 0, "read": 0}
     untested: dict[str, list[CountedNumber]] = {}
     for number in numbers:
         if number.effect is NumberEffect.MOTION:
@@ -392,6 +394,8 @@ def summarized(numbers: Sequence[CountedNumber], purposes: Mapping[str, str]) ->
             counts["frames"] += 1
         elif number.bound:
             counts["audit"] += 1
+        elif number.read:
+            counts["read"] += 1
         else:
             why = (
                 reason_of(number.path, purposes)
@@ -404,6 +408,7 @@ def summarized(numbers: Sequence[CountedNumber], purposes: Mapping[str, str]) ->
         motion=counts["motion"],
         audit=counts["audit"],
         frames=counts["frames"],
+        read=counts["read"],
         untested=tuple(
             Untested(reason=why, count=len(them), examples=_examples(why, them))
             for why, them in sorted(untested.items(), key=lambda item: -len(item[1]))
@@ -462,7 +467,7 @@ def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
             address=one.address,
             line=f"{one.file.name}:{one.line}",
             effect=_otherwise(one, says.get(i, NumberEffect.NONE), choices, fixed),
-            bound=i in read,
+            read=i in read,
             smooth=i in smooth,
         )
         for i, one in enumerate(numbers.numerals)

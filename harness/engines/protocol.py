@@ -423,11 +423,6 @@ class WholeModel(ABC):
     def starts(self) -> Iterable[WholeState]:
         """States of the file at rest: its drawn configuration first."""
 
-    @property
-    @abstractmethod
-    def ranges(self) -> tuple[Array, Array]:
-        """Ranges of coordinates, (nz, 2), and of controls, (controls, 2); infinite without one."""
-
     @abstractmethod
     def moved(self, state: WholeState, steps: int) -> WholeState:
         """Return the state after some steps."""

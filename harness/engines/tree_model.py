@@ -315,8 +315,3 @@ class UndrivenWhole(WholeModel):
     def starts(self) -> Iterator[WholeState]:
         """The drawn configuration."""
         yield WholeState(self.home, np.zeros(len(self.home)), self.home[:0], self.home[:0])
-
-    @property
-    def ranges(self) -> tuple[Array, Array]:
-        """Joint limits, and no controls."""
-        return self._model.limits, np.zeros((0, 2))

@@ -91,6 +91,7 @@ def _shape_file(name: str, path: Path) -> Path | None:
     folders = (path.parent, *path.resolve().parent.parents) if separator else (path.parent,)
     if prefix not in ("", "package", "model"):
         return None
+    rest = rest.lstrip("/") if separator else rest  # engines read package:///arm as package://arm
     shapes = (folder / rest for folder in folders)
     return next((shape.resolve() for shape in shapes if shape.is_file()), None)
 

@@ -83,7 +83,8 @@ def _without_compared(model: Model, case: Case) -> Model:
     steps, coverage = case.whole_step, model.coverage
     if steps is None or steps.outcome is None or coverage is None:
         return model
-    left_out = tuple(one for one in coverage.left_out if one not in steps.covered)
+    kept = (one for one in coverage.left_out if one not in steps.covered)
+    left_out = tuple(dict.fromkeys((*kept, *steps.inactive)))
     return replace(model, coverage=replace(coverage, left_out=left_out))
 
 

@@ -438,11 +438,13 @@ class WholeStep(Record, frozen=True, kw_only=True):
         uncertainty: Uncertainty of `discrepancy`: rounding, and the bound of the solver's error.
         component: The deciding component, such as `elbow_ddot`.
         states: Number of compared states.
+        unresolved: Number of further states whose uncertainty is above the resolution.
         step: Time step, seconds.
         next_state: Whether the next state was compared too, beyond accelerations.
         acted: Forces that acted at these states.
         edits: Options of the file that were changed, as `name=value`.
-        covered: Parts of the file that only this check compares, with their counts.
+        covered: Parts of the file that only this check compares, with their counts, if they acted.
+        inactive: What of these parts acted at no compared state.
         uncovered: Features without a law here; if any act on the bodies, nothing was compared.
         stated: Number of attributes whose compiled values were compared with the file's text.
         misread: Attributes that the compiler resolves otherwise, one sentence each.
@@ -455,11 +457,13 @@ class WholeStep(Record, frozen=True, kw_only=True):
     uncertainty: Number = None
     component: str = ""
     states: Count = 0
+    unresolved: Count = 0
     step: Number = None
     next_state: bool = False
     acted: tuple[LawTerm, ...] = ()
     edits: tuple[str, ...] = ()
     covered: tuple[str, ...] = ()
+    inactive: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
     stated: Count = 0
     misread: tuple[str, ...] = ()

@@ -28,8 +28,9 @@ class Coverage(Record, frozen=True, kw_only=True):
     Attributes:
         numbers: All numbers.
         motion: Numbers that accelerations at the tested states depend on.
-        audit: Further numbers bound to a formula, or compiled as the file's text states.
+        audit: Further numbers bound to a formula.
         frames: Further numbers that the pose of a declared frame depends on.
+        read: Numbers that no test depends on, but that the engine compiles as the text states.
         untested: All other numbers, by reason.
         note: Reason if the numbers were not counted; empty otherwise.
         left_out: Features of the file that are not compared, such as `dry friction of 7 joints`.
@@ -40,6 +41,7 @@ class Coverage(Record, frozen=True, kw_only=True):
     motion: Count = 0
     audit: Count = 0
     frames: Count = 0
+    read: Count = 0
     untested: tuple[Untested, ...] = ()
     note: str = ""
     left_out: tuple[str, ...] = ()

@@ -34,8 +34,10 @@ def coverage_summary(models: Iterable[Model]) -> str:
             best[key] = coverage
     total = sum(coverage.numbers for coverage in best.values())
     tested = sum(coverage.seen for coverage in best.values())
+    read = sum(coverage.read for coverage in best.values())
     share = f"{100 * tested / total:.0f} %" if total else ""
-    return f"{tested} of {counted(total, 'number')} tested ({share})" if total else ""
+    line = f"{tested} of {counted(total, 'number')} tested ({share})" if total else ""
+    return f"{line}, {read} only read" if read else line
 
 
 def left_out(models: Iterable[Model]) -> list[str]:
@@ -84,11 +86,16 @@ def numbers_seen(coverage: Coverage, examples: bool, engine: str) -> str:
     line = f"{coverage.seen} of {counted(coverage.numbers, 'number')} tested"
     line += f" in {coverage.engine}" if coverage.engine not in ("", engine) else ""
     line += f" ({counts_text})" if counts_text else ""
+    line += f"; {coverage.read} only {READ}" if coverage.read else ""
     untested = [
         f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"
         for one in coverage.untested
     ]
     return line + (f"; untested: {', '.join(untested)}" if untested else "")
+
+
+READ = "read: compiled as the text states, but no test depends on them"
+"""Meaning of the numbers that are only read."""
 
 
 def _some(untested: Untested) -> str:

@@ -64,6 +64,20 @@ def status_of(
     return Decision(TestStatus.PASS, "")
 
 
+def unsettled_steps(case: Case) -> str:
+    """Return how whole steps differ, unless they decide the case, or are unresolved; else ""."""
+    step = case.whole_step
+    if step is None or step.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
+        return ""
+    deciding = case.verdict is not None and case.verdict.decided_by == "whole steps"
+    if step.outcome is Outcome.DIFFERS:
+        off = f"{step.component} off by {percent(step.discrepancy or 0.0)} of its largest value"
+        states = counted(step.states, "state")
+        return "" if deciding else f"differ at {states}: {off}, uncertainty {step.uncertainty:.1e}"
+    states = counted(step.unresolved or step.states, "state")
+    return f"unresolved at {states}: uncertainty {step.uncertainty:.1e} of {step.component}"
+
+
 def counted(number: int, noun: str, plural: str = "") -> str:
     """Return a count with its noun: `1 finding`, `2 findings`, `2 bodies`.
 

@@ -178,8 +178,8 @@ class Constraints:
                          part=Part("dry friction", i))  # fmt: skip
         for i, limit in enumerate(self.laws.limits):
             self._add_limit(rows, posture, limit, i)
-        for contact in contacts:
-            self._add_contact(rows, posture, contact)
+        for i, contact in enumerate(contacts):
+            self._add_contact(rows, posture, contact, i)
         return rows
 
     def _directions(self, posture: Posture, joint: int, path: int) -> list[tuple[Array, float]]:
@@ -286,7 +286,7 @@ class Constraints:
         pair = self.laws.surfaces[first], self.laws.surfaces[other]
         return mix_surfaces(*pair, mixing=self.laws.mixing)
 
-    def _add_contact(self, rows: Rows, posture: Posture, contact: ContactPoint) -> None:
+    def _add_contact(self, rows: Rows, posture: Posture, contact: ContactPoint, index: int) -> None:
         """Add the rows of a contact within its margin, unless both bodies stand still."""
         parameters = self._parameters(contact)
         violation = contact.distance - parameters.margin
@@ -309,6 +309,7 @@ class Constraints:
             position=abs(contact.distance) + parameters.margin,
             arms=sizes @ (np.abs(angular) + np.abs(angular_2)),
             weight=float(self.weights.bodies[first, 0] + self.weights.bodies[other, 0]),
+            part=Part("contact", index),
         )
         friction = np.maximum(self.laws.least_friction, parameters.friction)
         friction = friction[: parameters.dimension - 1]
@@ -336,12 +337,13 @@ class _ContactRows:
     position: float
     arms: Array
     weight: float
+    part: Part
 
     def add(self, kind: Kind, row: Array, weight: float) -> None:
         """Add a row that resists the violation."""
         self.rows.add(
             kind, row, self.parameters.softness, self.violation, weight,
-            position=self.position, arms=self.arms,
+            position=self.position, arms=self.arms, part=self.part,
         )  # fmt: skip
 
     def add_pyramid(self, friction: Array, ratio: float) -> None:
@@ -362,7 +364,7 @@ class _ContactRows:
         for row, mu in zip(self.jacobian[1:], friction, strict=True):
             weight = self.weight / ratio * float(friction[0] / mu) ** 2
             self.rows.add(Kind.BLOCK, row, softness, 0.0, weight, depth=self.violation,
-                          arms=self.arms)  # fmt: skip
+                          arms=self.arms, part=self.part)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

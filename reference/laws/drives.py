@@ -98,10 +98,16 @@ def clamps(laws: Laws, posture: Posture, driven: Driven, controls: Array) -> Ite
         way = _end(float(controls[actuator.control]), actuator.control_range)
         if way and (actuator.state >= 0 or i not in driven.clipped):
             yield Part("control", i, way)
+        held = actuator.state >= 0 and _end(driven.states[actuator.state], actuator.state_range)
+        if held:
+            yield Part("state", i, held)
     for joint, (limits, lifted) in laws.joint_ranges.items():
         there = posture.parent.tree.velocities[joint]
         whole = driven.joint_forces[there] + (posture.lift[there] if lifted else 0.0)
         yield from {Part("joint force", joint, way) for x in whole if (way := _end(x, limits))}
+    for i, (members, limits) in enumerate(laws.sums):
+        if way := _end(float(driven.forces[list(members)].sum()), limits):
+            yield Part("tendon force", i, way)
 
 
 def _end(value: float, limits: Range | None) -> int:

@@ -234,6 +234,14 @@ class ImpulseStep:
                 impulse, largest = self._solution[0][i], self.rows.bounds[i][1]
                 yield place, float(impulse) / self.step, largest / self.step
 
+    def acting(self) -> Iterator[tuple[str, int]]:
+        """Yield the kind of each limit and motor at a limit that acts, and its velocity's index."""
+        for i, name in enumerate(self.rows.names):
+            size, highest = abs(float(self._solution[0][i])), self.rows.bounds[i][1]
+            kind = {"limits": "limit", "motors": "clamp"}.get(name, "")
+            if kind and size and (kind == "limit" or size >= highest):
+                yield kind, int(np.flatnonzero(self.rows.jacobian[i])[0])
+
     def acted(self, a: Array) -> Iterator[tuple[str, int]]:
         """Yield how often forces of each kind acted."""
         impulses = self._solution[0]

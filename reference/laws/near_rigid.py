@@ -149,7 +149,6 @@ class NearRigidModel(LawModel):
                 clipped=frozenset(), damping=np.zeros((nv, nv)),
             ),
             parts=tuple(rows.parts),
-            contacts=len(contacts),
         )  # fmt: skip
 
     def rows(self, posture: Posture, contacts: Sequence[ContactPoint]) -> Rows:
@@ -179,12 +178,12 @@ class NearRigidModel(LawModel):
             )  # fmt: skip
         axes = self._world_axes(posture)
         mobility = axes / np.diagonal(axes.T @ mass @ axes) @ axes.T
-        for contact in contacts:
-            self._add_point(rows, posture, contact, mobility)
+        for i, contact in enumerate(contacts):
+            self._add_point(rows, posture, contact, mobility, Part("contact", i))
         return rows
 
     def _add_point(
-        self, rows: Rows, posture: Posture, contact: ContactPoint, mobility: Array
+        self, rows: Rows, posture: Posture, contact: ContactPoint, mobility: Array, part: Part
     ) -> None:
         """Add the rows of a contact.
 
@@ -192,6 +191,7 @@ class NearRigidModel(LawModel):
             rows, posture, contact: as in `rows`.
             mobility: inverse of the diagonal of M + h D along the axes of the world, (nv, nv); the
                 law takes it for the whole inverse.
+            part: that the rows belong to.
         """
         rules, h = self.rules, self.rules.step
         surface, touched = (self.laws.compliant[i] for i in contact.surfaces)
@@ -217,7 +217,8 @@ class NearRigidModel(LawModel):
         rounding = rates * pair.friction * elastic / sliding if sliding else 0.0
         sizes, shares = (depth / h**2, 0.0, 0.0), (0.0, rounding, rounding)
         for row, size, share in zip(jacobian, sizes, shares, strict=True):
-            rows.add_rate(Kind.BLOCK, row, size=size, arms=arms + share * np.abs(row))
+            rows.add_rate(Kind.BLOCK, row, size=size, arms=arms + share * np.abs(row),
+                          part=part)  # fmt: skip
 
     def _world_axes(self, posture: Posture) -> Array:
         """Return stored velocities by those along the axes of the world, (nv, nv)."""

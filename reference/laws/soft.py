@@ -87,8 +87,9 @@ class Part(NamedTuple):
     """A part of the laws that acts at some states.
 
     Attributes:
-        kind: "limit", "dry friction", "equality", "contact", "control", "force", "joint force".
-        place: index of the limit, friction, equality, drive or joint.
+        kind: "limit", "dry friction", "equality", "contact", "control", "state", "force", "joint
+            force", "tendon force".
+        place: index of the limit, friction, equality, contact, drive, joint or sum.
         way: end of a range, -1 or 1; 1 for friction that slides, and for an equality within the
             width of its impedance.
     """
@@ -96,9 +97,6 @@ class Part(NamedTuple):
     kind: str
     place: int = -1
     way: int = 0
-
-
-CONTACT = Part("contact")
 
 
 class RowBlock(Protocol):
@@ -184,7 +182,7 @@ class Rows:
         bias: float = 0.0,
         bound: float = 0.0,
         arms: Array | float = 0.0,
-        part: Part = CONTACT,
+        part: Part,
     ) -> None:
         """Add a row.
 
@@ -220,7 +218,7 @@ class Rows:
         bound: float = 0.0,
         size: float = 0.0,
         arms: Array | float = 0.0,
-        part: Part = CONTACT,
+        part: Part,
     ) -> None:
         """Add a row whose x is its velocity after the step, per second of it.
 

@@ -31,14 +31,12 @@ class LawStep:
         problem: the convex problem of the constraints.
         driven: the drives.
         parts: of the laws, which the rows belong to.
-        contacts: their number.
     """
 
     posture: Posture
     problem: Problem
     driven: Driven
     parts: tuple[Part, ...]
-    contacts: int
 
     def uncertainty(self, a: Array, unbalanced: Array) -> Array:
         """Return the uncertainty of accelerations, (nv,), by rounding and by both solvers.
@@ -59,8 +57,9 @@ class LawStep:
         active = self.problem.forces(a)[0] != 0
         for kind, name in _NAMES.items():
             yield name, int(np.sum(active & (self.problem.kinds == kind.value)))
-        yield "contacts", self.contacts
-        yield "limits", sum(part.kind == "limit" for part in self.parts)
+        acting = {part for part, acts in zip(self.parts, active, strict=True) if acts}
+        for word in ("contact", "limit"):
+            yield f"{word}s", sum(part.kind == word for part in acting)
         yield "drives at a limit", len(self.driven.clipped)
         yield "drives", int(np.count_nonzero(self.driven.forces))
 
@@ -154,7 +153,6 @@ class LawModel(Constraints):
             problem=rows.problem(posture.mass, free),
             driven=driven,
             parts=tuple(rows.parts),
-            contacts=len(contacts),
         )
 
     def solve(
@@ -199,21 +197,23 @@ class LawModel(Constraints):
                 yield Part("equality", i, 1)
         for i, actuator in enumerate(laws.drives):
             ranges = {"control": actuator.control_range, "force": actuator.force_range}
+            ranges["state"] = actuator.state_range if actuator.state >= 0 else None
             for kind, limits in ranges.items() if actuator.on else ():
                 if limits is not None:
                     yield from (Part(kind, i, way) for way in (-1, 1))
         for joint in laws.joint_ranges:
             yield from (Part("joint force", joint, way) for way in (-1, 1))
+        for i in range(len(laws.sums)):
+            yield from (Part("tendon force", i, way) for way in (-1, 1))
 
     def acting(self, solution: LawSolution) -> Iterator[Part]:
         """Yield the parts that act at a state."""
         law = solution.law
         forces = np.abs(law.problem.forces(solution.acceleration)[0])
         for part, force, bound in zip(law.parts, forces, law.problem.bounds, strict=True):
-            if part.kind == "dry friction":
-                yield part._replace(way=int(force >= bound))
-            elif force:
-                yield part
+            if force:
+                slides = part.kind == "dry friction"
+                yield part._replace(way=int(force >= bound)) if slides else part
         yield from clamps(self.laws, law.posture, law.driven, solution.controls)
 
     def advance(self, law: LawStep, a: Array) -> Array | None:

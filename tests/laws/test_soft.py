@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
-from physics_crosscheck.reference.laws.soft import Kind, Rows, gains, impedance
+from physics_crosscheck.reference.laws.soft import Kind, Part, Rows, gains, impedance
 from physics_crosscheck.reference.mechanism.laws import Softness
 from tests.laws.ball import GRAVITY, SLIDES, ball, on_plane, surface
 
@@ -126,7 +126,7 @@ def test_known_error_of_a_solver_is_removed() -> None:
 def test_dry_friction_holds_up_to_its_force() -> None:
     """Catch friction that has no limit, and friction that does not hold."""
     rows = Rows(step=0.002, safe=True, velocities=np.zeros(1))
-    rows.add(Kind.FRICTION, np.ones(1), FLAT, 0.0, 0.5, bound=3.0)
+    rows.add(Kind.FRICTION, np.ones(1), FLAT, 0.0, 0.5, bound=3.0, part=Part("dry friction"))
     mass = np.array([[2.0]])
     held = rows.problem(mass, np.array([1.0]))
     slides = rows.problem(mass, np.array([4.0]))

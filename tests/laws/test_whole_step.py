@@ -125,7 +125,39 @@ def test_rounding_agrees_without_accelerations(tmp_path: Path) -> None:
     assert check.judgement.largest_discrepancy < 1e-12
 
 
+SLIDE = """<mujoco><option {}/><worldbody><body><joint name="a" type="slide" axis="1 0 0"
+ range="-1 1" damping="1"/><geom size=".1" mass="1" contype="0" conaffinity="0"/></body>
+<body pos="0 0 3"><joint name="b" type="ball" range="0 40" damping=".2"/>
+<geom type="capsule" size=".04 .15" pos="0 0 -.2" contype="0" conaffinity="0"/></body></worldbody>
+<tendon><fixed name="t" range="-90 90"><joint joint="a" coef="1"/></fixed></tendon>
+<actuator><motor joint="a" ctrlrange="-3 3"/><intvelocity joint="a" kp="2" actrange="-5 5"/>
+</actuator></mujoco>"""
+
+EXPLODES = """<robot name="stiff"><link name="base"/>
+<joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" effort="50" velocity="5"/><dynamics damping="9"/></joint>
+<link name="upper"><inertial><mass value=".5"/><origin xyz="0 0 -.1"/>
+<inertia ixx="2e-4" ixy="0" ixz="0" iyy="2e-4" iyz="0" izz="2e-4"/></inertial></link></robot>"""
+
+
+def test_engine_recovers_from_a_motion_that_explodes(tmp_path: Path) -> None:
+    """Catch numbers that are not finite and stay in PyBullet, so that no limit acts again."""
+    check = checked(tmp_path, EXPLODES)
+    assert check.record.outcome is Outcome.AGREES
+    assert "limits" in {term.name for term in check.record.acted}
+
+
+def test_elements_that_never_act_are_named(tmp_path: Path) -> None:
+    """Catch a kind of force that counts as compared since another one of its kind acted."""
+    record = checked(tmp_path, SLIDE.format("")).record
+    assert record.covered == ("saturation of actuators (2)", "limits of position (3)")
+    assert record.inactive == ("limits of position (1 of 3 never acted: tendon 1)",)
+
+
 FAULTS = {
+    "range of a ball": (SLIDE, 'range="0 40"', 'range="0 40.0001"'),
+    "lost range of a control": (SLIDE, ' ctrlrange="-3 3"', ""),
+    "actrange": (SLIDE, 'actrange="-5 5"', 'actrange="-5 5.00001"'),
     "torsional friction": (TOUCH[4], ".02 .003", ".02000002 .003"),
     "solref": (PAIR, 'solref=".03 .9"', 'solref=".03000003 .9"'),
     "margin": (TOUCH[3], 'margin=".001"', 'margin=".001000001"'),

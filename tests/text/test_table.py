@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
+from physics_crosscheck.harness.interfaces.pytest_plugin.collect import properties
 from physics_crosscheck.harness.records.case import (
     Case,
     CaseId,
@@ -289,6 +290,28 @@ def test_whole_steps_without_a_verdict_take_one_line_without_details() -> None:
         "whole steps without a verdict in mujoco, pybullet; --details gives the reason"
     ]
     assert [line.endswith(reason) for line in whole_step_lines(cases, details=True)] == [True, True]
+
+
+def test_whole_steps_that_differ_or_are_unresolved_are_listed() -> None:
+    """Catch a step that is off by 110 % behind a motion, or behind the steps of other engines."""
+    numbers: dict[str, Any] = {"component": "knee_ddot", "uncertainty": 2e-9, "states": 19}
+    step = WholeStep(outcome=Outcome.UNRESOLVED, discrepancy=1e-9, **numbers)
+    wrong = WholeStep(outcome=Outcome.DIFFERS, discrepancy=1.1, **numbers)
+    good = WholeStep(outcome=Outcome.AGREES, discrepancy=3e-12, **{**numbers, "unresolved": 5})
+    cases = [
+        case(engine="drake", whole_step=good),
+        case(engine="dart", whole_step=step),
+        case(Outcome.DIFFERS, engine="pybullet", whole_step=wrong),
+    ]
+    assert whole_step_lines(cases, details=False) == [
+        "whole steps at 19 states, where no limit, contact or drive acts, agree to 3.0e-12; 5 more"
+        " unresolved",
+        "disc/mujoco.xml/free [dart]: whole steps unresolved at 19 states: uncertainty 2.0e-09 of"
+        " knee_ddot",
+        "disc/mujoco.xml/free [pybullet]: whole steps differ at 19 states: knee_ddot off by 110 %"
+        " of its largest value, uncertainty 2.0e-09",
+    ]
+    assert properties(cases[2])["whole steps"].startswith("differ at 19 states")
 
 
 def test_worst_event_is_named_and_short_events_are_counted() -> None:

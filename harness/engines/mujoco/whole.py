@@ -73,15 +73,6 @@ class MujocoWhole(WholeModel):
             z = np.array(self._states.coordinates_of(np.array(qpos, dtype=float), None))
             yield WholeState(z, np.zeros(m.nv), np.array(controls), np.array(activations))
 
-    @property
-    def ranges(self) -> tuple[Array, Array]:
-        """Ranges of the coordinates, (nz, 2), and of the controls, (controls, 2)."""
-        m, joints = self._model, self._states.joints
-        single = np.array(m.jnt_limited, dtype=bool)[joints] & self._states.single
-        z = np.where(single[:, None], np.array(m.jnt_range)[joints], [-np.inf, np.inf])
-        limited = np.array(m.actuator_ctrllimited, dtype=bool)[:, None]
-        return z, np.where(limited, m.actuator_ctrlrange, [-np.inf, np.inf])
-
     def moved(self, state: WholeState, steps: int) -> WholeState:
         """Return the state after some steps."""
         import mujoco

@@ -77,14 +77,14 @@ class PybulletWhole(WholeModel):
 
     Args:
         model: the loaded model, with `WHOLE_SETTINGS`.
-        load: returns its body, which is loaded again if another model has replaced it.
+        load: returns its body, which is loaded again if another model has replaced it, or `reload`.
     """
 
     activations = 0
     edits = _EDITS
     speed = 0.4  # above that at which contacts bounce
 
-    def __init__(self, model: LoadedModel, load: Callable[[], BodyStepper]) -> None:
+    def __init__(self, model: LoadedModel, load: Callable[..., BodyStepper]) -> None:
         import pybullet as p
 
         self._model, self._load = model, load
@@ -151,12 +151,6 @@ class PybulletWhole(WholeModel):
         for control in (0.0, 0.0, np.nan, np.nan):
             controls = np.full(self.controls, control)
             yield WholeState(home, np.zeros(len(home)), controls, home[:0])
-
-    @property
-    def ranges(self) -> tuple[Array, Array]:
-        """Joint limits, and those of the joints that motors drive."""
-        limits = self._model.limits
-        return limits, limits[self._free :]
 
     def moved(self, state: WholeState, steps: int) -> WholeState:
         """Return the state after some steps."""
@@ -238,7 +232,10 @@ class PybulletWhole(WholeModel):
     def _read(self, state: WholeState, turn: Array | None) -> WholeState:
         """Return the current state, with velocities for a given rotation of the base."""
         z = self._stepper.position()
-        return state._replace(z=z, m=self._velocities(self._turn(z) if turn is None else turn))
+        m = self._velocities(self._turn(z) if turn is None else turn)
+        if not np.isfinite([*z, *m]).all():  # a NaN stays through every reset: no row acts again
+            self._load(reload=True)
+        return state._replace(z=z, m=m)
 
     def _contacts(self) -> Iterator[ImpulseContact]:
         """Yield contacts, from the second body to the first one, whose normal PyBullet reports."""

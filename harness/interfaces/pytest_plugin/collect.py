@@ -39,7 +39,12 @@ from physics_crosscheck.harness.results.failure import (
     in_brief,
 )
 from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
-from physics_crosscheck.harness.results.status import Decision, TestStatus, status_of
+from physics_crosscheck.harness.results.status import (
+    Decision,
+    TestStatus,
+    status_of,
+    unsettled_steps,
+)
 from physics_crosscheck.harness.results.visible import visible_lines
 
 RUNNER = pytest.StashKey[CaseRunner]()
@@ -328,6 +333,8 @@ def properties(case: Case) -> dict[str, str]:
     values = {"outcome": str(case.outcome), **figures(case)}
     if (worst := largest(case)) is not None:
         values["largest"] = f"{worst:.3e}"
+    if steps := unsettled_steps(case):
+        values["whole steps"] = steps
     return values
 
 

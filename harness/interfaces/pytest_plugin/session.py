@@ -302,6 +302,8 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
         if report.passed and "accepted" in facts:
             outcome = facts.get("outcome", "audit")
             reporter.write_line(f"accepted: {outcome} {report.nodeid}: {facts['accepted']}")
+        if "whole steps" in facts:
+            reporter.write_line(f"{report.nodeid}: whole steps {facts['whole steps']}")
     skipped = Counter(report.longrepr[2] for report, _ in report_properties if report.skipped)
     for reason, number in skipped.items():
         reporter.write_line(

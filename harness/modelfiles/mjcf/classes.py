@@ -175,7 +175,7 @@ def orientation(chain: Chain, source: MjcfSource) -> tuple[float, ...]:
         y = y / np.linalg.norm(y)
         turn = np.stack([x, y, cross(x, y)], axis=1)
     else:
-        turn = _to_axis(numbers)
+        turn = to_axis(numbers)
     return to_quaternion(turn)
 
 
@@ -184,7 +184,7 @@ def _about(axis: Array, angle: float) -> Array:
     return about_axis(axis / np.linalg.norm(axis), np.array(angle), DOUBLES)
 
 
-def _to_axis(axis: Array) -> Array:
+def to_axis(axis: Array) -> Array:
     """Return the smallest rotation that turns the z axis to another one."""
     normal = cross(np.array([0.0, 0.0, 1.0]), axis)
     sine = float(np.linalg.norm(normal))

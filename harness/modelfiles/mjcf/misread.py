@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated import (
     StatedLaws,
     StatedRow,
     surface_values,
+    trimmed,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import drive_values
 from physics_crosscheck.reference.laws.mechanics import Posture
@@ -34,11 +36,15 @@ from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 ROUNDED, RESOLVED = 8 * float(np.finfo(float).eps), 1e-9
 """Largest relative difference of a number, and of one that follows from several."""
 
-AS_WHOLE = {"pos": 1e-12, "quat": RESOLVED, "fullinertia": RESOLVED}
+AS_WHOLE = {"pos": 1e-12, "quat": RESOLVED, "fullinertia": RESOLVED, "axis": 1e-12}
 """Attributes that are compared relative to their largest number, with the largest difference.
 
 A compiler moves shapes with meshes, and finds principal axes.
 """
+
+
+SMALLEST_PLACE = 0.1
+"""Smallest coordinate that the rounding of a place is relative to, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +120,8 @@ def _kind(key: Key) -> str:
 _NOT_READ: Mapping[str, str] = {
     "body": "inertias of generated or fused bodies",
     "joint": "limits and friction of generated joints",
-    "geom": "contact parameters of generated or fused shapes",
+    "geom": "sizes and contact parameters of generated or fused shapes",
+    "site": "generated or fused sites",
     "drive": "generated drives, and drives of other transmissions",
     "tendon": "limits and friction of generated tendons",
     "pair": "generated pairs of shapes",
@@ -129,16 +136,18 @@ def skipped_kinds(
     laws = model.laws
     bodies = [body.name for body in compiled.bodies]
     joints = [joint.name for body in compiled.bodies for joint in body.joints]
-    geoms = [one.name.partition(":")[2] for one in compiled.placed if one.name.startswith("geom:")]
+    placed = [shape.name.partition(":")[::2] for shape in compiled.placed]
+    geoms, sites = ([name for one, name in placed if one == kind] for kind in ("geom", "site"))
     drives = [one.name for one in compiled.actuators]
-    kinds = (("body", bodies), ("joint", joints), ("geom", geoms), ("drive", drives))
+    kinds = (("body", bodies), ("joint", joints), ("geom", geoms), ("site", sites),
+             ("drive", drives))  # fmt: skip
     for kind, names in kinds:
         mine = stated.names(kind)
         alike = len(mine) == len(names) and all(
             not one or one == other for one, other in zip(mine, names, strict=True)
         )
         alike &= kind != "drive" or len(names) == len(laws.drives)
-        if not alike or (kind == "geom" and stated.fuses):
+        if not alike or (kind in ("geom", "site") and stated.fuses):
             yield kind, _NOT_READ[kind]
     for kind, count in (
         ("tendon", len(compiled.paths) - len(laws.drives)),
@@ -162,11 +171,19 @@ def _compiled_rows(
             "cone": ("elliptic" if laws.elliptic else "pyramidal",),
             "impratio": (laws.friction_ratio,),
             "refsafe": (float(laws.safe),),
+            "gravity": compiled.gravity,
         },
     )
     # Only those that the file states: inertias may follow from shapes, and places from a <frame>.
     placed = (row for row in _bodies_and_joints(compiled) if row[0] in stated.rows)
     yield from (*placed, *_resistances(laws))
+    springs = {force.name: force for force in compiled.pulls if force.control < 0}
+    for t, name in enumerate(stated.names("tendon")):
+        if (spring := springs.get(name or f"tendon_{t}")) is not None:
+            yield ("dynamics of tendon", t), {
+                "stiffness": trimmed(spring.stiffness), "damping": trimmed(spring.damping),
+                "springlength": spring.rest,
+            }  # fmt: skip
     tendons = [key[1] for key in stated.rows if key[0] == "force of tendon"]
     for k, (_, limits) in enumerate(laws.sums):
         index = tendons[k] if k < len(tendons) else -1 - k
@@ -201,13 +218,21 @@ def _bodies_and_joints(compiled: CompiledTree) -> Iterator[tuple[Key, Mapping[st
         tensor = axes @ np.diag(body.moments) @ axes.T
         full = tuple(float(tensor[place]) for place in _TENSOR)
         yield ("inertia of body", b), {**inertia, "quat": body.principal, "fullinertia": full}
-    shapes = (one for one in compiled.placed if one.name.startswith("geom:"))
-    for i, shape in enumerate(shapes):
-        yield ("place of geom", i), {"pos": shape.frame.position, "quat": shape.frame.turn}
-        yield ("mesh of geom", i), {"scale": shape.scale}
+    count = Counter[str]()
+    for shape in compiled.placed:
+        kind = shape.name.partition(":")[0]
+        i, count[kind] = count[kind], count[kind] + 1
+        yield (f"place of {kind}", i), {"pos": shape.frame.position, "quat": shape.frame.turn}
+        yield (f"size of {kind}", i), {"size": shape.size}
+        yield (f"mesh of {kind}", i), {"scale": shape.scale}
     joints = (joint for body in compiled.bodies for joint in body.joints)
     for j, joint in enumerate(joints):
         yield ("place of joint", j), {"pos": joint.position}
+        yield ("dynamics of joint", j), {
+            "armature": (joint.armature,), "axis": joint.axis, "springref": (joint.rest,),
+            "ref": (joint.zero,), "stiffness": trimmed(joint.stiffness),
+            "damping": trimmed(joint.damping),
+        }  # fmt: skip
 
 
 def _resistances(laws: Laws) -> Iterator[tuple[Key, Mapping[str, Values]]]:
@@ -316,6 +341,8 @@ def _different(
         measure = _difference
         if name in AS_WHOLE:
             measure, least = _difference_of_whole, AS_WHOLE[name]
+            if name == "pos":
+                measure = partial(_difference_of_whole, least=SMALLEST_PLACE)
         if name == "quat":  # both signs are one orientation
             accepted = [numbers, tuple(-float(one) for one in numbers)]
         if min(measure(one, there) for one in accepted) > least:
@@ -349,9 +376,9 @@ def _difference(first: Values, other: Values) -> float:
     return max((_apart(one, two) for one, two in zip(first, other, strict=True)), default=0.0)
 
 
-def _difference_of_whole(first: Values, other: Values) -> float:
+def _difference_of_whole(first: Values, other: Values, least: float = 0.0) -> float:
     """Return the largest difference, relative to the largest number of the first row."""
-    size = max(abs(float(one)) for one in first)
+    size = max(*(abs(float(one)) for one in first), least)
     pairs = zip(first, other, strict=True)
     return max(abs(float(one) - float(two)) for one, two in pairs) / (size or 1.0)
 

@@ -11,6 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_inertias import aligns
@@ -22,6 +25,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.classes import (
     Values,
     orientation,
     radians,
+    to_axis,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
     PARAMETER_KEYS,
@@ -32,6 +36,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
 )
 from physics_crosscheck.reference.mechanism.bodies import ZERO
 from physics_crosscheck.reference.mechanism.laws import Softness, Surface
+from physics_crosscheck.reference.mechanism.rotations import to_quaternion
 
 Key = tuple[str, int]
 """A table, and the index of the body, joint, tendon, shape, drive or equality in its file."""
@@ -89,7 +94,9 @@ class StatedLaws:
     def __init__(self, path: Path) -> None:
         self._source = read_source_mjcf(path)
         self._classes = StatedClasses.from_source(self._source)
-        self._contents: dict[str, list[XmlElement]] = {"body": [], "joint": [], "geom": []}
+        self._contents: dict[str, list[XmlElement]] = {
+            kind: [] for kind in ("body", "joint", "geom", "site")
+        }
         self._inherited: dict[XmlElement, str] = {}
         self._macros = set[str]()
         worlds = self._source.root.findall("worldbody")
@@ -97,12 +104,12 @@ class StatedLaws:
         self.unread = tuple(self._unread())
 
     def _collect(self, bodies: Sequence[tuple[XmlElement, str]]) -> None:
-        """Collect joints and shapes of one body, which may have several elements, then below."""
+        """Collect the content of one body, which may have several elements, then below."""
         flat = [row for body, inherited in bodies for row in _flat(body, inherited)]
         for element, inherited in flat:
             self._inherited[element] = inherited
-            if element.tag in ("geom", *JOINTS):
-                self._contents["geom" if element.tag == "geom" else "joint"].append(element)
+            if element.tag in ("geom", "site", *JOINTS):
+                self._contents["joint" if element.tag in JOINTS else element.tag].append(element)
             elif element.tag in MACROS:
                 self._macros.add(element.tag)
         for element, inherited in flat:
@@ -118,6 +125,14 @@ class StatedLaws:
         yield from (f"drives <{tag}>" for tag in tags)
         if any(one.tag == "spatial" for one in self._rows("tendon")):
             yield "lengths of tendons between sites"
+        held = [any(one.tag in ("geom", "frame") for one in body) and not body.findall("inertial")
+                for body in self._contents["body"]]  # fmt: skip
+        if any(held) or not self._states_inertias:
+            yield "masses and inertias that follow from shapes"
+        if self._source.root.findall("asset/mesh") or self._source.root.findall("asset/hfield"):
+            yield "contents of meshes and height fields"
+        if any(not _is_in_body(one) for kind in self._contents.values() for one in kind):
+            yield "places within <frame>"
 
     @cached_property
     def rows(self) -> Mapping[Key, StatedRow]:
@@ -145,7 +160,7 @@ class StatedLaws:
         """Return the names of all elements of a kind in the compiler's order; some are empty.
 
         Args:
-            kind: "body", "joint", "geom", "tendon", "drive", "equality" or "pair".
+            kind: "body", "joint", "geom", "site", "tendon", "drive", "equality" or "pair".
         """
         return tuple(one.get("name") for one in self._elements[kind])
 
@@ -214,24 +229,36 @@ class StatedLaws:
             "cone": (chain.word("cone", "pyramidal"),),
             "impratio": (chain.number("impratio", 1.0),),
             "refsafe": (float(not self._source.disabled("refsafe")),),
+            "gravity": ZERO
+            if self._source.disabled("gravity")
+            else chain.numbers("gravity", (0.0, 0.0, -9.81)),
         }
 
     def _frame_rows(self) -> Iterator[_Row]:
-        """Yield places of bodies and shapes outside of <frame>, and scales of meshes."""
+        """Yield places of bodies and shapes outside of <frame>, sizes, and scales of meshes."""
         for b, element in enumerate(self._elements["body"]):
             if _is_in_body(element) and not self._is_aligned(element):
                 yield ("place of body", b), Chain([element]), self._frame(Chain([element]))
+        for kind, size in (("geom", ZERO), ("site", (0.005, 0.005, 0.005))):
+            for i, element in enumerate(self._elements[kind]):
+                chain = self._chain(element)
+                if _is_fitted(chain):
+                    continue
+                if _is_in_body(element) and not self._is_aligned(element.parent):
+                    frame = _between(chain) if chain.states("fromto") else self._frame(chain)
+                    yield (f"place of {kind}", i), chain, frame
+                if sizes := _size(chain, size):
+                    yield (f"size of {kind}", i), chain, {"size": sizes}
+        yield from self._mesh_rows()
+
+    def _mesh_rows(self) -> Iterator[_Row]:
+        """Yield scales of meshes."""
         files = (mesh for mesh in self._source.root.findall("asset/mesh") if mesh.get("file"))
         meshes = {mesh.get("name") or Path(mesh.get("file")).stem: mesh for mesh in files}
         for g, element in enumerate(self._elements["geom"]):
             chain = self._chain(element)
-            # A primitive with a mesh is fitted to it.
-            fitted = chain.states("mesh") and chain.word("type") not in ("mesh", "sdf")
-            moved = fitted or chain.states("fromto") or self._is_aligned(element.parent)
-            if _is_in_body(element) and not moved:
-                yield ("place of geom", g), chain, self._frame(chain)
             mesh = meshes.pop(chain.word("mesh"), None)
-            scaled = Chain([]) if mesh is None or fitted else self._chain(mesh)
+            scaled = Chain([]) if mesh is None or _is_fitted(chain) else self._chain(mesh)
             if scaled.elements and not (scaled.states("refpos") or scaled.states("refquat")):
                 yield ("mesh of geom", g), scaled, {"scale": scaled.numbers("scale", (1, 1, 1))}
 
@@ -249,8 +276,7 @@ class StatedLaws:
         return {"pos": chain.numbers("pos", ZERO), "quat": orientation(chain, self._source)}
 
     def _inertia_rows(self) -> Iterator[_Row]:
-        changed = any(self._source.stating("compiler", key) is not None for key in WEIGHING)
-        if changed or self._source.stated("compiler", "inertiafromgeom") == "true":
+        if not self._states_inertias:
             return
         for b, element in enumerate(self._elements["body"]):
             if self._is_aligned(element):
@@ -265,6 +291,12 @@ class StatedLaws:
                     values["quat"] = orientation(chain, self._source)
                 yield ("inertia of body", b), chain, values
 
+    @property
+    def _states_inertias(self) -> bool:
+        """True if <inertial> elements state the inertias of their bodies."""
+        changed = any(self._source.stating("compiler", key) is not None for key in WEIGHING)
+        return not changed and self._source.stated("compiler", "inertiafromgeom") != "true"
+
     def _joint_rows(self) -> Iterator[_Row]:
         for j, element in enumerate(self._elements["joint"]):
             if element.tag == "freejoint":
@@ -275,10 +307,36 @@ class StatedLaws:
             if kind != "free" and _is_in_body(element):
                 yield ("place of joint", j), chain, {"pos": chain.numbers("pos", ZERO)}
             yield from self._resistances("joint", j, chain, unit)
+            yield ("dynamics of joint", j), chain, self._joint_dynamics(chain, kind, unit, element)
+
+    def _joint_dynamics(
+        self, chain: Chain, kind: str, unit: float, element: XmlElement
+    ) -> Mapping[str, Values]:
+        """Return inertia, damping, spring and axis of a joint; without those that are computed."""
+        values: dict[str, Values] = {"armature": (chain.number("armature", 0.0),)}
+        off = self._source.disabled
+        if not chain.states("springdamper"):
+            values |= _coefficients(chain, spring=off("spring"), damper=off("damper"))
+        if kind in ("hinge", "slide"):
+            values["springref"] = (unit * chain.number("springref", 0.0),)
+            values["ref"] = (unit * chain.number("ref", 0.0),)
+            if _is_in_body(element):
+                axis = np.array(chain.numbers("axis", (0.0, 0.0, 1.0)))
+                values["axis"] = tuple((axis / np.linalg.norm(axis)).tolist())
+        return values
 
     def _tendon_rows(self) -> Iterator[_Row]:
         for t, element in enumerate(self._elements["tendon"]):
-            yield from self._resistances("tendon", t, self._chain(element, "tendon"), 1.0)
+            chain = self._chain(element, "tendon")
+            yield from self._resistances("tendon", t, chain, 1.0)
+            keys = ("stiffness", "damping", "armature")
+            if any(any(chain.numbers(key, (0.0,))) for key in keys) and not element.find("geom"):
+                off = self._source.disabled
+                values = dict(_coefficients(chain, spring=off("spring"), damper=off("damper")))
+                first, *others = chain.numbers("springlength", (-1.0, -1.0))
+                if chain.states("springlength") and first >= 0:
+                    values["springlength"] = (first, *(x if x >= 0 else first for x in others))
+                yield ("dynamics of tendon", t), chain, values
             if element.tag == "fixed":
                 combination = self._combination(element)
                 if combination is not None:
@@ -372,11 +430,61 @@ def _places(table: str, chain: Chain, values: Mapping[str, Values]) -> Iterator[
         return
     used = {key: len(values[key]) for key in PARAMETER_KEYS if key in values}
     used |= {"gear": 1}
+    if "size" in values:
+        used["size"] = 1 if chain.states("fromto") else len(values["size"])
     keys = (*values, *SHORTCUT_KEYS) if table == "drive" else tuple(values)
     keys = (*keys, *ORIENTATIONS) if "quat" in values else keys
+    keys = (*keys, "fromto") if chain.states("fromto") else keys
     for place in chain.effective(dict.fromkeys(keys)):
         if place.word < used.get(place.key, PARAMETERS):
             yield place
+
+
+SIZES: Mapping[str, int] = MappingProxyType({
+    "plane": 3, "sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3,
+})  # fmt: skip
+"""Numbers that give the size of a shape, by its type."""
+
+
+def _is_fitted(chain: Chain) -> bool:
+    """Return whether a shape is a primitive that is fitted to a mesh."""
+    return chain.states("mesh") and chain.word("type") not in ("mesh", "sdf")
+
+
+def _size(chain: Chain, default: Sequence[float]) -> Values:
+    """Return the size of a primitive; its length is that between two points, if they are stated."""
+    kind = chain.word("type", "sphere")
+    count, size = SIZES.get(kind, 0), list(chain.numbers("size", default))
+    if chain.states("fromto"):
+        ends = np.array(chain.numbers("fromto", (0.0,) * 6))
+        half = float(np.linalg.norm(ends[:3] - ends[3:])) / 2
+        size = [size[0], half] if count == 2 else [size[0], size[0], half]
+    return tuple(size[:count])
+
+
+def _between(chain: Chain) -> dict[str, Values]:
+    """Return the frame of an element between two points: its z axis points to the first one."""
+    ends = np.array(chain.numbers("fromto", (0.0,) * 6))
+    middle = (ends[:3] + ends[3:]) / 2
+    return {"pos": tuple(middle.tolist()), "quat": to_quaternion(to_axis(ends[:3] - ends[3:]))}
+
+
+def _coefficients(chain: Chain, *, spring: bool, damper: bool) -> Mapping[str, Values]:
+    """Return stiffness and damping without the zeros at their ends; nothing if switched off."""
+    return {
+        key: () if off else trimmed(chain.numbers(key, (0.0,) * POWERS))
+        for key, off in (("stiffness", spring), ("damping", damper))
+    }
+
+
+POWERS = 3
+"""Most coefficients of a stiffness or damping."""
+
+
+def trimmed(values: Sequence[float]) -> Values:
+    """Return coefficients without the zeros at their end."""
+    count = max((i + 1 for i, value in enumerate(values) if value), default=0)
+    return tuple(values[:count])
 
 
 def _is_in_body(element: XmlElement) -> bool:

@@ -26,6 +26,7 @@ from physics_crosscheck.harness.render.html.text import (
     shown,
 )
 from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC, is_chaotic
+from physics_crosscheck.harness.results.status import unsettled_steps
 
 SYMBOLS = {
     Outcome.AGREES: "✓",
@@ -150,7 +151,7 @@ def case_view(
         discrepancy=sci(None if verdict is None else verdict.discrepancy),
         uncertainty=sci(None if verdict is None else verdict.uncertainty),
         global_error=CHAOTIC if chaotic else _global_error(full_run),
-        reason=shown(case.reason),
+        reason=shown(_reason(case)),
         stdout=shown(case.stdout),
         accepted=shown(case.accepted),
         facts=tuple((title, rows) for title, rows in facts if rows),
@@ -284,6 +285,13 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
     return tuple(rows)
 
 
+def _reason(case: Case) -> str:
+    """Return the reason of its outcome, and whole steps that are unresolved."""
+    steps = case.whole_step is not None and case.whole_step.outcome is Outcome.UNRESOLVED
+    besides = f"whole steps are {unsettled_steps(case)}" if steps else ""
+    return "; ".join(filter(None, (case.reason, besides)))
+
+
 def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
     """Return facts about steps with limits, friction, contacts and drives."""
     stated = (f"{steps.stated} attributes",) if steps.stated else ()
@@ -294,6 +302,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
             ("read from the text", stated),
             ("compiled otherwise", steps.misread),
             ("not read from the text", steps.unread),
+            ("never acted", steps.inactive),
         )
         if sentences
     )
@@ -305,6 +314,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
         ("discrepancy", sci(steps.discrepancy)),
         ("uncertainty", sci(steps.uncertainty)),
         ("states", str(steps.states)),
+        *((("unresolved states", str(steps.unresolved)),) if steps.unresolved else ()),
         ("acted", acted or NOTHING),
         ("compared", "accelerations, next state" if steps.next_state else "accelerations"),
         ("changed options", ", ".join(steps.edits)),

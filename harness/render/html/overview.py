@@ -16,6 +16,7 @@ from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
 from physics_crosscheck.harness.render.html.matrix import Pair
 from physics_crosscheck.harness.render.html.remedies import NO_REMEDY, Remedy
 from physics_crosscheck.harness.render.html.text import shown
+from physics_crosscheck.harness.results.coverage import READ
 from physics_crosscheck.harness.results.issues import (
     audited_alike,
     collect_issues,
@@ -122,7 +123,10 @@ def tested_numbers(models: Iterable[Model]) -> tuple[TestedNumbers, ...]:
             tested=coverage.seen,
             total=coverage.numbers,
             share=f"{100 * coverage.seen / coverage.numbers:.3g}",
-            untested=tuple((shown(one.reason), str(one.count)) for one in coverage.untested),
+            untested=(
+                *((("only " + READ, str(coverage.read)),) if coverage.read else ()),
+                *((shown(one.reason), str(one.count)) for one in coverage.untested),
+            ),
             left_out=tuple(map(shown, coverage.left_out)),
         )
         for model, coverage in rows[:MAX_FILES]

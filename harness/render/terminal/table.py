@@ -36,7 +36,12 @@ from physics_crosscheck.harness.results.coverage import coverage_lines, coverage
 from physics_crosscheck.harness.results.failure import acting_texts, advice_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
-from physics_crosscheck.harness.results.status import counted, duration, percent
+from physics_crosscheck.harness.results.status import (
+    counted,
+    duration,
+    percent,
+    unsettled_steps,
+)
 from physics_crosscheck.harness.results.visible import visible
 
 GROWS = 1e-9
@@ -450,8 +455,13 @@ def _event_text(event: EventTime) -> str:
     return f"{event.part}, {event.change} at {event.time:.6g} s: {seen}"
 
 
+UNSETTLED = 4
+"""Number of whole steps without agreement that are listed without `--details`."""
+
+
 def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
-    """Return one line for all whole steps that agree, and one for all others, or one for each."""
+    """Return a line for all whole steps that agree, one for each that differs or is unresolved."""
+    cases = list(cases)
     steps = [(case.whole_step, case) for case in cases if case.whole_step is not None]
     alike = [(step, case) for step, case in steps if step.outcome is Outcome.AGREES]
     lines = []
@@ -465,7 +475,16 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         number = counted(sum(step.states for step, _ in alike), "state")
         which = f" (worst: {worst.id})" if len(alike) > 1 else ""
         size = largest.discrepancy or 0.0
-        lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}")
+        unresolved = sum(step.unresolved for step, _ in alike)
+        more = f"; {unresolved} more unresolved" if unresolved else ""
+        lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}{more}")
+    unsettled = [
+        f"{case.id}: whole steps {why}" for case in cases if (why := unsettled_steps(case))
+    ]
+    shown = len(unsettled) if details else UNSETTLED
+    lines += unsettled[:shown]
+    if len(unsettled) > shown:
+        lines.append(f"whole steps of {len(unsettled) - shown} more cases; --details lists them")
     others = [(case, why) for step, case in steps if (why := _why_not_compared(step))]
     if details:
         lines += [f"{case.id}: whole steps {why}" for case, why in others]
@@ -477,8 +496,6 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
 
 def _why_not_compared(step: WholeStep) -> str:
     """Return why whole steps have no verdict; empty if they have one, or nothing acts in them."""
-    if step.outcome is Outcome.UNRESOLVED:
-        return f"unresolved, uncertainty {step.uncertainty:.1e}"
     has_none = step.outcome is None and step.uncovered
     return f"not compared: {', '.join(step.uncovered)}" if has_none else ""
 
