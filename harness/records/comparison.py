@@ -188,7 +188,9 @@ class Compared(Record, frozen=True, kw_only=True):
         acting: Quantities that the numbers of the files act as, where they differ.
         laws: Differing limits, friction, contacts and drives, by effect on a step; None without
             laws.
-        by_law: Whether the motions agree, and only steps by a law differ.
+        decisive: The difference that decides, if the motions agree; None if they decide.
+        rounding: Largest relative difference of the numbers if rounding to six digits explains all
+            differences; None otherwise.
     """
 
     discrepancy: Number
@@ -214,7 +216,8 @@ class Compared(Record, frozen=True, kw_only=True):
     seconds: float
     acting: tuple[ComparedActing, ...] = ()
     laws: tuple[ComparedProperty, ...] | None = None
-    by_law: bool = False
+    decisive: ComparedProperty | None = None
+    rounding: Number = None
 
 
 class ComparisonResult(Record, frozen=True, kw_only=True):

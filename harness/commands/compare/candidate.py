@@ -216,13 +216,33 @@ def _limits(model: LoadedModel, robot: Robot | None) -> Array:
     return limits
 
 
+def candidates(
+    paths: tuple[Path, Path], requested: tuple[str | None, str | None], *, floating: bool = False
+) -> tuple[Candidate, Candidate]:
+    """Return A and B; without a requested engine, in one that both files share.
+
+    Arguments and errors as of `candidate`.
+    """
+    ways = [
+        _usable(*_found(label, path, name)[1:])
+        for label, path, name in zip("AB", paths, requested, strict=True)
+    ]
+    shared = next((name for name in ways[0] if name in ways[1]), None)
+    a, b = (
+        candidate(label, path, shared or name, floating=floating)
+        for label, path, name in zip("AB", paths, requested, strict=True)
+    )
+    return a, b
+
+
 def candidate(label: str, path: Path, engine: str | None, *, floating: bool = False) -> Candidate:
     """Return the model at `path`, in the given engine or in the one that fits its format.
 
     Args:
         label: "A" or "B".
         path: of the file, or of a folder with only one.
-        engine: its name; None: the first installed one that reads the file.
+        engine: its name; None: the first installed one that reads the file, after all that follow
+            their files one that adds numbers of its own.
         floating: whether the root link of a URDF moves freely; a sidecar overrides it.
 
     Raises:
@@ -231,6 +251,28 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         NotInstalledError: if no suitable engine is installed.
         SidecarError: for an unreadable sidecar.
     """
+    path, sidecar, wanted = _found(label, path, engine)
+    name = next(iter(_usable(sidecar, wanted)), None)
+    if name is None:
+        missing_engines = "; ".join(missing(engines()[name]) for name in wanted)
+        raise NotInstalledError(
+            f"{path}: no engine that reads it is installed: {missing_engines}"
+        )
+    adapter = engines()[name]
+    if sidecar is not None:
+        check_springs(sidecar, adapter)
+    caveats = adapter.caveats(path)
+    if sidecar is None:
+        bare, notes = _bare(path, adapter)
+        model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
+        return model.with_settings(floating=True) if floating and path.suffix == ".urdf" else model
+    return Candidate(label, sidecar, name, caveats)
+
+
+def _found(
+    label: str, path: Path, engine: str | None
+) -> tuple[Path, Sidecar | None, list[str]]:
+    """Return a model's file, its sidecar, and the engines that may run it, the first one first."""
     try:
         path = source_file(str(path)) or (only_model(path) if path.is_dir() else path)
     except FolderError as error:
@@ -245,19 +287,19 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     if why := syntax_problem(path):
         raise UnreadableModelError(why)
     sidecar = read_sidecar(sidecar_file) if sidecar_file.exists() else None
-    name = _engine(label, path, engine, sidecar)
-    adapter = engines()[name]
-    if sidecar is not None:
-        check_springs(sidecar, adapter)
-    caveats = adapter.caveats(path)
+    return path, sidecar, _wanted(label, path, engine, sidecar)
+
+
+def _usable(sidecar: Sidecar | None, wanted: list[str]) -> list[str]:
+    """Return installed engines; without a sidecar, those that follow the file first."""
+    installed = [name for name in wanted if engines()[name].version() is not None]
     if sidecar is None:
-        bare, notes = _bare(path, adapter)
-        model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
-        return model.with_settings(floating=True) if floating and path.suffix == ".urdf" else model
-    return Candidate(label, sidecar, name, caveats)
+        adds = {name: bool(engines()[name].massless_link_default) for name in installed}
+        installed.sort(key=lambda name: (adds[name], engines()[name].on_request))
+    return installed
 
 
-def _engine(label: str, path: Path, requested: str | None, sidecar: Sidecar | None) -> str:
+def _wanted(label: str, path: Path, requested: str | None, sidecar: Sidecar | None) -> list[str]:
     all_engines = engines()
     if requested is not None:
         if requested not in all_engines:
@@ -269,22 +311,15 @@ def _engine(label: str, path: Path, requested: str | None, sidecar: Sidecar | No
                 f"{path}: {requested} reads {reads} files alone; choose another with"
                 f" --engine-{label.lower()}"
             )
-        wanted = [requested]
-    else:
-        declared = () if sidecar is None else sidecar.engines
-        wanted = [name for name in declared if _reads(all_engines, name, path)] or [
-            engine.name for engine in engines_reading(path.suffix)
-        ]
-        if not wanted:
-            formats = sorted(
-                {suffix for engine in all_engines.values() for suffix in engine.formats}
-            )
-            raise CompareError(f"{path}: no engine reads it; they read {', '.join(formats)} files")
-    for name in wanted:
-        if all_engines[name].version() is not None:
-            return name
-    missing_engines = "; ".join(missing(all_engines[name]) for name in wanted)
-    raise NotInstalledError(f"{path}: no engine that reads it is installed: {missing_engines}")
+        return [requested]
+    declared = () if sidecar is None else sidecar.engines
+    wanted = [name for name in declared if _reads(all_engines, name, path)] or [
+        engine.name for engine in engines_reading(path.suffix)
+    ]
+    if not wanted:
+        formats = sorted({suffix for engine in all_engines.values() for suffix in engine.formats})
+        raise CompareError(f"{path}: no engine reads it; they read {', '.join(formats)} files")
+    return wanted
 
 
 def _reads(all_engines: dict[str, Engine], name: str, path: Path) -> bool:

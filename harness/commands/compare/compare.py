@@ -13,10 +13,12 @@ The statement of each engine about its own file: against the file's equations, a
 from __future__ import annotations
 
 import datetime
+import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from msgspec import structs
@@ -48,6 +50,7 @@ from physics_crosscheck.harness.commands.compare.prepared import (
     prepare,
 )
 from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
+from physics_crosscheck.harness.commands.compare.property import make_property
 from physics_crosscheck.harness.commands.compare.segments import (
     Ends,
     RunTask,
@@ -211,11 +214,8 @@ def compare(
         acting=_acting(executor, prepared),
         seconds=time.perf_counter() - began,
     )
-    outcome, reason = judged.outcome, judged.verdict.reason
-    acting = [row for row in laws or () if (row.effect or 0.0) > options.resolution]
-    by_law = outcome is Outcome.AGREES and bool(acting)
-    if by_law:
-        outcome, reason = Outcome.DIFFERS, acting[0].message
+    unknown = unknown_edits(prepared, motions.files, compared, attribution)
+    compared, outcome, reason = _decided(options, prepared, motions, compared, unknown)
     result = ComparisonResult(
         created=_spelled(created),
         resolution=options.resolution,
@@ -223,10 +223,103 @@ def compare(
         outcome=outcome,
         strict=options.strict,
         reason=reason,
-        kind=judged.verdict.kind,
-        compared=structs.replace(compared, by_law=by_law),
+        kind=judged.verdict.kind if outcome is judged.outcome else "",
+        compared=compared,
     )
     return relocated(result, SourceLine)
+
+
+def _decided(
+    options: CompareOptions,
+    prepared: PreparedComparison,
+    motions: _Motions,
+    compared: Compared,
+    unknown: Sequence[ComparedProperty],
+) -> tuple[Compared, Outcome, str]:
+    """Return the outcome and its reason, from motions, laws and what the files state."""
+    outcome, reason = motions.judgement.outcome, motions.judgement.verdict.reason
+    rows = deciding(compared, options.resolution, unknown)
+    share = rounding(prepared, [*compared.properties, *rows], compared)
+    if share is not None and outcome is not Outcome.UNRESOLVED:
+        return structs.replace(compared, rounding=number(share)), Outcome.AGREES, ""
+    if outcome is Outcome.AGREES and rows:
+        return structs.replace(compared, decisive=rows[0]), Outcome.DIFFERS, rows[0].message
+    return compared, outcome, reason
+
+
+def deciding(
+    compared: Compared, resolution: float, unknown: Sequence[ComparedProperty]
+) -> list[ComparedProperty]:
+    """Return the differences that motions leave out and that decide: laws, files, then texts.
+
+    A number of the laws without an effect does not decide if it acts at a state that was tried.
+    """
+    laws = [row for row in compared.laws or () if row.effect is None or row.effect > resolution]
+    stated = [one for one in compared.properties if not one.moves and one.relative != 0.0]
+    known = [row for row in laws if row.effect is not None]
+    rest = [row for row in laws if row.effect is None]
+    return [*known, *stated, *rest, *unknown]
+
+
+SIX_DIGITS = 5e-6
+"""Largest relative rounding of a number written with six digits."""
+
+
+def rounding(
+    prepared: PreparedComparison, rows: Sequence[ComparedProperty], compared: Compared
+) -> float | None:
+    """Return the largest relative difference if all are rounding to six digits; else None."""
+    sizes = [1.0 if row.relative is None else row.relative for row in rows]
+    moves = any(row.moves for row in rows)
+    explains = not moves or (compared.explained or 0.0) >= MIN_EXPLAINED_SHARE
+    if not sizes or max(sizes) > SIX_DIGITS or not explains or compared.turned:
+        return None
+    is_short = any(map(_is_short, (model.sidecar.model for model in prepared.models)))
+    return max(sizes) if is_short else None
+
+
+_DIGITS = re.compile(rb"(?<![\w.])[-+]?0*\.?0*([1-9][\d.]*)(?:[eE][-+]?\d+)?(?![\w.])")
+
+
+def _is_short(file: Path) -> bool:
+    """Return whether no number of a file has more than six significant digits."""
+    texts = (match.replace(b".", b"").rstrip(b"0") for match in _DIGITS.findall(file.read_bytes()))
+    return all(len(text) <= 6 for text in texts)
+
+
+UNCOMPARED = {
+    ".urdf": r"(?!link$|link/(name|inertial|visual|collision)|joint$|joint/(name|type|origin|axis"
+             r"|limit|dynamics|mimic|parent|child|calibration)|material|name|version"
+             r"|gazebo/(material|visual)).*",
+    ".sdf": r".*(surface|/plugin|velocity_decay|kinematic|enable_wind|stiffness|dissipation|screw"
+            r"|self_collide|physics|static|ode).*",
+    ".xml": r"(asset/hfield|extension|deformable).*|.*plugin.*",
+}  # fmt: skip
+"""Parts of files that nothing compares but their text, by format: a pattern of the tags."""
+
+
+def unknown_edits(
+    prepared: PreparedComparison,
+    files: FileComparison,
+    compared: Compared,
+    attribution: Attribution,
+) -> list[ComparedProperty]:
+    """Return differences of the texts that no motion shows and that nothing else compares."""
+    suffix = prepared.models[0].sidecar.model.suffix
+    pattern = UNCOMPARED.get(suffix, ".*") if files.sides is not None else ".*"
+    lines = {str(where) for row in compared.laws or () for where in (row.where_a, row.where_b)}
+    return [
+        structs.replace(
+            make_property(
+                "text", edit.what, f"{edit.what}: {edit.a} in A, {edit.b} in B; effect unknown",
+                lines=(edit.where_a, edit.where_b), moves=False,
+            )[0],
+            effect=None,
+        )
+        for edit in attribution.silent
+        if re.fullmatch(pattern, re.sub(r"\[[^\]]*\]", "", edit.what).replace("@", "/"))
+        and not {str(edit.where_a), str(edit.where_b)} & lines
+    ]  # fmt: skip
 
 
 def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:
@@ -535,6 +628,15 @@ def _compared(
 LIMITED = ("control range of", "state range of", "force range of")
 """Start of differences of actuators that laws compare."""
 
+SAME_NUMBERS = {
+    "range": ("range",),
+    "friction": ("frictionloss",),
+    "effort": ("effort", "forcerange", "actuatorfrcrange"),
+    "option": ("cone", "impratio", "refsafe"),
+    "coupling": ("polycoef",),
+}
+"""Labels of the numbers of laws that a kind of property states too."""
+
 
 def without_laws(
     files: FileComparison, laws: tuple[ComparedProperty, ...] | None
@@ -542,11 +644,16 @@ def without_laws(
     """Return the comparison of files without the differences that laws state."""
     if laws is None:
         return files
-    rest = tuple(
-        one
-        for one in files.properties
-        if one.moves or (one.kind != "range" and not one.message.startswith(LIMITED))
-    )
+    stated = {(row.message.split("[")[0].split(" ")[0], row.about) for row in laws}
+
+    def is_stated(one: ComparedProperty) -> bool:
+        about = {one.about, f"joint {one.about}"} | {x for _, x in stated if x.startswith("equal")}
+        labels = SAME_NUMBERS.get(one.kind, ())
+        alike = any((label, name) in stated for label in labels for name in about)
+        options = {label for label, name in stated if name == "options"}
+        return alike or one.message.startswith(LIMITED) or one.about.removeprefix("flag ") in options
+
+    rest = tuple(one for one in files.properties if one.moves or not is_stated(one))
     return replace(files, properties=rest)
 
 
@@ -573,7 +680,7 @@ def _untested(
     agrees = judgement.outcome is Outcome.AGREES
     messages = [one.message for one in files.properties if agrees or not one.moves]
     messages += [one.message for one in laws or () if agrees or not one.effect]
-    messages += attribution.silent
+    messages += [f"{e.what}: {e.a} in A, {e.b} in B" for e in attribution.silent]
     if attribution.untried:
         messages.append(f"{attribution.untried} differences of the files that were not tried alone")
     return (*dict.fromkeys(messages), *prepared.uncompared)

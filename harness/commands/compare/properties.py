@@ -28,10 +28,10 @@ from physics_crosscheck.harness.commands.compare.property import (
     make_property,
     shown,
 )
-from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSide
+from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSide, lines_of
+from physics_crosscheck.harness.commands.compare.stated import stated_properties
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS
-from physics_crosscheck.harness.modelfiles.robot import LinkPart, Omission
+from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -63,7 +63,7 @@ def properties(
         differences += _body_properties(a, b, row, size)
     differences += _gravity(a, b)
     differences += [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
-    return [*differences, *_left_out(a, b)], tuple(turned)
+    return [*differences, *stated_properties(a, b, rows, by_name)], tuple(turned)
 
 
 def _joint_pairs(
@@ -93,9 +93,10 @@ def _joint(
     if abs(abs(pair.slope) - 1) <= SAME:
         differences += _forces(a, b, row, pair)
     if not differences:
-        return  # lines of an MJCF are searched in its text
-    where_a, where_b = a.joint_line(link_a.name), b.joint_line(link_b.name)
+        return
+    names = link_a.name, link_b.name
     for difference, changed in differences:
+        where_a, where_b = lines_of(a, b, difference.kind, names)
         yield structs.replace(difference, where_a=where_a, where_b=where_b), changed
 
 
@@ -208,7 +209,7 @@ def _masses(
                 f"link {_both(x.name, y.name)}: mass {shown(m, n)}",
                 a=m,
                 b=n,
-                lines=(a.part_line(x), b.part_line(y)),
+                lines=lines_of(a, b, "mass", (x.name, y.name)),
                 relative=abs(m - n) / max(m, n),
                 changed=with_link(a.tree, row.a, mass=masses[0] + n - m),
             )
@@ -255,7 +256,7 @@ def _named(
         f"{subject}: {message}",
         a=values[0],
         b=values[1],
-        lines=(a.part_line(x), b.part_line(y)),
+        lines=lines_of(a, b, kind, (x.name if x else "", y.name if y else "")),
         relative=share,
         changed=changed,
     )
@@ -347,7 +348,10 @@ def _ranges(
             text_a, text_b = _range(here, there)
             message = f"range of joint {pair.a}: {text_a} in A, {text_b} in B"
             share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
-            yield make_property("range", pair.a, message, moves=False, relative=share)
+            lines = lines_of(a, b, "range", (pair.a, pair.b))
+            yield make_property(
+                "range", pair.a, message, moves=False, relative=share, lines=lines
+            )
 
 
 def _share(miss: Array, sizes: Array) -> float:
@@ -409,26 +413,3 @@ def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Di
     robots = (own.facts.robot for own in (a, b))
     acting = any(robot is not None and bool(robot.controls) for robot in robots)
     yield from actuator_properties(a.facts.actuators, b.facts.actuators, names, acting)
-
-
-COUNTED = (
-    FOLLOWERS, "dry friction", "mimic", "equality", "contact", "collision", "a medium",
-)  # fmt: skip
-"""Start of omissions whose counts are compared."""
-
-
-def _left_out(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
-    """Yield differences of the numbers of omissions; only files of one format count alike."""
-    if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
-        return
-    counts_a, counts_b = (
-        _counts(s.facts.robot.left_out) for s in (a, b) if s.facts.robot is not None
-    )
-    for what in dict.fromkeys([*counts_a, *counts_b]):
-        if counts_a.get(what, 0) != counts_b.get(what, 0):
-            message = f"{what}: {counts_a.get(what, 0)} in A, {counts_b.get(what, 0)} in B"
-            yield make_property("left out", "", message, moves=False)
-
-
-def _counts(left_out: Sequence[Omission]) -> dict[str, int]:
-    return {one.what: one.count for one in left_out if one.what.startswith(COUNTED)}

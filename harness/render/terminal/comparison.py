@@ -60,9 +60,11 @@ def print_comparison(console: Console, comparison: ComparisonResult) -> None:
         _print_failure(console, comparison)
     else:
         _print_outcome(console, comparison, compared)
+        if compared.rounding is not None:
+            compared = replace(compared, properties=(), differences=(), laws=None, acting=())
         edit = _edit_that_explains(compared)
         print_properties(console, comparison, compared, is_named=edit is None)
-        if not compared.by_law:
+        if compared.decisive is None:
             _print_terms(console, comparison, compared)
         _print_differences(console, comparison.outcome, _without_laws(compared))
         _print_laws(console, compared)
@@ -91,9 +93,7 @@ def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
 
 def _print_laws(console: Console, compared: Compared) -> None:
     """Print the numbers of the laws that differ, except the one that the verdict names."""
-    rows = list(compared.laws or ())
-    if compared.by_law:
-        rows = rows[1:]
+    rows = [row for row in compared.laws or () if row != compared.decisive]
     lines = law_lines(rows)
     if lines:
         console.print("\nlimits, friction, contacts and drives that differ")
@@ -198,11 +198,14 @@ def _print_outcome(console: Console, comparison: ComparisonResult, compared: Com
         both = " and ".join(dict.fromkeys(names))
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
         text = f"{move}: difference {size}"
+        if compared.rounding is not None:
+            rounded = f"numbers differ by up to {_size(compared.rounding)}, rounding to six digits"
+            text = f"{both}: {rounded}; motions differ by {size}"
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return
-    if compared.by_law and compared.laws:
-        share = f" ({law_effect(compared.laws[0])})"
-        cause, remedy = _property_cause(compared.laws[0], share, names)
+    if compared.decisive is not None:
+        share = f" ({law_effect(compared.decisive)})" if compared.decisive.kind == "law" else ""
+        cause, remedy = _property_cause(compared.decisive, share, names)
         text = with_code(comparison.code, cause)
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         if remedy:
