@@ -46,13 +46,17 @@ class FileEquations:
         nz = len(self.offset)
         return states[:, [*self.kept, *(nz + i for i in self.kept)]]
 
-    def ends(self, runs: Segments) -> Array:
+    def ends(self, runs: Segments, finer: int = 1) -> Array:
         """Return the end states of runs under forces on the engine's coordinates, (K, 2nz).
 
         They are not a number if the equations cannot be solved.
+
+        Args:
+            runs: in the engine's coordinates.
+            finer: factor of the numbers of pieces.
         """
         forces, start = runs.start_inputs @ self.matrix, self.reduced(runs.start)
-        for pieces in PIECES:
+        for pieces in (finer * count for count in PIECES):
             reached = start
             try:
                 for _ in range(pieces):
