@@ -92,6 +92,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
         moves: Whether the equations of motion contain this property.
         relative: Relative difference; 1 for a difference without a size.
         effect: Change of A's motions by B's value, relative to their size; None if unknown.
+        remedy: How to edit a file, if the message does not show it; empty otherwise.
     """
 
     kind: str
@@ -104,6 +105,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
     moves: bool
     relative: Number
     effect: Number = None
+    remedy: str = ""
 
 
 class ComparedActing(Record, frozen=True, kw_only=True):

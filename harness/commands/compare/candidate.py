@@ -255,9 +255,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     name = next(iter(_usable(sidecar, wanted)), None)
     if name is None:
         missing_engines = "; ".join(missing(engines()[name]) for name in wanted)
-        raise NotInstalledError(
-            f"{path}: no engine that reads it is installed: {missing_engines}"
-        )
+        raise NotInstalledError(f"{path}: no engine that reads it is installed: {missing_engines}")
     adapter = engines()[name]
     if sidecar is not None:
         check_springs(sidecar, adapter)
@@ -269,9 +267,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     return Candidate(label, sidecar, name, caveats)
 
 
-def _found(
-    label: str, path: Path, engine: str | None
-) -> tuple[Path, Sidecar | None, list[str]]:
+def _found(label: str, path: Path, engine: str | None) -> tuple[Path, Sidecar | None, list[str]]:
     """Return a model's file, its sidecar, and the engines that may run it, the first one first."""
     try:
         path = source_file(str(path)) or (only_model(path) if path.is_dir() else path)

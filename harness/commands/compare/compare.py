@@ -18,7 +18,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from msgspec import structs
@@ -31,7 +30,11 @@ from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.attribution import Attribution, attributed
 from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.commands.compare.execute import FailureError, ask, ask_each
-from physics_crosscheck.harness.commands.compare.explained import Explained, explained
+from physics_crosscheck.harness.commands.compare.explained import (
+    Explained,
+    explained,
+    judged_by_equations,
+)
 from physics_crosscheck.harness.commands.compare.file_comparison import (
     FileComparison,
     compare_files,
@@ -49,8 +52,8 @@ from physics_crosscheck.harness.commands.compare.prepared import (
     omission_notes,
     prepare,
 )
-from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
 from physics_crosscheck.harness.commands.compare.property import make_property
+from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
 from physics_crosscheck.harness.commands.compare.segments import (
     Ends,
     RunTask,
@@ -74,6 +77,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
+from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.records.base import SourceLine, number, numbers
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.comparison import (
@@ -238,13 +242,33 @@ def _decided(
 ) -> tuple[Compared, Outcome, str]:
     """Return the outcome and its reason, from motions, laws and what the files state."""
     outcome, reason = motions.judgement.outcome, motions.judgement.verdict.reason
+    if outcome is Outcome.UNRESOLVED and is_same_model(*prepared.models):
+        return compared, Outcome.AGREES, ""
     rows = deciding(compared, options.resolution, unknown)
-    share = rounding(prepared, [*compared.properties, *rows], compared)
-    if share is not None and outcome is not Outcome.UNRESOLVED:
-        return structs.replace(compared, rounding=number(share)), Outcome.AGREES, ""
+    every = [*(row for row in compared.properties if row.moves), *rows]
+    rounded = [row for row in every if is_rounding(row)] if _is_short(prepared) else []
+    rows = [row for row in rows if row not in rounded]
+    largest = max((row.relative or 0.0 for row in rounded), default=0.0)
+    moving = [row for row in every if row.moves]
+    explains = not moving or (compared.explained or 0.0) >= MIN_EXPLAINED_SHARE
+    if outcome is Outcome.DIFFERS and moving and explains and not compared.turned:
+        outcome = Outcome.AGREES if all(row in rounded for row in moving) else outcome
     if outcome is Outcome.AGREES and rows:
         return structs.replace(compared, decisive=rows[0]), Outcome.DIFFERS, rows[0].message
+    if outcome is Outcome.AGREES:
+        return structs.replace(compared, rounding=number(largest) or None), outcome, ""
     return compared, outcome, reason
+
+
+def is_same_model(a: Candidate, b: Candidate) -> bool:
+    """Return whether two models are the same files in one engine with equal settings."""
+    files = [list(part_digests(one.sidecar.model).values()) for one in (a, b)]
+    return a.engine == b.engine and a.settings == b.settings and files[0] == files[1]
+
+
+def is_rounding(row: ComparedProperty) -> bool:
+    """Return whether a difference may be rounding to six digits."""
+    return row.relative is not None and 0.0 < row.relative <= SIX_DIGITS
 
 
 def deciding(
@@ -265,26 +289,17 @@ SIX_DIGITS = 5e-6
 """Largest relative rounding of a number written with six digits."""
 
 
-def rounding(
-    prepared: PreparedComparison, rows: Sequence[ComparedProperty], compared: Compared
-) -> float | None:
-    """Return the largest relative difference if all are rounding to six digits; else None."""
-    sizes = [1.0 if row.relative is None else row.relative for row in rows]
-    moves = any(row.moves for row in rows)
-    explains = not moves or (compared.explained or 0.0) >= MIN_EXPLAINED_SHARE
-    if not sizes or max(sizes) > SIX_DIGITS or not explains or compared.turned:
-        return None
-    is_short = any(map(_is_short, (model.sidecar.model for model in prepared.models)))
-    return max(sizes) if is_short else None
-
-
 _DIGITS = re.compile(rb"(?<![\w.])[-+]?0*\.?0*([1-9][\d.]*)(?:[eE][-+]?\d+)?(?![\w.])")
 
 
-def _is_short(file: Path) -> bool:
-    """Return whether no number of a file has more than six significant digits."""
-    texts = (match.replace(b".", b"").rstrip(b"0") for match in _DIGITS.findall(file.read_bytes()))
-    return all(len(text) <= 6 for text in texts)
+def _is_short(prepared: PreparedComparison) -> bool:
+    """Return whether one of the files is written with six significant digits."""
+    texts = [model.sidecar.model.read_bytes() for model in prepared.models]
+    longest = [
+        max((len(one.replace(b".", b"").rstrip(b"0")) for one in _DIGITS.findall(text)), default=0)
+        for text in texts
+    ]
+    return min(longest) == 6
 
 
 UNCOMPARED = {
@@ -395,6 +410,9 @@ def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComp
     trial = _Trial(executor, prepared, recorded, options.resolution)
     followed, judgement = trial.judged(np.ones(len(match.names)))
     files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
+    if judgement.outcome is Outcome.UNRESOLVED and files.sides is not None:
+        sides = prepared.source_first(files.sides)
+        judgement = judged_by_equations(sides, match, recorded, judgement, options.resolution)
     return _Motions(
         start=start,
         recorded=recorded,
@@ -651,7 +669,9 @@ def without_laws(
         labels = SAME_NUMBERS.get(one.kind, ())
         alike = any((label, name) in stated for label in labels for name in about)
         options = {label for label, name in stated if name == "options"}
-        return alike or one.message.startswith(LIMITED) or one.about.removeprefix("flag ") in options
+        return (
+            alike or one.message.startswith(LIMITED) or one.about.removeprefix("flag ") in options
+        )
 
     rest = tuple(one for one in files.properties if one.moves or not is_stated(one))
     return replace(files, properties=rest)

@@ -46,17 +46,20 @@ class FileEquations:
         nz = len(self.offset)
         return states[:, [*self.kept, *(nz + i for i in self.kept)]]
 
-    def ends(self, runs: Segments, finer: int = 1) -> Array:
+    def accelerations(self, runs: Segments) -> Array:
+        """Return accelerations at the starts of runs under their forces, (K, nz)."""
+        start, n = self.reduced(runs.start), len(self.kept)
+        forces = runs.start_inputs @ self.matrix
+        pushed = self.equations.pushed_acceleration(start[:, :n], start[:, n:], forces)
+        return pushed @ self.matrix.T
+
+    def ends(self, runs: Segments) -> Array:
         """Return the end states of runs under forces on the engine's coordinates, (K, 2nz).
 
         They are not a number if the equations cannot be solved.
-
-        Args:
-            runs: in the engine's coordinates.
-            finer: factor of the numbers of pieces.
         """
         forces, start = runs.start_inputs @ self.matrix, self.reduced(runs.start)
-        for pieces in (finer * count for count in PIECES):
+        for pieces in PIECES:
             reached = start
             try:
                 for _ in range(pieces):

@@ -113,6 +113,9 @@ def _geometry(
         across = np.cross(u, row.axis)
         motion = turned_about(point, across / np.linalg.norm(across), row.angle)
         changed = with_joint(a.placed, row.a, motion)
+        if row.alone:
+            inward = a.placed.frames[row.a].rotation.T
+            changed = with_link(a.tree, row.a, axis=inward @ row.axis)
         yield make_property("axis", name, message, relative=row.angle, changed=changed)
     if row.apart > SAME * size:
         message = f"place of joint {name}: {row.apart:.3g} m apart"
@@ -342,6 +345,9 @@ def _ranges(
             continue
         here = np.array(a.limits(pair.a))
         there = np.sort((np.array(b.limits(pair.b)) - pair.offset) / pair.slope)
+        declared = not (a.facts.candidate.bare and b.facts.candidate.bare)
+        if declared and a.file.suffix != b.file.suffix and np.isinf([here, there]).any():
+            continue  # a URDF must state a range; a sidecar declares the system without it
         with np.errstate(invalid="ignore"):
             miss = np.where(here == there, 0.0, np.abs(here - there))
         if (miss > SAME * np.maximum(1.0, np.minimum(np.abs(here), np.abs(there)))).any():
@@ -349,9 +355,7 @@ def _ranges(
             message = f"range of joint {pair.a}: {text_a} in A, {text_b} in B"
             share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
             lines = lines_of(a, b, "range", (pair.a, pair.b))
-            yield make_property(
-                "range", pair.a, message, moves=False, relative=share, lines=lines
-            )
+            yield make_property("range", pair.a, message, moves=False, relative=share, lines=lines)
 
 
 def _share(miss: Array, sizes: Array) -> float:

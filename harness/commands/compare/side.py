@@ -89,6 +89,20 @@ class ModelSide:
         same = () if self.root is None else self.root.iter(kind)
         return [one for one in same if one.get("name") == name][:1]
 
+    def frame_line(self, name: str) -> SourceLine | None:
+        """Return the line of a site, or of the pose of a link on a fixed joint, if known."""
+        elements = [] if self.root is None else list(self.root.iter())
+        named = [one for one in elements if one.get("name") == name and one.tag == "site"]
+        for one in elements:
+            child = one.find("child") if one.tag == "joint" else None
+            if child is not None and name in (child.get("link"), child.text.strip()):
+                named.append(one.find("origin") or one)
+        named += [
+            one for one in elements if one.tag in ("body", "link") and one.get("name") == name
+        ]
+        where, line = named[0].place if named else (None, None)
+        return SourceLine(file=str(where or self.file), line=line) if line else None
+
     def limits(self, name: str) -> tuple[float, float]:
         """Return the bounds of a joint."""
         low, high = self.facts.limits[self.facts.coordinates.index(name)]

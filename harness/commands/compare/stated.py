@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -19,7 +19,6 @@ from physics_crosscheck.harness.commands.compare.property import Difference, mak
 from physics_crosscheck.harness.commands.compare.side import (
     KEYS,
     JointPair,
-    Lines,
     ModelSide,
     lines_of,
 )
@@ -263,9 +262,7 @@ def _contacts(
         here, there = ("some" if count else "none" for count in counts)
         message = f"contacts of shape {x.label} with {names}: {here} in A, {there} in B"
         bodies = {x.shape.body, *(pairs[i][0].shape.body for i in others)}
-        lines = [
-            _exclude_line(side, bodies) or one.line() for side, one in ((a, x), (b, y))
-        ]
+        lines = [_exclude_line(side, bodies) or one.line() for side, one in ((a, x), (b, y))]
         yield make_stated("contacts", x.label, message, lines=(lines[0], lines[1]))
 
 
@@ -351,7 +348,7 @@ def _joint_numbers(
     both = [_by_joint(side) for side in (a, b)]
     names = {name: pair.b for name, pair in pairs.items()}
     back = {its: name for name, its in names.items()}
-    every = [*both[0], *(back.get(name, name) for name in both[1])]
+    every = [*(name for name in both[0] if name in names), *(back[k] for k in both[1] if k in back)]
     velocity = ".xml" in (a.file.suffix, b.file.suffix)  # an MJCF can't state one
     for name in dict.fromkeys(every):
         here, there = both[0].get(name, {}), both[1].get(names.get(name, name), {})
@@ -359,12 +356,19 @@ def _joint_numbers(
             if what == "velocity" and velocity:
                 continue
             values = here.get(what, ()), tuple(_renamed(there.get(what, ()), back))
+            if what == "effort" and velocity and not all(values) and not _is_driven(a, b, name):
+                continue  # a URDF must state an effort; without a drive it limits nothing
             if not _equal(*values):
                 shown = [_shown(one) for one in values]
                 message = f"{what} of joint {name}: {shown[0]} in A, {shown[1]} in B"
                 lines = lines_of(a, b, what, (name, names.get(name, name)))
                 share = _share(*(" ".join(map(str, one)) or "none" for one in values))
                 yield make_stated(what, name, message, lines=lines, relative=share)
+
+
+def _is_driven(a: ModelSide, b: ModelSide, joint: str) -> bool:
+    """Return whether a drive acts on a joint of one of the files."""
+    return any(one.on == joint for side in (a, b) for one in side.facts.actuators)
 
 
 _Values = tuple[float | str, ...]

@@ -46,6 +46,12 @@ NOT_COMPARED = "not compared"
 MOST_EXPLAINED = 0.5
 """Share of a discrepancy above which a difference is its cause."""
 
+LEAST_EXPLAINED = 0.01
+"""Share of a discrepancy below which the files' differences are not its cause."""
+
+TURNED = 0.1
+"""Angle of an axis above which it is the first cause, rad: other differences follow from it."""
+
 MAX_WITHOUT_EFFECT = 6
 """Number of differences without an effect that are listed next to those with one."""
 
@@ -234,10 +240,12 @@ def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
             f"map it with --joints, or reverse the axis (then {_size(compared.left_when_turned)}"
         )
         return f"{turned} {verb} the other way in B", f"{remedy} remains)"
+    moving = [one for one in compared.properties if one.moves]
+    if moving and moving[0].kind in ("kind", "axis") and (moving[0].relative or 0.0) > TURNED:
+        return _property_cause(moving[0], _explained_share(compared, len(moving)), names)
     if (edit := _edit_that_explains(compared)) is not None:
         return _edit_cause(edit.edits[0], _share(edit.explained or 0.0))
-    moving = [one for one in compared.properties if one.moves]
-    if moving:
+    if moving and not _is_unexplained(compared):
         return _property_cause(moving[0], _explained_share(compared, len(moving)), names)
     return (compared.terms[0].message, "") if _is_cause_a_term(compared) else ("", "")
 
@@ -259,8 +267,9 @@ def _is_cause_a_term(compared: Compared) -> bool:
 
 
 def _is_unexplained(compared: Compared) -> bool:
-    """Return whether the files explain no difference."""
+    """Return whether the files explain no difference, or next to nothing of it."""
     moving = any(one.moves for one in compared.properties)
+    moving = moving and (compared.explained is None or compared.explained >= LEAST_EXPLAINED)
     return not (compared.turned or moving or _edit_that_explains(compared))
 
 
@@ -316,6 +325,8 @@ def _property_cause(row: ComparedProperty, share: str, names: Sequence[str]) -> 
     subject, what, here, there, _ = match.groups()
     label = f"{what.strip()} of {subject}" if what else subject
     cause = f"{a} {label}: {here}, {b}: {there}{share}"
+    if row.remedy or {"none", "some"} & {here, there}:
+        return cause, row.remedy
     return cause, f"set {label} to {there} in {a}, or to {here} in {b}"
 
 
