@@ -245,7 +245,7 @@ def _decided(
     if outcome is Outcome.UNRESOLVED and is_same_model(*prepared.models):
         return compared, Outcome.AGREES, ""
     rows = deciding(compared, options.resolution, unknown)
-    every = [*(row for row in compared.properties if row.moves), *rows]
+    every = list(dict.fromkeys([*(row for row in compared.properties if row.moves), *rows]))
     rounded = [row for row in every if is_rounding(row)] if _is_short(prepared) else []
     rows = [row for row in rows if row not in rounded]
     largest = max((row.relative or 0.0 for row in rounded), default=0.0)
@@ -279,10 +279,23 @@ def deciding(
     A number of the laws without an effect does not decide if it acts at a state that was tried.
     """
     laws = [row for row in compared.laws or () if row.effect is None or row.effect > resolution]
-    stated = [one for one in compared.properties if not one.moves and one.relative != 0.0]
+    stated = [
+        one
+        for one in compared.properties
+        if (not one.moves or _is_still(one)) and (one.relative is None or one.relative > resolution)
+    ]
     known = [row for row in laws if row.effect is not None]
     rest = [row for row in laws if row.effect is None]
     return [*known, *stated, *rest, *unknown]
+
+
+STILL = 1e-12
+"""Largest effect on motions that is rounding."""
+
+
+def _is_still(row: ComparedProperty) -> bool:
+    """Return whether no motion shows a difference of bodies or joints."""
+    return row.effect is not None and row.effect <= STILL
 
 
 SIX_DIGITS = 5e-6
@@ -460,6 +473,8 @@ def _recorded(
         executor, source, run_source, RunTask(source, states.runs, match, options.resolution, ones)
     )
     recorded = recorded_runs(states, ran, match, options.resolution)
+    if not len(recorded.bound) and all(one.whole_tree for one in prepared.facts):
+        return recorded_runs(states, ran, match, np.inf)  # the equations of both files decide
     if not len(recorded.bound):
         lost = counted(recorded.lost, "run")
         reason = f"its motion is resolved in none of {lost} (contact, limit, friction)"

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     S,
     WholeStepComparison,
 )
-from physics_crosscheck.harness.checks.law_states import evaluated_states
+from physics_crosscheck.harness.checks.law_states import SEED, evaluated_states
 from physics_crosscheck.harness.commands.compare.actuators import pair_actuators
 from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.commands.compare.law_rows import (
@@ -77,6 +77,11 @@ SAME = 8 * float(np.finfo(float).eps)
 
 DEPTH = 0.01
 """Violation of a limit that only B has, rad or m."""
+
+
+SPREADS, OUTWARD = (0.0, 0.3, 1.0, 1.0, 1.0), 5.0
+"""Displacements of other joints at such a violation, rad or m, and outward speed for each of them.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -432,7 +437,8 @@ def _applied(group: Sequence[_LawDifference], laws: L) -> L | None:
 def _at_limits(
     comparison: WholeStepComparison[M, S], state: WholeState, rows: Sequence[LawRow | None]
 ) -> Iterator[WholeState]:
-    """Yield states beyond both ends of limits of joints."""
+    """Yield states beyond both ends of limits of joints, at rest and moving outward."""
+    rng = np.random.default_rng(SEED)
     for row in rows:
         if row is None or not isinstance(row.row, SoftLimit | HardJoint):
             continue
@@ -440,10 +446,11 @@ def _at_limits(
         if row.key[1] == "tendon" or name not in comparison.model.coordinates:
             continue
         place = comparison.model.coordinates.index(name)
-        for end in (limit.lower - DEPTH, limit.upper + DEPTH):
-            z = state.z.copy()
-            z[place] = end
-            yield state._replace(z=z)
+        for side, end in ((-1.0, limit.lower - DEPTH), (1.0, limit.upper + DEPTH)):
+            for spread in SPREADS:  # elsewhere, so that other limits and equalities let it act
+                z, m = state.z + spread * rng.normal(size=len(state.z)), state.m.copy()
+                z[place], m[place] = end, side * OUTWARD * spread
+                yield state._replace(z=z, m=m)
 
 
 def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:

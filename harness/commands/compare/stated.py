@@ -250,7 +250,7 @@ def _contacts(
 ) -> Iterator[Difference]:
     """Yield shapes that touch others in one file only, by masks and excluded bodies."""
     tables = [_touching(side, [pair[k] for pair in pairs]) for k, side in enumerate((a, b))]
-    changed = {pair for pair in tables[0] ^ tables[1]}
+    changed = tables[0] ^ tables[1]
     while changed:
         (most, _), *_ = Counter(i for pair in changed for i in pair).most_common(1)
         others = sorted({i for pair in changed if most in pair for i in pair} - {most})
@@ -345,11 +345,11 @@ def _joint_numbers(
     a: ModelSide, b: ModelSide, pairs: Mapping[str, JointPair]
 ) -> Iterator[Difference]:
     """Yield dry friction, efforts, velocities and couplings of joints that differ."""
-    both = [_by_joint(side) for side in (a, b)]
+    velocity = ".xml" in (a.file.suffix, b.file.suffix)  # an MJCF can't state one
+    both = [_by_joint(side, drives=a.file.suffix != b.file.suffix) for side in (a, b)]
     names = {name: pair.b for name, pair in pairs.items()}
     back = {its: name for name, its in names.items()}
     every = [*(name for name in both[0] if name in names), *(back[k] for k in both[1] if k in back)]
-    velocity = ".xml" in (a.file.suffix, b.file.suffix)  # an MJCF can't state one
     for name in dict.fromkeys(every):
         here, there = both[0].get(name, {}), both[1].get(names.get(name, name), {})
         for what in dict.fromkeys([*here, *there]):
@@ -395,8 +395,8 @@ def _shown(values: _Values) -> str:
     return f"({text})" if len(values) > 1 else text or "none"
 
 
-def _by_joint(side: ModelSide) -> dict[str, dict[str, _Values]]:
-    """Return what a file states of each joint, without what is zero."""
+def _by_joint(side: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]:
+    """Return what a file states of each joint, or of its only drive, without what is zero."""
     rows: dict[str, dict[str, _Values]] = {}
     robot, compiled = side.facts.robot, side.facts.compiled
     model = None if robot is None else robot.body_model
@@ -417,10 +417,10 @@ def _by_joint(side: ModelSide) -> dict[str, dict[str, _Values]]:
         name = joint.name or f"joint_{j}"
         if joint.friction:
             rows.setdefault(name, {})["friction"] = (joint.friction,)
-        drives = [one for one in compiled.actuators if one.on == name]
+        on = [one for one in compiled.actuators if drives and one.on == name]
         force = ranges[j][0] if j in ranges else None
-        if force is None and len(drives) == 1 and abs(dict(drives[0].numbers)["gear"][0]) == 1:
-            force = dict(drives[0].ranges).get("force range")
+        if force is None and len(on) == 1 and abs(dict(on[0].numbers)["gear"][0]) == 1:
+            force = dict(on[0].ranges).get("force range")
         if force is not None:
             low, high = force[0], force[1]
             rows.setdefault(name, {})["effort"] = (high,) if low == -high else (low, high)
