@@ -52,7 +52,7 @@ def test_one_literal_off_by_a_millionth_is_named(
     assert 1e-9 < (result(comparison).discrepancy or 0.0) < 1e-5
     # Files that both declare bodies are compared directly, others by measured terms.
     moving = [one for one in result(comparison).properties if one.moves]
-    reported = [one.message for one in (*moving, *result(comparison).terms)]
+    reported = [one.message for one in moving or result(comparison).terms]
     assert bool(result(comparison).terms) != bool(moving)
     for message in messages:
         assert any(message in one for one in reported), reported

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -49,6 +49,7 @@ class Candidate:
         notes: assumptions, a sentence each.
         bare: whether the file has no sidecar.
         given: names of the settings that the comparison adds.
+        others: engines that both models share, to try if the engine can't load one.
     """
 
     label: str
@@ -57,6 +58,7 @@ class Candidate:
     notes: tuple[str, ...] = ()
     bare: bool = False
     given: frozenset[str] = frozenset()
+    others: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -227,12 +229,23 @@ def candidates(
         _usable(*_found(label, path, name)[1:])
         for label, path, name in zip("AB", paths, requested, strict=True)
     ]
-    shared = next((name for name in ways[0] if name in ways[1]), None)
+    shared = [name for name in ways[0] if name in ways[1]]
     a, b = (
-        candidate(label, path, shared or name, floating=floating)
+        candidate(label, path, next(iter(shared), name), floating=floating)
         for label, path, name in zip("AB", paths, requested, strict=True)
     )
-    return a, b
+    return replace(a, others=tuple(shared[1:])), b
+
+
+def fallbacks(a: Candidate, b: Candidate) -> Iterator[tuple[Candidate, Candidate]]:
+    """Yield both models in the other engines that they share."""
+    for name in a.others:
+        first, other = (
+            candidate(x.label, x.sidecar.model, name, floating="floating" in x.given)
+            for x in (a, b)
+        )
+        note = f"{a.engine} can't load both files: {name} runs them"
+        yield replace(first, notes=(note, *first.notes)), other
 
 
 def candidate(label: str, path: Path, engine: str | None, *, floating: bool = False) -> Candidate:

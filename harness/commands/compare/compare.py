@@ -12,6 +12,7 @@ The statement of each engine about its own file: against the file's equations, a
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import re
 import time
@@ -28,7 +29,12 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.attribution import Attribution, attributed
-from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.commands.compare.candidate import (
+    Candidate,
+    CompareError,
+    Facts,
+    fallbacks,
+)
 from physics_crosscheck.harness.commands.compare.execute import FailureError, ask, ask_each
 from physics_crosscheck.harness.commands.compare.explained import (
     Explained,
@@ -202,7 +208,7 @@ def compare(
         FailureError: if an engine fails, with its output.
     """
     began = time.perf_counter()
-    prepared = prepare(executor, options.a, options.b, options.joints, options.include_constraints)
+    prepared = _prepared(executor, options)
     motions = _motions(executor, options, prepared)
     own_files = (OwnFile(), OwnFile())
     if not options.include_constraints:
@@ -231,6 +237,17 @@ def compare(
         compared=compared,
     )
     return relocated(result, SourceLine)
+
+
+def _prepared(executor: Executor, options: CompareOptions) -> PreparedComparison:
+    """Load both models; in the next engine that both share, if the first one can't load them."""
+    try:
+        return prepare(executor, options.a, options.b, options.joints, options.include_constraints)
+    except FailureError:
+        for a, b in fallbacks(options.a, options.b):
+            with contextlib.suppress(FailureError, CompareError):
+                return prepare(executor, a, b, options.joints, options.include_constraints)
+        raise
 
 
 def _decided(
@@ -294,8 +311,8 @@ STILL = 1e-12
 
 
 def _is_still(row: ComparedProperty) -> bool:
-    """Return whether no motion shows a difference of bodies or joints."""
-    return row.effect is not None and row.effect <= STILL
+    """Return whether a joint is elsewhere, which no motion shows, but contacts and poses may."""
+    return row.kind in ("anchor", "axis") and row.effect is not None and row.effect <= STILL
 
 
 SIX_DIGITS = 5e-6

@@ -158,10 +158,11 @@ def weighed(
                 if tree is None:
                     continue
                 equations = FileEquations(tree, a.facts.coordinates)
-                effects[i] = float(np.max(np.abs(equations.ends(part) - ends) / scale))
-                if not np.isfinite(effects[i]):  # too stiff for the run: by accelerations
+                effect = np.max(np.abs(equations.ends(part) - ends) / scale)
+                if not np.isfinite(effect):  # too stiff for the run: by accelerations
                     miss = np.abs(equations.accelerations(part) - first)
-                    effects[i] = float(np.max(miss / np.where(size > 0, size, 1.0)))
+                    effect = np.max(miss / np.where(size > 0, size, 1.0))
+                effects[i] = float(effect)
     rows = [
         structs.replace(row, effect=number(effect))
         for (row, _), effect in zip(differences, effects, strict=True)

@@ -275,8 +275,8 @@ class SoftRows:
         for i, equality in enumerate(laws.equalities):
             key, subject = self._equality(equality)
             count[key] += 1
-            row = key if count[key] == 1 else (*key, f"#{count[key]}")
-            yield self._row(row, subject, i, equality, ("equality", i))
+            same = () if count[key] == 1 else (f"#{count[key]}",)
+            yield self._row((*key, *same), subject, i, equality, ("equality", i))
         yield from self._contacts(laws)
         for i, drive in enumerate(laws.drives):
             if i in self.names.drives:

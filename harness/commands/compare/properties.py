@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from msgspec import structs
@@ -32,6 +33,7 @@ from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSid
 from physics_crosscheck.harness.commands.compare.stated import stated_properties
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
+from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -190,7 +192,31 @@ def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> I
         message = _tensors(body_a.inertia, body_b.inertia)
         inertia = frame.rotation.T @ body_b.inertia @ frame.rotation
         changed = with_link(a.tree, row.a, inertia=inertia)
-        yield _named(a, b, parts, "inertia", message, miss / large, changed)
+        record, tree = _named(a, b, parts, "inertia", message, miss / large, changed)
+        yield structs.replace(record, remedy=_tensor_remedy(a, b, row, record)), tree
+
+
+def _tensor_remedy(a: ModelSide, b: ModelSide, row: Aligned, record: ComparedProperty) -> str:
+    """Return the six moments that make one file like the other, in the axes of its only link."""
+    for side, link, parts, other, where in (
+        (b, row.b, b.parts[row.b], a.placed.body_inertia(row.a), record.where_b),
+        (a, row.a, a.parts[row.a], b.placed.body_inertia(row.b), record.where_a),
+    ):
+        if len(parts) != 1 or where is None:
+            continue
+        frame = side.placed.frames[link].compose(side.tree.frames[parts[0].name][1])
+        turn = frame.rotation.T @ (row.moved.rotation.T if side is b else row.moved.rotation)
+        tensor = turn @ other.inertia @ turn.T
+        names = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2),
+                 ("iyz", 1, 2))  # fmt: skip
+        size = np.abs(tensor).max()
+        values = [
+            f"{key} {tensor[i, j]:.9g}" for key, i, j in names if abs(tensor[i, j]) > SAME * size
+        ]
+        place = f"{Path(where.file).name}:{where.line}"
+        text = f"set the inertia of link {parts[0].name} in {place} to {', '.join(values)}"
+        return f"{text}, about its centre of mass, along the axes of the link"
+    return ""
 
 
 def _masses(

@@ -34,6 +34,9 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 
 make_stated = partial(make_property, moves=False)
 
+NOWHERE = WORLD - 1
+"""Index of the link of a body that is in no tree."""
+
 
 def stated_properties(
     a: ModelSide, b: ModelSide, rows: Sequence[Aligned], pairs: Mapping[str, JointPair]
@@ -158,10 +161,11 @@ def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
 def _placed(side: ModelSide, links: Mapping[int, tuple[int, Place]]) -> list[_Shape]:
     """Return the shapes of a file on these links and on the world."""
     robot, shapes = side.facts.robot, list[_Shape]()
-    frames = {None: (WORLD, IDENTITY), **side.tree.frames}
+    frames: dict[str | None, tuple[int, Place]] = {None: (WORLD, IDENTITY)}
+    frames.update(side.tree.frames)
     for i, shape in enumerate(() if robot is None else robot.placed):
-        link, place = frames.get(shape.body, (None, IDENTITY))
-        if shape.name.startswith("site:") or link is None or (link != WORLD and link not in links):
+        link, place = frames.get(shape.body, (NOWHERE, IDENTITY))
+        if shape.name.startswith("site:") or (link != WORLD and link not in links):
             continue
         if link != WORLD:
             link, moved = links[link][0], links[link][1]
@@ -405,10 +409,10 @@ def _by_joint(side: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]
         values: _Values = (*(part for pair in leaders for part in pair), one.offset)
         rows.setdefault(one.follower, {})["coupling"] = values
     if compiled is None:
-        for joint in () if side.root is None else side.root.iter("joint"):
-            stated = rows.setdefault(joint.get("name"), {})
+        for element in () if side.root is None else side.root.iter("joint"):
+            stated = rows.setdefault(element.get("name"), {})
             for what in ("friction", "effort", "velocity"):
-                if (value := _stated_number(joint, what)) is not None:
+                if (value := _stated_number(element, what)) is not None:
                     stated[what] = (value,)
         return rows
     joints = [joint for body in compiled.bodies for joint in body.joints]
@@ -418,7 +422,7 @@ def _by_joint(side: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]
         if joint.friction:
             rows.setdefault(name, {})["friction"] = (joint.friction,)
         on = [one for one in compiled.actuators if drives and one.on == name]
-        force = ranges[j][0] if j in ranges else None
+        force: tuple[float, ...] | None = ranges[j][0] if j in ranges else None
         if force is None and len(on) == 1 and abs(dict(on[0].numbers)["gear"][0]) == 1:
             force = dict(on[0].ranges).get("force range")
         if force is not None:

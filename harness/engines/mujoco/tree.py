@@ -317,9 +317,13 @@ def _others(m: Any) -> tuple[tuple[str, str, str], ...]:
         elements = getattr(m, "joint" if kind == "jnt" else kind)
         for key in keys:
             values = getattr(m, f"{kind}_{key}", ())
-            for i in np.flatnonzero([np.any(one) for one in values]):
-                subject = f"{WORDS.get(kind, kind)} {elements(int(i)).name or f'#{i + 1}'}"
+            for i in np.flatnonzero([np.any(one) for one in values]).tolist():
+                subject = f"{WORDS.get(kind, kind)} {elements(i).name or f'#{i + 1}'}"
                 rows.append((subject, key, _text(values[i])))
+    for i in np.flatnonzero(np.array(m.eq_active0) == 0).tolist():
+        kind = mujoco.mjtEq(m.eq_type[i]).name.removeprefix("mjEQ_").lower()
+        objects = f"{m.eq_obj1id[i]} {m.eq_obj2id[i]} {_text(m.eq_data[i])}"
+        rows.append((f"{kind} {m.eq(i).name or f'#{i + 1}'}", "inactive", objects))
     for i in range(m.ntendon):
         first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
         parts = []

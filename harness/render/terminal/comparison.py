@@ -189,7 +189,7 @@ def _not_compared(compared: Compared) -> str:
     parts = [note.removeprefix(begin) for note in compared.notes if note.startswith(begin)]
     silent = [one for one in compared.untested if not one.startswith(NOT_COMPARED)]
     if silent:
-        parts.append(f"{counted(len(silent), 'difference')} without an effect on these runs")
+        parts.append(f"{counted(len(silent), 'difference')} that no run shows")
     text = "; ".join(parts).replace("limits of position", "joint limits")
     return f"{begin}{text}" if parts else ""
 
