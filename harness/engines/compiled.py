@@ -251,7 +251,7 @@ class CompiledTree:
         placed: shapes and sites.
         options: settings of the whole file, in words, by attribute.
         excluded: pairs of bodies whose shapes do not touch, by index.
-        others: subject, attribute and value, in words, of what acts and is in no other field.
+        others: effects in no other field: subject, attribute and value, in words.
     """
 
     bodies: tuple[CompiledBody, ...]

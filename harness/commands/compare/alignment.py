@@ -35,7 +35,7 @@ class Aligned:
         a, b: index of the link in either tree.
         moved: maps B's body, in the world, onto that of A.
         opposite: whether its axis points the other way.
-        alone: whether only the axis differs: what it carries is where it is in A.
+        axis_only: whether only the axis differs: what it carries is where it is in A.
         angle: between the axes, rad.
         apart: distance between the axes of hinges, m, combined with the common shift along the
             axis of all that the hinge carries.
@@ -48,7 +48,7 @@ class Aligned:
     b: int
     moved: Place
     opposite: bool = False
-    alone: bool = False
+    axis_only: bool = False
     angle: float = 0.0
     apart: float = 0.0
     axis: Array = field(default_factory=lambda: np.zeros(3))
@@ -92,12 +92,12 @@ def _joint(
     sine = float(np.linalg.norm(across))
     angle = float(np.arctan2(sine, u @ v))
     moved, carried = before, _Carried(placed_a, placed_b, pair, pairs)
-    is_alone = angle > SAME and 0 < carried.count == carried.alike(before)
-    if angle > SAME and not is_alone:
+    is_axis_only = angle > SAME and 0 < carried.count == carried.alike(before)
+    if angle > SAME and not is_axis_only:
         moved = turned_about(r, across / sine, angle).compose(moved)
     shift = (p - r) - u * (u @ (p - r)) if hinge else np.zeros(3)
     apart = float(np.linalg.norm(shift))
-    if apart > SAME * size and not is_alone:
+    if apart > SAME * size and not is_axis_only:
         moved = Place(np.eye(3), shift).compose(moved)
     zero, along, moved = _zero(placed_a, placed_b, pair, moved, carried)
     return Aligned(
@@ -105,7 +105,7 @@ def _joint(
         b=b,
         moved=moved,
         opposite=opposite,
-        alone=is_alone,
+        axis_only=is_axis_only,
         angle=angle,
         apart=float(np.hypot(apart, along)),
         axis=v,

@@ -226,7 +226,7 @@ def candidates(
     Arguments and errors as of `candidate`.
     """
     ways = [
-        _usable(*_found(label, path, name)[1:])
+        _usable(*_choices(label, path, name)[1:])
         for label, path, name in zip("AB", paths, requested, strict=True)
     ]
     shared = [name for name in ways[0] if name in ways[1]]
@@ -264,7 +264,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         NotInstalledError: if no suitable engine is installed.
         SidecarError: for an unreadable sidecar.
     """
-    path, sidecar, wanted = _found(label, path, engine)
+    path, sidecar, wanted = _choices(label, path, engine)
     name = next(iter(_usable(sidecar, wanted)), None)
     if name is None:
         missing_engines = "; ".join(missing(engines()[name]) for name in wanted)
@@ -280,7 +280,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     return Candidate(label, sidecar, name, caveats)
 
 
-def _found(label: str, path: Path, engine: str | None) -> tuple[Path, Sidecar | None, list[str]]:
+def _choices(label: str, path: Path, engine: str | None) -> tuple[Path, Sidecar | None, list[str]]:
     """Return a model's file, its sidecar, and the engines that may run it, the first one first."""
     try:
         path = source_file(str(path)) or (only_model(path) if path.is_dir() else path)

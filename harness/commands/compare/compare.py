@@ -301,9 +301,9 @@ def deciding(
         for one in compared.properties
         if (not one.moves or _is_still(one)) and (one.relative is None or one.relative > resolution)
     ]
-    known = [row for row in laws if row.effect is not None]
+    weighed_rows = [row for row in laws if row.effect is not None]
     rest = [row for row in laws if row.effect is None]
-    return [*known, *stated, *rest, *unknown]
+    return [*weighed_rows, *stated, *rest, *unknown]
 
 
 STILL = 1e-12
@@ -696,13 +696,13 @@ def without_laws(
         return files
     stated = {(row.message.split("[")[0].split(" ")[0], row.about) for row in laws}
 
-    def is_stated(one: ComparedProperty) -> bool:
-        about = {one.about, f"joint {one.about}"} | {x for _, x in stated if x.startswith("equal")}
-        labels = SAME_NUMBERS.get(one.kind, ())
+    def is_stated(row: ComparedProperty) -> bool:
+        about = {row.about, f"joint {row.about}"} | {x for _, x in stated if x.startswith("equal")}
+        labels = SAME_NUMBERS.get(row.kind, ())
         alike = any((label, name) in stated for label in labels for name in about)
         options = {label for label, name in stated if name == "options"}
         return (
-            alike or one.message.startswith(LIMITED) or one.about.removeprefix("flag ") in options
+            alike or row.message.startswith(LIMITED) or row.about.removeprefix("flag ") in options
         )
 
     rest = tuple(one for one in files.properties if one.moves or not is_stated(one))

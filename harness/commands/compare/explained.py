@@ -100,10 +100,10 @@ def judged_by_equations(
     """
     if not match.constant or any(side.facts.states_move for side in sides):
         return judgement
-    own, compared = own_forces(recorded.runs, match), recorded.compared
-    slopes = match.slopes(0 * own.start[:1, : own.start.shape[1] // 2])[0]
+    driven, compared = own_forces(recorded.runs, match), recorded.compared
+    slopes = match.slopes(0 * driven.start[:1, : driven.start.shape[1] // 2])[0]
     values = [
-        (sides[0].equations.accelerations(replace(own, start=own.start * factor)) @ slopes.T,
+        (sides[0].equations.accelerations(replace(driven, start=driven.start * factor)) @ slopes.T,
          sides[1].equations.accelerations(replace(compared, start=compared.start * factor)))
         for factor in (1.0, 1.0 + EPSILON)
     ]  # fmt: skip

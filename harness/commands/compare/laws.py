@@ -446,10 +446,10 @@ def _at_limits(
         if row.key[1] == "tendon" or name not in comparison.model.coordinates:
             continue
         place = comparison.model.coordinates.index(name)
-        for side, end in ((-1.0, limit.lower - DEPTH), (1.0, limit.upper + DEPTH)):
+        for sign, end in ((-1.0, limit.lower - DEPTH), (1.0, limit.upper + DEPTH)):
             for spread in SPREADS:  # elsewhere, so that other limits and equalities let it act
                 z, m = state.z + spread * rng.normal(size=len(state.z)), state.m.copy()
-                z[place], m[place] = end, side * OUTWARD * spread
+                z[place], m[place] = end, sign * OUTWARD * spread
                 yield state._replace(z=z, m=m)
 
 

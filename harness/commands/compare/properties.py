@@ -115,7 +115,7 @@ def _geometry(
         across = np.cross(u, row.axis)
         motion = turned_about(point, across / np.linalg.norm(across), row.angle)
         changed = with_joint(a.placed, row.a, motion)
-        if row.alone:
+        if row.axis_only:
             inward = a.placed.frames[row.a].rotation.T
             changed = with_link(a.tree, row.a, axis=inward @ row.axis)
         yield make_property("axis", name, message, relative=row.angle, changed=changed)
@@ -198,14 +198,14 @@ def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> I
 
 def _tensor_remedy(a: ModelSide, b: ModelSide, row: Aligned, record: ComparedProperty) -> str:
     """Return the six moments that make one file like the other, in the axes of its only link."""
-    for side, link, parts, other, where in (
+    for model, link, parts, other, where in (
         (b, row.b, b.parts[row.b], a.placed.body_inertia(row.a), record.where_b),
         (a, row.a, a.parts[row.a], b.placed.body_inertia(row.b), record.where_a),
     ):
         if len(parts) != 1 or where is None:
             continue
-        frame = side.placed.frames[link].compose(side.tree.frames[parts[0].name][1])
-        turn = frame.rotation.T @ (row.moved.rotation.T if side is b else row.moved.rotation)
+        frame = model.placed.frames[link].compose(model.tree.frames[parts[0].name][1])
+        turn = frame.rotation.T @ (row.moved.rotation.T if model is b else row.moved.rotation)
         tensor = turn @ other.inertia @ turn.T
         names = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2),
                  ("iyz", 1, 2))  # fmt: skip

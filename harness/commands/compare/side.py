@@ -92,15 +92,14 @@ class ModelSide:
     def frame_line(self, name: str) -> SourceLine | None:
         """Return the line of a site, or of the pose of a link on a fixed joint, if known."""
         elements = [] if self.root is None else list(self.root.iter())
-        named = [one for one in elements if one.get("name") == name and one.tag == "site"]
-        for one in elements:
-            child = one.find("child") if one.tag == "joint" else None
+        named = [e for e in elements if e.get("name") == name]
+        places = [e for e in named if e.tag == "site"]
+        for joint in (e for e in elements if e.tag == "joint"):
+            child = joint.find("child")
             if child is not None and name in (child.get("link"), child.text.strip()):
-                named.append(one.find("origin") or one)
-        named += [
-            one for one in elements if one.tag in ("body", "link") and one.get("name") == name
-        ]
-        where, line = named[0].place if named else (None, None)
+                places.append(joint.find("origin") or joint)
+        places += [e for e in named if e.tag in ("body", "link")]
+        where, line = places[0].place if places else (None, None)
         return SourceLine(file=str(where or self.file), line=line) if line else None
 
     def limits(self, name: str) -> tuple[float, float]:
@@ -131,7 +130,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
         "inertial/origin@rpy", "inertial@diaginertia", "inertial@fullinertia", "inertial@quat",
     ),
 }  # fmt: skip
-"""Where the files state the numbers of a property: tags, then an attribute, or the text."""
+"""Places of the numbers of a property: tags, then an attribute, or the text."""
 
 Lines = tuple[SourceLine | None, SourceLine | None]
 """The lines of A and of B, if known."""
@@ -146,13 +145,13 @@ def lines_of(a: ModelSide, b: ModelSide, what: str, names: tuple[str, str]) -> L
         names: of the joint or link in A and in B; empty for none.
     """
     kind = "link" if what in ("mass", "centre", "inertia") else "joint"
-    chains = [side.elements(kind, name) for side, name in zip((a, b), names, strict=True)]
-    found = [{key: _spot(chain, key) for key in KEYS.get(what, ())} for chain in chains]
-    texts = [{key: spot[0] for key, spot in one.items() if spot} for one in found]
-    keys = [key for key in found[0] if texts[0].get(key) != texts[1].get(key)]
+    chains = [model.elements(kind, name) for model, name in zip((a, b), names, strict=True)]
+    spots_by_key = [{key: _spot(chain, key) for key in KEYS.get(what, ())} for chain in chains]
+    texts = [{key: spot[0] for key, spot in one.items() if spot} for one in spots_by_key]
+    keys = [key for key in spots_by_key[0] if texts[0].get(key) != texts[1].get(key)]
     return (
-        _first_line(a.file, chains[0], found[0], keys),
-        _first_line(b.file, chains[1], found[1], keys),
+        _first_line(a.file, chains[0], spots_by_key[0], keys),
+        _first_line(b.file, chains[1], spots_by_key[1], keys),
     )
 
 
@@ -172,9 +171,12 @@ def _spot(chain: Sequence[XmlElement], key: str) -> _Spot | None:
 
 
 def _first_line(
-    file: Path, chain: Sequence[XmlElement], found: Mapping[str, _Spot | None], keys: Sequence[str]
+    file: Path,
+    chain: Sequence[XmlElement],
+    spots_by_key: Mapping[str, _Spot | None],
+    keys: Sequence[str],
 ) -> SourceLine | None:
-    spots = [found[key] for key in (*keys, *found) if found[key]]
+    spots = [spots_by_key[key] for key in (*keys, *spots_by_key) if spots_by_key[key]]
     if not spots and chain:
         inner = chain[0].find("inertial") if chain[0].tag == "body" else None
         spots = [("", (inner or chain[0]).place)]

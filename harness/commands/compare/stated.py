@@ -1,4 +1,4 @@
-"""Differences of what both files state beyond bodies and laws: shapes, contacts, options, joints.
+"""Differences of the files beyond bodies and laws: shapes, contacts, options and joint numbers.
 
 Motions and steps leave these out, or take them from the engine. Shapes are paired by their form and
 place, so that names, order and the frames of bodies do not matter.
@@ -66,7 +66,7 @@ class _Shape:
         place: its frame in the world, where B's link is moved to that of A.
     """
 
-    side: ModelSide
+    model: ModelSide
     shape: PlacedShape
     index: int
     link: int
@@ -158,27 +158,27 @@ def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
     return _Matched(size=size, pairs=pairs, single=single)
 
 
-def _placed(side: ModelSide, links: Mapping[int, tuple[int, Place]]) -> list[_Shape]:
+def _placed(model: ModelSide, links: Mapping[int, tuple[int, Place]]) -> list[_Shape]:
     """Return the shapes of a file on these links and on the world."""
-    robot, shapes = side.facts.robot, list[_Shape]()
+    robot, shapes = model.facts.robot, list[_Shape]()
     frames: dict[str | None, tuple[int, Place]] = {None: (WORLD, IDENTITY)}
-    frames.update(side.tree.frames)
+    frames.update(model.tree.frames)
     for i, shape in enumerate(() if robot is None else robot.placed):
         link, place = frames.get(shape.body, (NOWHERE, IDENTITY))
         if shape.name.startswith("site:") or (link != WORLD and link not in links):
             continue
         if link != WORLD:
             link, moved = links[link][0], links[link][1]
-            place = moved.compose(side.placed.frames[frames[shape.body][0]].compose(place))
+            place = moved.compose(model.placed.frames[frames[shape.body][0]].compose(place))
         shapes.append(
-            _Shape(side=side, shape=shape, index=i, link=link, place=place.compose(shape.place))
+            _Shape(model=model, shape=shape, index=i, link=link, place=place.compose(shape.place))
         )
     return shapes
 
 
 def _touches(x: _Shape) -> bool:
     """Return whether a shape can touch: by its masks, or in a pair that the file states."""
-    compiled = x.side.facts.compiled
+    compiled = x.model.facts.compiled
     stated = () if compiled is None or compiled.laws is None else compiled.laws.pairs
     return not x.shape.visual or any(x.index in (i, j) for i, j, _ in stated)
 
@@ -253,26 +253,26 @@ def _contacts(
     a: ModelSide, b: ModelSide, pairs: Sequence[tuple[_Shape, _Shape]]
 ) -> Iterator[Difference]:
     """Yield shapes that touch others in one file only, by masks and excluded bodies."""
-    tables = [_touching(side, [pair[k] for pair in pairs]) for k, side in enumerate((a, b))]
+    tables = [_touching(model, [pair[k] for pair in pairs]) for k, model in enumerate((a, b))]
     changed = tables[0] ^ tables[1]
     while changed:
-        (most, _), *_ = Counter(i for pair in changed for i in pair).most_common(1)
-        others = sorted({i for pair in changed if most in pair for i in pair} - {most})
-        changed = {pair for pair in changed if most not in pair}
-        x, y = pairs[most]
+        (busiest, _), *_ = Counter(i for pair in changed for i in pair).most_common(1)
+        others = sorted({i for pair in changed if busiest in pair for i in pair} - {busiest})
+        changed = {pair for pair in changed if busiest not in pair}
+        x, y = pairs[busiest]
         names = ", ".join(pairs[i][0].label for i in others[:3])
         names += f" and {len(others) - 3} more" if len(others) > 3 else ""
-        counts = [sum(frozenset((most, i)) in table for i in others) for table in tables]
+        counts = [sum(frozenset((busiest, i)) in table for i in others) for table in tables]
         here, there = ("some" if count else "none" for count in counts)
         message = f"contacts of shape {x.label} with {names}: {here} in A, {there} in B"
         bodies = {x.shape.body, *(pairs[i][0].shape.body for i in others)}
-        lines = [_exclude_line(side, bodies) or one.line() for side, one in ((a, x), (b, y))]
+        lines = [_exclude_line(model, bodies) or one.line() for model, one in ((a, x), (b, y))]
         yield make_stated("contacts", x.label, message, lines=(lines[0], lines[1]))
 
 
-def _touching(side: ModelSide, shapes: Sequence[_Shape]) -> set[frozenset[int]]:
+def _touching(model: ModelSide, shapes: Sequence[_Shape]) -> set[frozenset[int]]:
     """Return pairs of some shapes that touch by their masks and bodies, by their order here."""
-    compiled = side.facts.compiled
+    compiled = model.facts.compiled
     if compiled is None or compiled.laws is None:
         return set()
     surfaces = [compiled.laws.surfaces[shape.index] for shape in shapes]
@@ -289,11 +289,11 @@ def _meet(first: Surface, other: Surface) -> bool:
     return bool(first.masks[0] & other.masks[1] or other.masks[0] & first.masks[1])
 
 
-def _exclude_line(side: ModelSide, bodies: set[str | None]) -> SourceLine | None:
+def _exclude_line(model: ModelSide, bodies: set[str | None]) -> SourceLine | None:
     """Return the line of an `<exclude>` of two of these bodies."""
-    rows = [] if side.root is None else side.root.findall("contact/exclude")
-    found = (one for one in rows if {one.get("body1"), one.get("body2")} <= bodies)
-    return _line(side, next(found, None), "")
+    rows = [] if model.root is None else model.root.findall("contact/exclude")
+    excludes = (one for one in rows if {one.get("body1"), one.get("body2")} <= bodies)
+    return _line(model, next(excludes, None), "")
 
 
 def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
@@ -302,7 +302,7 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
     assert first is not None
     assert other is not None
     options = [{("", name): value for name, value in one.options} for one in (first, other)]
-    rest = [{(one, key): value for one, key, value in side.others} for side in (first, other)]
+    rest = [{(one, key): value for one, key, value in model.others} for model in (first, other)]
     for kind, (here, there) in (("option", options), ("other", rest)):
         for subject, key in dict.fromkeys([*here, *there]):
             values = here.get((subject, key), "none"), there.get((subject, key), "none")
@@ -324,25 +324,25 @@ def _share(here: str, there: str) -> float:
     return float(np.abs(x - y).max() / (max(np.abs(x).max(), np.abs(y).max()) or 1.0))
 
 
-def _text_line(side: ModelSide, subject: str, key: str) -> SourceLine | None:
+def _text_line(model: ModelSide, subject: str, key: str) -> SourceLine | None:
     """Return the line of an option or flag, or of an attribute of a named element."""
-    if side.root is None:
+    if model.root is None:
         return None
     if not subject:
         kind, _, flag = key.partition(" ")
-        elements = side.root.findall("option/flag" if flag else "option")
-        return _line(side, next((e for e in elements[::-1] if (flag or key) in e.attributes), None),
-                     flag or kind)  # fmt: skip
+        elements = model.root.findall("option/flag" if flag else "option")
+        stating = (e for e in elements[::-1] if (flag or kind) in e.attributes)
+        return _line(model, next(stating, None), flag or kind)
     kind, _, name = subject.partition(" ")
-    named = [one for one in side.root.iter() if one.get("name") == name and one.tag != "default"]
-    return _line(side, next(iter(named), None), key)
+    named = [one for one in model.root.iter() if one.get("name") == name and one.tag != "default"]
+    return _line(model, next(iter(named), None), key)
 
 
-def _line(side: ModelSide, element: XmlElement | None, key: str) -> SourceLine | None:
+def _line(model: ModelSide, element: XmlElement | None, key: str) -> SourceLine | None:
     if element is None:
         return None
     where, line = element.attribute_place(key) if key in element.attributes else element.place
-    return SourceLine(file=str(where or side.file), line=line) if line else None
+    return SourceLine(file=str(where or model.file), line=line) if line else None
 
 
 def _joint_numbers(
@@ -350,7 +350,7 @@ def _joint_numbers(
 ) -> Iterator[Difference]:
     """Yield dry friction, efforts, velocities and couplings of joints that differ."""
     velocity = ".xml" in (a.file.suffix, b.file.suffix)  # an MJCF can't state one
-    both = [_by_joint(side, drives=a.file.suffix != b.file.suffix) for side in (a, b)]
+    both = [_by_joint(model, drives=a.file.suffix != b.file.suffix) for model in (a, b)]
     names = {name: pair.b for name, pair in pairs.items()}
     back = {its: name for name, its in names.items()}
     every = [*(name for name in both[0] if name in names), *(back[k] for k in both[1] if k in back)]
@@ -372,7 +372,7 @@ def _joint_numbers(
 
 def _is_driven(a: ModelSide, b: ModelSide, joint: str) -> bool:
     """Return whether a drive acts on a joint of one of the files."""
-    return any(one.on == joint for side in (a, b) for one in side.facts.actuators)
+    return any(one.on == joint for model in (a, b) for one in model.facts.actuators)
 
 
 _Values = tuple[float | str, ...]
@@ -399,17 +399,17 @@ def _shown(values: _Values) -> str:
     return f"({text})" if len(values) > 1 else text or "none"
 
 
-def _by_joint(side: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]:
+def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]:
     """Return what a file states of each joint, or of its only drive, without what is zero."""
     rows: dict[str, dict[str, _Values]] = {}
-    robot, compiled = side.facts.robot, side.facts.compiled
-    model = None if robot is None else robot.body_model
-    for one in () if model is None else model.couplings:
-        leaders = [(one.leader or "none", one.multiplier), *one.others]
-        values: _Values = (*(part for pair in leaders for part in pair), one.offset)
-        rows.setdefault(one.follower, {})["coupling"] = values
+    robot, compiled = model.facts.robot, model.facts.compiled
+    body_model = None if robot is None else robot.body_model
+    for coupling in () if body_model is None else body_model.couplings:
+        leaders = [(coupling.leader or "none", coupling.multiplier), *coupling.others]
+        values: _Values = (*(part for pair in leaders for part in pair), coupling.offset)
+        rows.setdefault(coupling.follower, {})["coupling"] = values
     if compiled is None:
-        for element in () if side.root is None else side.root.iter("joint"):
+        for element in () if model.root is None else model.root.iter("joint"):
             stated = rows.setdefault(element.get("name"), {})
             for what in ("friction", "effort", "velocity"):
                 if (value := _stated_number(element, what)) is not None:
