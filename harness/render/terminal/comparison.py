@@ -110,8 +110,9 @@ def _print_laws(console: Console, compared: Compared) -> None:
 
 
 def _without_laws(compared: Compared) -> Compared:
-    """Return the comparison without edits that no motion shows and that the laws state."""
-    lines = {str(where) for row in compared.laws or () for where in (row.where_a, row.where_b)}
+    """Return the comparison without edits that no motion shows and that other rows name."""
+    rows = (*(compared.laws or ()), *(row for row in compared.properties if not row.moves))
+    lines = {str(where) for row in rows for where in (row.where_a, row.where_b)}
     kept = tuple(
         one
         for one in compared.differences
