@@ -43,12 +43,15 @@ DIAGONAL = float(np.sqrt(0.5))
 """Friction of a pyramid between its edges, relative to that along them."""
 
 
-def acting_quantities(compiled: CompiledTree, *, apart: bool = False) -> tuple[ActingQuantity, ...]:
+def acting_quantities(
+    compiled: CompiledTree, *, apart: bool = False, by_shape: bool = False
+) -> tuple[ActingQuantity, ...]:
     """Return what the numbers of a compiled file act as; nothing for bodies without laws.
 
     Args:
         compiled: the file.
         apart: whether each joint and body has its rows.
+        by_shape: whether each shape has its rows too, in place of each body.
     """
     try:
         model = law_model(compiled)
@@ -58,7 +61,8 @@ def acting_quantities(compiled: CompiledTree, *, apart: bool = False) -> tuple[A
         return ()
     bodies = ("", *(body.name for body in compiled.bodies))
     shapes = tuple(one.name.partition(":")[2] for one in compiled.placed)
-    acting = Acting(model=model, bodies=bodies, shapes=shapes, apart=apart)
+    named = shapes if by_shape or not apart else ()
+    acting = Acting(model=model, bodies=bodies, shapes=named, apart=apart)
     return tuple(acting.quantities())
 
 
@@ -79,7 +83,7 @@ class Acting:
 
     Attributes:
         bodies, shapes: names by index; the ground is the first body.
-        apart: whether each joint and body has its rows, without names of shapes.
+        apart: whether each joint has its rows, and each shape, or each body without shapes.
     """
 
     model: LawModel
@@ -115,6 +119,11 @@ class Acting:
         if self.apart:
             for (parameters, rule), pairs in alike.items():
                 bodies = dict.fromkeys(self.model.laws.surfaces[j].body for _, j in pairs)
+                if self.shapes:
+                    for i, j in pairs:
+                        subject = f"{self.shapes[i]} with {self.shapes[j]}"
+                        yield from self._contact(subject, parameters, rule, [(i, j)])
+                    continue
                 for body in bodies:
                     rest = [
                         pair for pair in pairs if self.model.laws.surfaces[pair[1]].body == body

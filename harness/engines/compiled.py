@@ -249,6 +249,9 @@ class CompiledTree:
         laws: numbers of limits, friction, equalities, contacts and drives; None if unknown.
         paths: force elements without coefficients, along which these act.
         placed: shapes and sites.
+        options: settings of the whole file, in words, by attribute.
+        excluded: pairs of bodies whose shapes do not touch, by index.
+        others: effects in no other field: subject, attribute and value, in words.
     """
 
     bodies: tuple[CompiledBody, ...]
@@ -267,3 +270,6 @@ class CompiledTree:
     laws: Laws | None = None
     paths: tuple[CompiledForce, ...] = ()
     placed: tuple[CompiledShape, ...] = ()
+    options: tuple[tuple[str, str], ...] = ()
+    excluded: tuple[tuple[int, int], ...] = ()
+    others: tuple[tuple[str, str, str], ...] = ()

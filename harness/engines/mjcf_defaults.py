@@ -38,7 +38,7 @@ class Defaults:
         merged = dict(above)
         for element in default:
             if element.tag != "default":
-                merged[element.tag] = {**merged.get(element.tag, {}), **element.attributes}
+                merged[element.tag] = _overwritten(merged.get(element.tag, {}), element)
         self._classes[name] = merged
         for nested in default.findall("default"):
             self._read(nested, merged, nested.get("class", ""))
@@ -57,7 +57,7 @@ class Defaults:
         name = element.get("class") or inherited or self._main
         if name not in self._classes:
             raise self._source.refused(element, f"its class {name!r} is not among the defaults")
-        return {**self._classes[name].get(tag or element.tag, {}), **element.attributes}
+        return _overwritten(self._classes[name].get(tag or element.tag, {}), element)
 
     def mixed(self, element: XmlElement, tags: tuple[str, ...]) -> bool:
         """Return whether the defaults of its class also state something for other tags."""
@@ -65,6 +65,16 @@ class Defaults:
         defaults = self._classes.get(name, {})
         others = {key for tag in tags if tag != element.tag for key in defaults.get(tag, {})}
         return bool(others - BOUNDS)
+
+
+def _overwritten(above: Attributes, element: XmlElement) -> Attributes:
+    """Return the attributes of an element, which overwrites the first numbers of its class."""
+    merged = {**above, **element.attributes}
+    for key in above.keys() & element.attributes.keys():
+        words, rest = element.attributes[key].split(), above[key].split()
+        if len(rest) > len(words) and finite_numbers(merged[key]) and finite_numbers(above[key]):
+            merged[key] = " ".join([*words, *rest[len(words) :]])
+    return merged
 
 
 def bodies_of(source: MjcfSource) -> Iterator[tuple[XmlElement, str]]:

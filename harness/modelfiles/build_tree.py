@@ -38,14 +38,12 @@ class TreeBuild:
         assembled: the tree.
         bodies, couplings: its parts.
         still: joints that are fixed, since they move nothing that has inertia.
-        joint_lines: line of each joint's element.
     """
 
     assembled: Assembled
     bodies: Sequence[RigidBody]
     couplings: tuple[Coupling, ...]
     still: tuple[str, ...]
-    joint_lines: Mapping[str, int]
 
 
 def build_tree(
@@ -77,8 +75,7 @@ def build_tree(
         still += more
     for group in groups:
         _add_resting_problem(document, tree.tree, group, links, joints)
-    lines = {name: document.line(element) for name, element in joints.items()}
-    return TreeBuild(assembled=tree, bodies=bodies, couplings=held, still=still, joint_lines=lines)
+    return TreeBuild(assembled=tree, bodies=bodies, couplings=held, still=still)
 
 
 def _massless(document: Document, built: Assembled, links: Elements) -> tuple[tuple[int, ...], ...]:
@@ -241,6 +238,5 @@ def robot_of(
         held=still,
         floats=floats,
         placed=placed,
-        joint_lines=build.joint_lines,
         stated=dict(stated),  # a proxy can't be sent between processes
     )

@@ -135,7 +135,6 @@ class Robot:
         placed: shapes and sites.
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
-        joint_lines: line of each joint's element, from 1; empty for a compiled file.
     """
 
     name: str
@@ -153,7 +152,6 @@ class Robot:
     placed: tuple[PlacedShape, ...] = ()
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
-    joint_lines: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

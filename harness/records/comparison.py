@@ -92,6 +92,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
         moves: Whether the equations of motion contain this property.
         relative: Relative difference; 1 for a difference without a size.
         effect: Change of A's motions by B's value, relative to their size; None if unknown.
+        remedy: How to edit a file, if the message does not show it; empty otherwise.
     """
 
     kind: str
@@ -104,6 +105,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
     moves: bool
     relative: Number
     effect: Number = None
+    remedy: str = ""
 
 
 class ComparedActing(Record, frozen=True, kw_only=True):
@@ -188,7 +190,8 @@ class Compared(Record, frozen=True, kw_only=True):
         acting: Quantities that the numbers of the files act as, where they differ.
         laws: Differing limits, friction, contacts and drives, by effect on a step; None without
             laws.
-        by_law: Whether the motions agree, and only steps by a law differ.
+        decisive: The difference that decides, if the motions agree; None if they decide.
+        rounding: Largest relative difference if all are rounding to six digits; None otherwise.
     """
 
     discrepancy: Number
@@ -214,7 +217,8 @@ class Compared(Record, frozen=True, kw_only=True):
     seconds: float
     acting: tuple[ComparedActing, ...] = ()
     laws: tuple[ComparedProperty, ...] | None = None
-    by_law: bool = False
+    decisive: ComparedProperty | None = None
+    rounding: Number = None
 
 
 class ComparisonResult(Record, frozen=True, kw_only=True):

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from physics_crosscheck.harness.commands.compare.acting import compare_acting
-from physics_crosscheck.harness.commands.compare.candidate import candidate
+from physics_crosscheck.harness.commands.compare.candidate import candidates
 from physics_crosscheck.harness.commands.compare.compare import (
     CompareOptions,
     OwnFile,
@@ -48,9 +48,10 @@ def compared(
     own_files: bool = False,
 ) -> ComparisonResult:
     """Compare two files as the command does; `own_files`: each engine with its own file too."""
+    model_a, model_b = candidates((Path(a), Path(b)), (engine_a, engine_b), floating=floating)
     options = CompareOptions(
-        a=candidate("A", Path(a), engine_a, floating=floating),
-        b=candidate("B", Path(b), engine_b, floating=floating),
+        a=model_a,
+        b=model_b,
         joints=declared(joints, table),
         resolution=resolution,
         starts=starts,
@@ -76,9 +77,8 @@ def sampled(
     starts: tuple[Mapping[str, float], ...] = (),
 ) -> SampledStates:
     """Return the states from which the comparison of two files starts its runs."""
-    options = CompareOptions(
-        a=candidate("A", a, engine_a), b=candidate("B", b, engine_b), starts=starts
-    )
+    model_a, model_b = candidates((a, b), (engine_a, engine_b))
+    options = CompareOptions(a=model_a, b=model_b, starts=starts)
     prepared = prepare(InThisProcess(), options.a, options.b, ({}, {}), include_constraints=False)
     start = start_range(*prepared.source_first(prepared.facts), prepared.match)
     return sampled_states(states_task(options, prepared, start))
@@ -92,10 +92,7 @@ def laws(
     floating: bool = False,
 ) -> list[ComparedProperty]:
     """Compare the laws of two files alone, without the motions."""
-    models = (
-        candidate("A", a, engine_a, floating=floating),
-        candidate("B", b, engine_b, floating=floating),
-    )
+    models = candidates((a, b), (engine_a, engine_b), floating=floating)
     prepared = prepare(InThisProcess(), *models, ({}, {}), include_constraints=False)
     source = prepared.source_first(prepared.facts)[0]
     pairs = pairs_of(prepared.match, source.coordinates)
@@ -108,7 +105,7 @@ def acting(
     a: Path, b: Path, engine_a: str = "mujoco", engine_b: str = "mujoco"
 ) -> tuple[ComparedActing, ...]:
     """Compare how the numbers of two files act, without the motions."""
-    models = candidate("A", a, engine_a), candidate("B", b, engine_b)
+    models = candidates((a, b), (engine_a, engine_b))
     prepared = prepare(InThisProcess(), *models, ({}, {}), include_constraints=False)
     return compare_acting(prepared.facts)
 

@@ -51,17 +51,15 @@ def test_one_literal_off_by_a_millionth_is_named(
     # An error of a millionth is measured as such, not as rounding.
     assert 1e-9 < (result(comparison).discrepancy or 0.0) < 1e-5
     # Files that both declare bodies are compared directly, others by measured terms.
-    reported = [
-        *(one.message for one in result(comparison).properties),
-        *(one.message for one in result(comparison).terms),
-    ]
-    assert bool(result(comparison).terms) != bool(result(comparison).properties)
+    moving = [one for one in result(comparison).properties if one.moves]
+    reported = [one.message for one in moving or result(comparison).terms]
+    assert bool(result(comparison).terms) != bool(moving)
     for message in messages:
         assert any(message in one for one in reported), reported
     # Nothing else is blamed: every reported term belongs to the fault.
     kinds = {message.partition(" ")[0] for message in messages} - {"(+1.0e-06)"}
     assert {one.partition(" ")[0] for one in reported} <= kinds
-    assert len(reported) <= (1 if result(comparison).properties else 4)
+    assert len(reported) <= (1 if moving else 4)
     (trial,) = result(comparison).differences
     (edit,) = trial.edits
     assert trial.explained == 1.0
@@ -123,13 +121,11 @@ def test_friction_is_not_reported_as_a_force_at_rest(tmp_path: Path) -> None:
         "friction on theta: 0 in A, 0.001 in B, whatever its speed"
     ]
     assert (result(comparison).differences[0].explained or 0) > 0.99
-    # By default it is left out, with a note.
+    # By default no motion shows it, but both files state it.
     comparison = compared(path, other)
-    assert comparison.outcome is Outcome.AGREES
-    assert result(comparison).notes == ("not compared: dry friction, in B",)
-    assert [one.message for one in result(comparison).properties] == [
-        "dry friction: 0 in A, 1 in B"
-    ]
+    assert comparison.outcome is Outcome.DIFFERS
+    assert comparison.reason == "friction of joint theta: none in A, 0.001 in B"
+    assert (result(comparison).discrepancy or 0.0) < 1e-9
 
 
 @pytest.mark.slow
@@ -185,7 +181,7 @@ def test_product_of_inertia_differs_across_formats(tmp_path: Path) -> None:
     assert comparison.outcome is Outcome.DIFFERS
     (difference,) = (one for one in result(comparison).properties if one.moves)
     assert (difference.kind, difference.about) == ("inertia", "fore")
-    assert str(difference.where_b).endswith("arm.urdf:10")
+    assert str(difference.where_b).endswith("arm.urdf:14")
     assert (result(comparison).explained or 0.0) > 1 - 1e-6
 
 

@@ -59,7 +59,7 @@ def test_number_is_a_difference_if_it_has_an_effect(
     comparison = compared(*hoppers(tmp_path, floor.format("0.5"), floor.format(new)))
     (row,) = result(comparison).laws or ()
     assert comparison.outcome is outcome
-    assert result(comparison).by_law == bool(row.effect) == (outcome is Outcome.DIFFERS)
+    assert bool(result(comparison).decisive) == bool(row.effect) == (outcome is Outcome.DIFFERS)
 
 
 def test_equal_files_have_no_different_laws(tmp_path: Path) -> None:

@@ -30,15 +30,15 @@ _Key = tuple[str, str]
 def compare_acting(models: tuple[Facts, Facts]) -> tuple[ComparedActing, ...]:
     """Return the quantities that differ; nothing unless both engines act by a documented law.
 
-    If the laws are of two kinds, each joint and body is compared with that of the same name.
+    Each joint, body and shape is compared with that of the same name; equal differences then form
+    one row.
     """
-    both = [_is_compiled(facts) for facts in models]
-    tables = [_table(facts, apart=not all(both)) for facts in models]
+    by_shape = all(map(_is_compiled, models))
+    tables = [_table(facts, by_shape=by_shape) for facts in models]
     if not all(tables):
         return ()
     keys = dict.fromkeys(key for table in tables for key in table)
-    rows = tuple(row for key in keys for row in _compared(key, *tables))
-    return rows if all(both) else tuple(merged(rows))
+    return tuple(merged(row for key in keys for row in _compared(key, *tables)))
 
 
 def _is_compiled(facts: Facts) -> bool:
@@ -46,11 +46,11 @@ def _is_compiled(facts: Facts) -> bool:
     return facts.compiled is not None and suffix in engines()[facts.candidate.engine].compiles
 
 
-def _table(facts: Facts, *, apart: bool) -> Mapping[_Key, ActingQuantity]:
+def _table(facts: Facts, *, by_shape: bool) -> Mapping[_Key, ActingQuantity]:
     """Return a file's quantities by subject and name; none if its engine has no law."""
     candidate = facts.candidate
     if facts.compiled is not None and _is_compiled(facts):
-        rows = acting_quantities(facts.compiled, apart=apart)
+        rows = acting_quantities(facts.compiled, apart=True, by_shape=by_shape)
     else:
         try:
             rows = urdf_quantities(candidate.sidecar.spec(candidate.engine), candidate.engine)

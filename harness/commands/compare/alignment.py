@@ -35,6 +35,7 @@ class Aligned:
         a, b: index of the link in either tree.
         moved: maps B's body, in the world, onto that of A.
         opposite: whether its axis points the other way.
+        axis_only: whether only the axis differs: what it carries is where it is in A.
         angle: between the axes, rad.
         apart: distance between the axes of hinges, m, combined with the common shift along the
             axis of all that the hinge carries.
@@ -47,6 +48,7 @@ class Aligned:
     b: int
     moved: Place
     opposite: bool = False
+    axis_only: bool = False
     angle: float = 0.0
     apart: float = 0.0
     axis: Array = field(default_factory=lambda: np.zeros(3))
@@ -89,19 +91,21 @@ def _joint(
     across = np.cross(v, u)
     sine = float(np.linalg.norm(across))
     angle = float(np.arctan2(sine, u @ v))
-    moved = before
-    if angle > SAME:
+    moved, carried = before, _Carried(placed_a, placed_b, pair, pairs)
+    is_axis_only = angle > SAME and 0 < carried.count == carried.alike(before)
+    if angle > SAME and not is_axis_only:
         moved = turned_about(r, across / sine, angle).compose(moved)
     shift = (p - r) - u * (u @ (p - r)) if hinge else np.zeros(3)
     apart = float(np.linalg.norm(shift))
-    if apart > SAME * size:
+    if apart > SAME * size and not is_axis_only:
         moved = Place(np.eye(3), shift).compose(moved)
-    zero, along, moved = _zero(placed_a, placed_b, pair, moved, pairs)
+    zero, along, moved = _zero(placed_a, placed_b, pair, moved, carried)
     return Aligned(
         a=a,
         b=b,
         moved=moved,
         opposite=opposite,
+        axis_only=is_axis_only,
         angle=angle,
         apart=float(np.hypot(apart, along)),
         axis=v,
@@ -115,7 +119,7 @@ def _zero(
     placed_b: PlacedTree,
     pair: LinkPair,
     moved: Place,
-    pairs: Sequence[LinkPair],
+    carried: _Carried,
 ) -> tuple[float, float, Place]:
     """Return B's zero offset, shift along the axis and transformation.
 
@@ -123,7 +127,6 @@ def _zero(
     """
     a, _ = pair
     u, p, hinge = placed_a.axes[a], placed_a.anchors[a], placed_a.tree.links[a].kind == "hinge"
-    carried = _Carried(placed_a, placed_b, pair, pairs)
     if carried.alike(moved) == carried.count or carried.count < MIN_AGREEMENTS:
         return 0.0, 0.0, moved
     for x, y in carried.points(moved):

@@ -35,6 +35,9 @@ MAX_SINGLE_TRIALS = 24
 TRIAL_RUNS = 32
 """Runs on which differences are tried."""
 
+MAX_UNCERTAINTY = 1e-7
+"""Largest uncertainty of an effect that is taken for none."""
+
 SMOOTH_UNCERTAINTY = 1e-9
 """Relative uncertainty of end states below which runs are preferred."""
 
@@ -46,13 +49,12 @@ class Attribution:
     Attributes:
         trials: of each difference, and of all together; the largest effect first.
         untried: number of differences not tried alone.
-        silent: a sentence for each difference without effect on any run, except visual ones and
-            time steps.
+        silent: differences without a known effect, except visual ones and steps of sidecars.
     """
 
     trials: tuple[FileDifference, ...]
     untried: int = 0
-    silent: tuple[str, ...] = ()
+    silent: tuple[FileEdit, ...] = ()
 
 
 def attributed(
@@ -120,11 +122,10 @@ def _largest_first(trial: FileDifference) -> tuple[float, float, int]:
     )
 
 
-def _silent(trials: Sequence[FileDifference], quiet: Sequence[FileEdit]) -> tuple[str, ...]:
-    """Return a sentence for each difference without effect on any run, except quiet ones."""
+def _silent(trials: Sequence[FileDifference], quiet: Sequence[FileEdit]) -> tuple[FileEdit, ...]:
+    """Return differences without a known effect on any run, except quiet ones."""
     silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or one.moved == 0))
-    edits = (one.edits[0] for one in silent)
-    return tuple(f"{e.what}: {e.a} in A, {e.b} in B" for e in edits if e not in quiet)
+    return tuple(edit for edit in (one.edits[0] for one in silent) if edit not in quiet)
 
 
 def _is_physical(edit: SourceEdit, root: str, visual: Iterable[re.Pattern[str]]) -> bool:
@@ -135,7 +136,7 @@ def _is_physical(edit: SourceEdit, root: str, visual: Iterable[re.Pattern[str]])
 NO_PHYSICS = ("looks", "step and solver")
 """Categories of numbers without physical effect."""
 
-SETTINGS = ("sidecar:settings.step", "sidecar:settings.integrator", "option@integrator")
+SETTINGS = ("sidecar:settings.step", "sidecar:settings.integrator")
 
 
 def _root(file: Path) -> str:
@@ -365,7 +366,8 @@ def _attributed(
     before, after = (np.abs(one - b) / scale for one in (a, edited))
     size, remaining = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
     if moved <= floor:
-        return _difference(edits)
+        unknown = f"its effect is below the uncertainty, {floor:.1e}"
+        return _difference(edits, not_tried=unknown if floor > MAX_UNCERTAINTY else "")
     if float(np.max(after)) <= floor:
         return _difference(edits, moved=moved, explained=1.0)
     explained = number(1.0 - remaining / size if size > 0 else 0.0)

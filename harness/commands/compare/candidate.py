@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -49,6 +49,7 @@ class Candidate:
         notes: assumptions, a sentence each.
         bare: whether the file has no sidecar.
         given: names of the settings that the comparison adds.
+        others: engines that both models share, to try if the engine can't load one.
     """
 
     label: str
@@ -57,6 +58,7 @@ class Candidate:
     notes: tuple[str, ...] = ()
     bare: bool = False
     given: frozenset[str] = frozenset()
+    others: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -216,13 +218,44 @@ def _limits(model: LoadedModel, robot: Robot | None) -> Array:
     return limits
 
 
+def candidates(
+    paths: tuple[Path, Path], requested: tuple[str | None, str | None], *, floating: bool = False
+) -> tuple[Candidate, Candidate]:
+    """Return A and B; without a requested engine, in one that both files share.
+
+    Arguments and errors as of `candidate`.
+    """
+    ways = [
+        _usable(*_choices(label, path, name)[1:])
+        for label, path, name in zip("AB", paths, requested, strict=True)
+    ]
+    shared = [name for name in ways[0] if name in ways[1]]
+    a, b = (
+        candidate(label, path, next(iter(shared), name), floating=floating)
+        for label, path, name in zip("AB", paths, requested, strict=True)
+    )
+    return replace(a, others=tuple(shared[1:])), b
+
+
+def fallbacks(a: Candidate, b: Candidate) -> Iterator[tuple[Candidate, Candidate]]:
+    """Yield both models in the other engines that they share."""
+    for name in a.others:
+        first, other = (
+            candidate(x.label, x.sidecar.model, name, floating="floating" in x.given)
+            for x in (a, b)
+        )
+        note = f"{a.engine} can't load both files: {name} runs them"
+        yield replace(first, notes=(note, *first.notes)), other
+
+
 def candidate(label: str, path: Path, engine: str | None, *, floating: bool = False) -> Candidate:
     """Return the model at `path`, in the given engine or in the one that fits its format.
 
     Args:
         label: "A" or "B".
         path: of the file, or of a folder with only one.
-        engine: its name; None: the first installed one that reads the file.
+        engine: its name; None: the first installed one that reads the file, after all that follow
+            their files one that adds numbers of its own.
         floating: whether the root link of a URDF moves freely; a sidecar overrides it.
 
     Raises:
@@ -231,6 +264,24 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         NotInstalledError: if no suitable engine is installed.
         SidecarError: for an unreadable sidecar.
     """
+    path, sidecar, wanted = _choices(label, path, engine)
+    name = next(iter(_usable(sidecar, wanted)), None)
+    if name is None:
+        missing_engines = "; ".join(missing(engines()[name]) for name in wanted)
+        raise NotInstalledError(f"{path}: no engine that reads it is installed: {missing_engines}")
+    adapter = engines()[name]
+    if sidecar is not None:
+        check_springs(sidecar, adapter)
+    caveats = adapter.caveats(path)
+    if sidecar is None:
+        bare, notes = _bare(path, adapter)
+        model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
+        return model.with_settings(floating=True) if floating and path.suffix == ".urdf" else model
+    return Candidate(label, sidecar, name, caveats)
+
+
+def _choices(label: str, path: Path, engine: str | None) -> tuple[Path, Sidecar | None, list[str]]:
+    """Return a model's file, its sidecar, and the engines that may run it, the first one first."""
     try:
         path = source_file(str(path)) or (only_model(path) if path.is_dir() else path)
     except FolderError as error:
@@ -245,19 +296,19 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     if why := syntax_problem(path):
         raise UnreadableModelError(why)
     sidecar = read_sidecar(sidecar_file) if sidecar_file.exists() else None
-    name = _engine(label, path, engine, sidecar)
-    adapter = engines()[name]
-    if sidecar is not None:
-        check_springs(sidecar, adapter)
-    caveats = adapter.caveats(path)
+    return path, sidecar, _wanted(label, path, engine, sidecar)
+
+
+def _usable(sidecar: Sidecar | None, wanted: list[str]) -> list[str]:
+    """Return installed engines; without a sidecar, those that follow the file first."""
+    installed = [name for name in wanted if engines()[name].version() is not None]
     if sidecar is None:
-        bare, notes = _bare(path, adapter)
-        model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
-        return model.with_settings(floating=True) if floating and path.suffix == ".urdf" else model
-    return Candidate(label, sidecar, name, caveats)
+        adds = {name: bool(engines()[name].massless_link_default) for name in installed}
+        installed.sort(key=lambda name: (adds[name], engines()[name].on_request))
+    return installed
 
 
-def _engine(label: str, path: Path, requested: str | None, sidecar: Sidecar | None) -> str:
+def _wanted(label: str, path: Path, requested: str | None, sidecar: Sidecar | None) -> list[str]:
     all_engines = engines()
     if requested is not None:
         if requested not in all_engines:
@@ -269,22 +320,15 @@ def _engine(label: str, path: Path, requested: str | None, sidecar: Sidecar | No
                 f"{path}: {requested} reads {reads} files alone; choose another with"
                 f" --engine-{label.lower()}"
             )
-        wanted = [requested]
-    else:
-        declared = () if sidecar is None else sidecar.engines
-        wanted = [name for name in declared if _reads(all_engines, name, path)] or [
-            engine.name for engine in engines_reading(path.suffix)
-        ]
-        if not wanted:
-            formats = sorted(
-                {suffix for engine in all_engines.values() for suffix in engine.formats}
-            )
-            raise CompareError(f"{path}: no engine reads it; they read {', '.join(formats)} files")
-    for name in wanted:
-        if all_engines[name].version() is not None:
-            return name
-    missing_engines = "; ".join(missing(all_engines[name]) for name in wanted)
-    raise NotInstalledError(f"{path}: no engine that reads it is installed: {missing_engines}")
+        return [requested]
+    declared = () if sidecar is None else sidecar.engines
+    wanted = [name for name in declared if _reads(all_engines, name, path)] or [
+        engine.name for engine in engines_reading(path.suffix)
+    ]
+    if not wanted:
+        formats = sorted({suffix for engine in all_engines.values() for suffix in engine.formats})
+        raise CompareError(f"{path}: no engine reads it; they read {', '.join(formats)} files")
+    return wanted
 
 
 def _reads(all_engines: dict[str, Engine], name: str, path: Path) -> bool:

@@ -12,9 +12,11 @@ The statement of each engine about its own file: against the file's equations, a
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -27,9 +29,18 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.attribution import Attribution, attributed
-from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.commands.compare.candidate import (
+    Candidate,
+    CompareError,
+    Facts,
+    fallbacks,
+)
 from physics_crosscheck.harness.commands.compare.execute import FailureError, ask, ask_each
-from physics_crosscheck.harness.commands.compare.explained import Explained, explained
+from physics_crosscheck.harness.commands.compare.explained import (
+    Explained,
+    explained,
+    judged_by_equations,
+)
 from physics_crosscheck.harness.commands.compare.file_comparison import (
     FileComparison,
     compare_files,
@@ -47,6 +58,7 @@ from physics_crosscheck.harness.commands.compare.prepared import (
     omission_notes,
     prepare,
 )
+from physics_crosscheck.harness.commands.compare.property import make_property
 from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
 from physics_crosscheck.harness.commands.compare.segments import (
     Ends,
@@ -71,6 +83,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
+from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.records.base import SourceLine, number, numbers
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.comparison import (
@@ -195,7 +208,7 @@ def compare(
         FailureError: if an engine fails, with its output.
     """
     began = time.perf_counter()
-    prepared = prepare(executor, options.a, options.b, options.joints, options.include_constraints)
+    prepared = _prepared(executor, options)
     motions = _motions(executor, options, prepared)
     own_files = (OwnFile(), OwnFile())
     if not options.include_constraints:
@@ -211,11 +224,8 @@ def compare(
         acting=_acting(executor, prepared),
         seconds=time.perf_counter() - began,
     )
-    outcome, reason = judged.outcome, judged.verdict.reason
-    acting = [row for row in laws or () if (row.effect or 0.0) > options.resolution]
-    by_law = outcome is Outcome.AGREES and bool(acting)
-    if by_law:
-        outcome, reason = Outcome.DIFFERS, acting[0].message
+    unknown = unknown_edits(prepared, motions.files, compared, attribution)
+    compared, outcome, reason = _decided(options, prepared, motions, compared, unknown)
     result = ComparisonResult(
         created=_spelled(created),
         resolution=options.resolution,
@@ -223,10 +233,138 @@ def compare(
         outcome=outcome,
         strict=options.strict,
         reason=reason,
-        kind=judged.verdict.kind,
-        compared=structs.replace(compared, by_law=by_law),
+        kind=judged.verdict.kind if outcome is judged.outcome else "",
+        compared=compared,
     )
     return with_sources(relocated(result, SourceLine))
+
+
+def _prepared(executor: Executor, options: CompareOptions) -> PreparedComparison:
+    """Load both models; in the next engine that both share, if the first one can't load them."""
+    try:
+        return prepare(executor, options.a, options.b, options.joints, options.include_constraints)
+    except FailureError:
+        for a, b in fallbacks(options.a, options.b):
+            with contextlib.suppress(FailureError, CompareError):
+                return prepare(executor, a, b, options.joints, options.include_constraints)
+        raise
+
+
+def _decided(
+    options: CompareOptions,
+    prepared: PreparedComparison,
+    motions: _Motions,
+    compared: Compared,
+    unknown: Sequence[ComparedProperty],
+) -> tuple[Compared, Outcome, str]:
+    """Return the outcome and its reason, from motions, laws and what the files state."""
+    outcome, reason = motions.judgement.outcome, motions.judgement.verdict.reason
+    if outcome is Outcome.UNRESOLVED and is_same_model(*prepared.models):
+        return compared, Outcome.AGREES, ""
+    rows = deciding(compared, options.resolution, unknown)
+    every = list(dict.fromkeys([*(row for row in compared.properties if row.moves), *rows]))
+    rounded = [row for row in every if is_rounding(row)] if _is_short(prepared) else []
+    rows = [row for row in rows if row not in rounded]
+    largest = max((row.relative or 0.0 for row in rounded), default=0.0)
+    moving = [row for row in every if row.moves]
+    explains = not moving or (compared.explained or 0.0) >= MIN_EXPLAINED_SHARE
+    if outcome is Outcome.DIFFERS and moving and explains and not compared.turned:
+        outcome = Outcome.AGREES if all(row in rounded for row in moving) else outcome
+    if outcome is Outcome.AGREES and rows:
+        return structs.replace(compared, decisive=rows[0]), Outcome.DIFFERS, rows[0].message
+    if outcome is Outcome.AGREES:
+        return structs.replace(compared, rounding=number(largest) or None), outcome, ""
+    return compared, outcome, reason
+
+
+def is_same_model(a: Candidate, b: Candidate) -> bool:
+    """Return whether two models are the same files in one engine with equal settings."""
+    files = [list(part_digests(one.sidecar.model).values()) for one in (a, b)]
+    return a.engine == b.engine and a.settings == b.settings and files[0] == files[1]
+
+
+def is_rounding(row: ComparedProperty) -> bool:
+    """Return whether a difference may be rounding to six digits."""
+    return row.relative is not None and 0.0 < row.relative <= SIX_DIGITS
+
+
+def deciding(
+    compared: Compared, resolution: float, unknown: Sequence[ComparedProperty]
+) -> list[ComparedProperty]:
+    """Return the differences that motions leave out and that decide: laws, files, then texts.
+
+    A number of the laws without an effect does not decide if it acts at a state that was tried.
+    """
+    laws = [row for row in compared.laws or () if row.effect is None or row.effect > resolution]
+    stated = [
+        one
+        for one in compared.properties
+        if (not one.moves or _is_still(one)) and (one.relative is None or one.relative > resolution)
+    ]
+    weighed_rows = [row for row in laws if row.effect is not None]
+    rest = [row for row in laws if row.effect is None]
+    return [*weighed_rows, *stated, *rest, *unknown]
+
+
+STILL = 1e-12
+"""Largest effect on motions that is rounding."""
+
+
+def _is_still(row: ComparedProperty) -> bool:
+    """Return whether a joint is elsewhere, which no motion shows, but contacts and poses may."""
+    return row.kind in ("anchor", "axis") and row.effect is not None and row.effect <= STILL
+
+
+SIX_DIGITS = 5e-6
+"""Largest relative rounding of a number written with six digits."""
+
+
+_DIGITS = re.compile(rb"(?<![\w.])[-+]?0*\.?0*([1-9][\d.]*)(?:[eE][-+]?\d+)?(?![\w.])")
+
+
+def _is_short(prepared: PreparedComparison) -> bool:
+    """Return whether one of the files is written with six significant digits."""
+    texts = [model.sidecar.model.read_bytes() for model in prepared.models]
+    longest = [
+        max((len(one.replace(b".", b"").rstrip(b"0")) for one in _DIGITS.findall(text)), default=0)
+        for text in texts
+    ]
+    return min(longest) == 6
+
+
+UNCOMPARED = {
+    ".urdf": r"(?!link$|link/(name|inertial|visual|collision)|joint$|joint/(name|type|origin|axis"
+             r"|limit|dynamics|mimic|parent|child|calibration)|material|name|version"
+             r"|gazebo/(material|visual)).*",
+    ".sdf": r".*(surface|/plugin|velocity_decay|kinematic|enable_wind|stiffness|dissipation|screw"
+            r"|self_collide|physics|static|ode).*",
+    ".xml": r"(asset/hfield|extension|deformable).*|.*plugin.*",
+}  # fmt: skip
+"""Parts of files that nothing compares but their text, by format: a pattern of the tags."""
+
+
+def unknown_edits(
+    prepared: PreparedComparison,
+    files: FileComparison,
+    compared: Compared,
+    attribution: Attribution,
+) -> list[ComparedProperty]:
+    """Return differences of the texts that no motion shows and that nothing else compares."""
+    suffix = prepared.models[0].sidecar.model.suffix
+    pattern = UNCOMPARED.get(suffix, ".*") if files.sides is not None else ".*"
+    lines = {str(where) for row in compared.laws or () for where in (row.where_a, row.where_b)}
+    return [
+        structs.replace(
+            make_property(
+                "text", edit.what, f"{edit.what}: {edit.a} in A, {edit.b} in B; effect unknown",
+                lines=(edit.where_a, edit.where_b), moves=False,
+            )[0],
+            effect=None,
+        )
+        for edit in attribution.silent
+        if re.fullmatch(pattern, re.sub(r"\[[^\]]*\]", "", edit.what).replace("@", "/"))
+        and not {str(edit.where_a), str(edit.where_b)} & lines
+    ]  # fmt: skip
 
 
 def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:
@@ -302,6 +440,9 @@ def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComp
     trial = _Trial(executor, prepared, recorded, options.resolution)
     followed, judgement = trial.judged(np.ones(len(match.names)))
     files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
+    if judgement.outcome is Outcome.UNRESOLVED and files.sides is not None:
+        sides = prepared.source_first(files.sides)
+        judgement = judged_by_equations(sides, match, recorded, judgement, options.resolution)
     return _Motions(
         start=start,
         recorded=recorded,
@@ -349,6 +490,8 @@ def _recorded(
         executor, source, run_source, RunTask(source, states.runs, match, options.resolution, ones)
     )
     recorded = recorded_runs(states, ran, match, options.resolution)
+    if not len(recorded.bound) and all(one.whole_tree for one in prepared.facts):
+        return recorded_runs(states, ran, match, np.inf)  # the equations of both files decide
     if not len(recorded.bound):
         lost = counted(recorded.lost, "run")
         reason = f"its motion is resolved in none of {lost} (contact, limit, friction)"
@@ -535,6 +678,15 @@ def _compared(
 LIMITED = ("control range of", "state range of", "force range of")
 """Start of differences of actuators that laws compare."""
 
+SAME_NUMBERS = {
+    "range": ("range",),
+    "friction": ("frictionloss",),
+    "effort": ("effort", "forcerange", "actuatorfrcrange"),
+    "option": ("cone", "impratio", "refsafe"),
+    "coupling": ("polycoef",),
+}
+"""Labels of the numbers of laws that a kind of property states too."""
+
 
 def without_laws(
     files: FileComparison, laws: tuple[ComparedProperty, ...] | None
@@ -542,11 +694,18 @@ def without_laws(
     """Return the comparison of files without the differences that laws state."""
     if laws is None:
         return files
-    rest = tuple(
-        one
-        for one in files.properties
-        if one.moves or (one.kind != "range" and not one.message.startswith(LIMITED))
-    )
+    stated = {(row.message.split("[")[0].split(" ")[0], row.about) for row in laws}
+
+    def is_stated(row: ComparedProperty) -> bool:
+        about = {row.about, f"joint {row.about}"} | {x for _, x in stated if x.startswith("equal")}
+        labels = SAME_NUMBERS.get(row.kind, ())
+        alike = any((label, name) in stated for label in labels for name in about)
+        options = {label for label, name in stated if name == "options"}
+        return (
+            alike or row.message.startswith(LIMITED) or row.about.removeprefix("flag ") in options
+        )
+
+    rest = tuple(one for one in files.properties if one.moves or not is_stated(one))
     return replace(files, properties=rest)
 
 
@@ -573,7 +732,7 @@ def _untested(
     agrees = judgement.outcome is Outcome.AGREES
     messages = [one.message for one in files.properties if agrees or not one.moves]
     messages += [one.message for one in laws or () if agrees or not one.effect]
-    messages += attribution.silent
+    messages += [f"{e.what}: {e.a} in A, {e.b} in B" for e in attribution.silent]
     if attribution.untried:
         messages.append(f"{attribution.untried} differences of the files that were not tried alone")
     return (*dict.fromkeys(messages), *prepared.uncompared)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -142,7 +143,14 @@ class _Xml:
             where_b=self._at_b(value_b.line or b.line),
         )
         numbers = all(map(_is_number, [*old, *new]))
-        if not numbers or len(old) != len(new) or len(value_a.words) != len(old):
+        if numbers and list(map(float, old)) == list(map(float, new)):
+            return
+        if (
+            not numbers
+            or re.search(r"axis(@xyz|/xyz)?$", label)
+            or len(old) != len(new)
+            or len(value_a.words) != len(old)
+        ):
             change = (*value_a.span, self.data_b[value_b.span[0] : value_b.span[1]])
             yield edit(
                 what=label, a=_short(value_a.text), b=_short(value_b.text), changes=(change,)

@@ -46,6 +46,13 @@ class FileEquations:
         nz = len(self.offset)
         return states[:, [*self.kept, *(nz + i for i in self.kept)]]
 
+    def accelerations(self, runs: Segments) -> Array:
+        """Return accelerations at the starts of runs under their forces, (K, nz)."""
+        start, n = self.reduced(runs.start), len(self.kept)
+        forces = runs.start_inputs @ self.matrix
+        pushed = self.equations.pushed_acceleration(start[:, :n], start[:, n:], forces)
+        return pushed @ self.matrix.T
+
     def ends(self, runs: Segments) -> Array:
         """Return the end states of runs under forces on the engine's coordinates, (K, 2nz).
 

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.commands.compare.equations import FileEquations
-from physics_crosscheck.harness.commands.compare.judge import Recorded
+from physics_crosscheck.harness.commands.compare.judge import Judgement, Recorded
 from physics_crosscheck.harness.commands.compare.match import Match
 from physics_crosscheck.harness.commands.compare.property import Difference
 from physics_crosscheck.harness.commands.compare.segments import Ends, own_forces, reversed_segments
 from physics_crosscheck.harness.commands.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.numerics.ladder import movement
+from physics_crosscheck.harness.numerics.ladder import EPSILON, movement
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
 
 SOLVED_RUNS = 24
@@ -85,6 +86,54 @@ def explained(
     )
 
 
+def judged_by_equations(
+    sides: tuple[ModelSide, ModelSide],
+    match: Match,
+    recorded: Recorded,
+    judgement: Judgement,
+    resolution: float,
+) -> Judgement:
+    """Judge by accelerations of both files' equations where motions are not resolved.
+
+    The uncertainty is their change with the last digit of the states. Return the judgement
+    unchanged if the equations can't decide: they don't show what two engines do to one file.
+    """
+    if not match.constant or any(side.facts.states_move for side in sides):
+        return judgement
+    driven, compared = own_forces(recorded.runs, match), recorded.compared
+    slopes = match.slopes(0 * driven.start[:1, : driven.start.shape[1] // 2])[0]
+    values = [
+        (sides[0].equations.accelerations(replace(driven, start=driven.start * factor)) @ slopes.T,
+         sides[1].equations.accelerations(replace(compared, start=compared.start * factor)))
+        for factor in (1.0, 1.0 + EPSILON)
+    ]  # fmt: skip
+    if not np.isfinite(values).all():
+        return judgement
+    (here, there), last = values[0], np.array(values[1])
+    sizes = np.maximum(np.max(np.abs(here), axis=0), np.max(np.abs(there), axis=0))
+    scale = np.where(sizes > 0, sizes, 1.0)
+    defect = np.abs(there - here) / scale
+    doubt = np.sum(np.abs(last - values[0]), axis=0) / scale + 64 * EPSILON
+    run, place = np.unravel_index(np.argmax(defect), defect.shape)
+    largest, uncertainty = float(defect[run, place]), float(np.max(doubt))
+    differ = largest > resolution + uncertainty
+    a, b = (side.facts.candidate for side in sides)
+    if not differ and (uncertainty > resolution or a.engine != b.engine):
+        return judgement
+    text = f"by the equations of both files, accelerations of {match.names[place]} differ by"
+    verdict = replace(
+        judgement.verdict, outcome=Outcome.DIFFERS if differ else Outcome.AGREES, kind="",
+        discrepancy=largest, uncertainty=uncertainty, component=f"{match.names[place]}_ddot",
+        reason=f"{text} {largest:.2e} of their size" if differ else "",
+    )  # fmt: skip
+    by_component, certain = np.max(defect, axis=0), (defect > doubt).any(axis=0)
+    return Judgement(
+        verdict=verdict,
+        by_component=np.concatenate([by_component, by_component]),
+        certain=np.concatenate([certain, certain]),
+    )
+
+
 def weighed(
     differences: Sequence[Difference], a: ModelSide, runs: Segments | None
 ) -> tuple[ComparedProperty, ...]:
@@ -103,10 +152,17 @@ def weighed(
         with np.errstate(all="ignore"):
             ends = a.equations.ends(part)
             scale = movement(ends, part.start)
+            first = a.equations.accelerations(part)
+            size = np.max(np.abs(first), axis=0)
             for i, (_, tree) in enumerate(differences):
-                if tree is not None:
-                    changed = FileEquations(tree, a.facts.coordinates).ends(part)
-                    effects[i] = float(np.max(np.abs(changed - ends) / scale))
+                if tree is None:
+                    continue
+                equations = FileEquations(tree, a.facts.coordinates)
+                effect = np.max(np.abs(equations.ends(part) - ends) / scale)
+                if not np.isfinite(effect):  # too stiff for the run: by accelerations
+                    miss = np.abs(equations.accelerations(part) - first)
+                    effect = np.max(miss / np.where(size > 0, size, 1.0))
+                effects[i] = float(effect)
     rows = [
         structs.replace(row, effect=number(effect))
         for (row, _), effect in zip(differences, effects, strict=True)
@@ -114,12 +170,20 @@ def weighed(
     return tuple(sorted(rows, key=_least_effect_last))
 
 
-def _least_effect_last(row: ComparedProperty) -> tuple[bool, bool, float]:
-    """Return a key; actuators and tendons, whose effects are unknown, follow bodies and joints."""
+TURNED = 0.1
+"""Angle above which an axis or a kind of joint comes first, rad."""
+
+
+def _least_effect_last(row: ComparedProperty) -> tuple[bool, bool, bool, float]:
+    """Return a key: axes that are turned far come first, since other differences follow from them.
+
+    Actuators and tendons, whose effects are unknown, follow bodies and joints.
+    """
+    turned = row.kind == "kind" or (row.kind == "axis" and (row.relative or 0.0) > TURNED)
     size = row.relative if row.effect is None else row.effect
     # Round to six digits, so that last digits do not change the order of like legs.
     rounded = float(f"{1.0 if size is None else size:.5e}")
-    return not row.moves, row.kind in ("tendon", "actuator", "actuators"), -rounded
+    return not row.moves, not turned, row.kind in ("tendon", "actuator", "actuators"), -rounded
 
 
 def _reached(followed: Ends) -> tuple[NDArray[np.intp], Array]:

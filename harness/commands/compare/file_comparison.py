@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 
 from physics_crosscheck.harness.commands.compare.alignment import SAME
 from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
@@ -86,7 +87,12 @@ def compare_files(
     rows = weighed(differences, sides[0], runs)
     moving = [row for row in rows if row.moves]
     rest = [row for row in rows if not row.moves]
-    every = (*moving, *_compare_frames(executor, prepared, z, size), *rest)
+    placed = [
+        structs.replace(row, where_a=sides[0].frame_line(row.about),
+                        where_b=sides[1].frame_line(row.about))
+        for row in _compare_frames(executor, prepared, z, size)
+    ]  # fmt: skip
+    every = (*moving, *placed, *rest)
     return FileComparison(sides=sides, properties=every, turned=turned)
 
 

@@ -25,12 +25,14 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated import (
     StatedRow,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.stated import Key as StatedKey
+from physics_crosscheck.harness.modelfiles.mjcf.tree import compiled_bodies
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
+    Anchor,
     CompliantSurface,
     ContactParameters,
     HardJoint,
@@ -93,7 +95,10 @@ ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
     ContactOptions: {"cone": ("elliptic",), "impratio": ("friction_ratio",), "refsafe": ("safe",)},
     SoftLimit: {"range": ("lower", "upper"), "margin": ("margin",), **_soft("limit")},
     SoftFriction: {"frictionloss": ("force",), **_soft("friction")},
-    SoftEquality: {"polycoef": ("polynomial",), "torquescale": ("turn_scale",), **_soft()},
+    SoftEquality: {
+        "polycoef": ("polynomial",), "torquescale": ("turn_scale",), "anchor": ("anchors",),
+        **_soft(),
+    },
     Surface: {
         "condim": ("dimension",), "friction": ("friction",), "priority": ("priority",),
         "solmix": ("mix",), "margin": ("margin",), **_soft(),
@@ -148,9 +153,10 @@ class LawRow:
         """Return the numbers of an attribute."""
         return values_of(self.row, attribute)
 
-    def line(self, attribute: str) -> SourceLine | None:
-        """Return the line of an attribute, or that of the element."""
-        return self.lines.get(attribute) or self.lines.get("")
+    def line(self, attribute: str, index: int = 0) -> SourceLine | None:
+        """Return the line of a number of an attribute, or that of the element."""
+        keys = (f"{attribute}[{index}]", attribute, "")
+        return next((self.lines[key] for key in keys if key in self.lines), None)
 
 
 def values_of(row: Row, attribute: str) -> tuple[float, ...]:
@@ -160,7 +166,9 @@ def values_of(row: Row, attribute: str) -> tuple[float, ...]:
         value: Any = row
         for name in path.split("."):
             value = getattr(value, name)
-        flat += value if isinstance(value, tuple) else [] if value is None else [value]
+        parts = value if isinstance(value, tuple) else () if value is None else (value,)
+        for part in parts:
+            flat += (*part.position, *part.turn) if isinstance(part, Anchor) else (part,)
     if attribute == "range" and flat[0] > flat[1]:
         return ()
     return tuple(flat)
@@ -263,9 +271,12 @@ class SoftRows:
                 forces = JointForceLimit(force=force, lifts=lifts)
                 stated = ("force of joint", joint)
                 yield self._row(("joint_ranges", name), f"joint {name}", joint, forces, stated)
+        count = Counter[Key]()
         for i, equality in enumerate(laws.equalities):
-            key = ("equalities", str(len(laws.equalities)), str(i))
-            yield self._row(key, f"equality #{i + 1}", i, equality, ("equality", i))
+            key, subject = self._equality(equality)
+            count[key] += 1
+            same = () if count[key] == 1 else (f"#{count[key]}",)
+            yield self._row((*key, *same), subject, i, equality, ("equality", i))
         yield from self._contacts(laws)
         for i, drive in enumerate(laws.drives):
             if i in self.names.drives:
@@ -283,6 +294,19 @@ class SoftRows:
             yield self._row(
                 ("pairs", *both[0], "", *both[1]), f"pair #{i + 1}", i, touch, ("pair", i)
             )
+
+    def _equality(self, equality: SoftEquality) -> tuple[Key, str]:
+        """Return the key of an equality, what it holds, and its name for people."""
+        if equality.anchors is not None:
+            bodies = ["the world", *(one.name for one in compiled_bodies(self.compiled))]
+            names = [bodies[anchor.body] for anchor in equality.anchors]
+            kind = "connect" if equality.turn_scale is None else "weld"
+        else:
+            names = [self._joint(j) or "" for j in equality.joints]
+            names += [self._tendon(t) for t in equality.paths]
+            kind = "joint" if equality.joints else "tendon"
+        subject = f"equality {kind} of {' and '.join(names)}"
+        return ("equalities", kind, *sorted(names)), subject
 
     @cached_property
     def _shape_keys(self) -> list[Key]:
@@ -337,13 +361,19 @@ class SoftRows:
         source, lines = self._stated_rows.get(stated), dict[str, SourceLine]()
         if source is not None:
             for place in source.places:
-                lines |= _line(self.file, place.element, place.key)
+                spot = _line(self.file, place.element, place.key)
+                lines |= {f"{place.key}[{place.word}]": one for one in spot.values()}
+                if place.element is source.element or place.key not in lines:
+                    lines |= spot
             lines |= _line(self.file, source.element, "")
         return LawRow(key=key, subject=subject, index=index, row=row, lines=lines)
 
 
 def _line(file: Path, element: XmlElement | None, attribute: str) -> dict[str, SourceLine]:
-    where, line = (None, None) if element is None else element.place
+    where, line = None, None
+    if element is not None:
+        stated = attribute in element.attributes
+        where, line = element.attribute_place(attribute) if stated else element.place
     return {attribute: SourceLine(file=str(where or file), line=line)} if line else {}
 
 

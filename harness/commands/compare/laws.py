@@ -21,7 +21,7 @@ from physics_crosscheck.harness.checks.law_comparison import (
     S,
     WholeStepComparison,
 )
-from physics_crosscheck.harness.checks.law_states import evaluated_states
+from physics_crosscheck.harness.checks.law_states import SEED, evaluated_states
 from physics_crosscheck.harness.commands.compare.actuators import pair_actuators
 from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
 from physics_crosscheck.harness.commands.compare.law_rows import (
@@ -59,6 +59,7 @@ from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.soft import Part
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
@@ -76,6 +77,11 @@ SAME = 8 * float(np.finfo(float).eps)
 
 DEPTH = 0.01
 """Violation of a limit that only B has, rad or m."""
+
+
+SPREADS, OUTWARD = (0.0, 0.3, 1.0, 1.0, 1.0), 5.0
+"""Displacements of other joints at such a violation, rad or m, and outward speed for each of them.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -367,7 +373,7 @@ class _Weights(Generic[M, S]):
         self._evaluated: list[Evaluated[S]] = evaluated_states(self._comparison)
         if not self._evaluated:
             return
-        limits = [one.b for one in differences if one.a is None and one.b is not None]
+        limits = [row for one in differences if one.attribute == "range" for row in (one.a, one.b)]
         first = self._evaluated[0].state
         self._evaluated += self._comparison.evaluate(
             tuple(_at_limits(self._comparison, first, limits))
@@ -383,7 +389,41 @@ class _Weights(Generic[M, S]):
             return None
         changed = self._comparison.expected_by(model.under(laws), self._evaluated)
         effects: Array = np.abs(changed - self._expected) / self._scale
-        return float(np.max(effects))
+        effect = float(np.max(effects))
+        return effect if effect or all(map(self._acts, group)) else None
+
+    def _acts(self, difference: _LawDifference) -> bool:
+        """Return whether the row of A acts at a state that is compared."""
+        row = difference.a
+        if row is None:
+            return False
+        table, index = row.key[0], row.index
+        if table in ("options", "surfaces", "pairs"):
+            touched = [one.surfaces for each in self._evaluated for one in each.engine.contacts]
+            wanted = {index} if table == "surfaces" else set[int]()
+            if table == "pairs" and isinstance(self._comparison.laws.laws, Laws):
+                wanted = set(self._comparison.laws.laws.pairs[index][:2])
+            return any(wanted <= set(surfaces) for surfaces in touched)
+        kinds = PARTS.get(table, {}).get(difference.attribute, PARTS.get(table, {}).get(""))
+        return any(part.kind == kinds and part.place == index for part in self._parts)
+
+    @cached_property
+    def _parts(self) -> set[Part]:
+        """Parts of the laws that act at the compared states; none for impulses."""
+        comparison = self._comparison
+        if not isinstance(comparison, LawComparison):
+            return set()
+        return {p for one in self._evaluated for p in comparison.laws.acting(one.solution)}
+
+
+PARTS: Mapping[str, Mapping[str, str]] = {
+    "limits": {"": "limit"},
+    "frictions": {"": "dry friction"},
+    "equalities": {"": "equality"},
+    "drives": {"ctrlrange": "control", "": "force"},
+    "joint_ranges": {"": "joint force"},
+}
+"""Kind of the part of the laws that a row is, by table and attribute."""
 
 
 def _applied(group: Sequence[_LawDifference], laws: L) -> L | None:
@@ -395,19 +435,22 @@ def _applied(group: Sequence[_LawDifference], laws: L) -> L | None:
 
 
 def _at_limits(
-    comparison: WholeStepComparison[M, S], state: WholeState, rows: Sequence[LawRow]
+    comparison: WholeStepComparison[M, S], state: WholeState, rows: Sequence[LawRow | None]
 ) -> Iterator[WholeState]:
-    """Yield states beyond both ends of limits of joints that only B has."""
+    """Yield states beyond both ends of limits of joints, at rest and moving outward."""
+    rng = np.random.default_rng(SEED)
     for row in rows:
+        if row is None or not isinstance(row.row, SoftLimit | HardJoint):
+            continue
         name, limit = row.key[-1], row.row
-        named = row.key[1] == "joint" and name in comparison.model.coordinates
-        if not isinstance(limit, SoftLimit) or not named:
+        if row.key[1] == "tendon" or name not in comparison.model.coordinates:
             continue
         place = comparison.model.coordinates.index(name)
-        for end in (limit.lower - DEPTH, limit.upper + DEPTH):
-            z = state.z.copy()
-            z[place] = end
-            yield state._replace(z=z)
+        for sign, end in ((-1.0, limit.lower - DEPTH), (1.0, limit.upper + DEPTH)):
+            for spread in SPREADS:  # elsewhere, so that other limits and equalities let it act
+                z, m = state.z + spread * rng.normal(size=len(state.z)), state.m.copy()
+                z[place], m[place] = end, sign * OUTWARD * spread
+                yield state._replace(z=z, m=m)
 
 
 def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:
@@ -415,21 +458,24 @@ def _property(difference: _LawDifference, effect: float | None) -> ComparedPrope
     here, there = difference.values
     about, label, values = difference.subject, difference.attribute, (_shown(here), _shown(there))
     unlike = [i for i, (x, y) in enumerate(zip(here, there, strict=False)) if not _equal([x], [y])]
-    single = len(here) == len(there) and len(unlike) == 1
+    single, i = len(here) == len(there) and len(unlike) == 1, unlike[0] if unlike else 0
     if single:
-        i = unlike[0]
         label += f"[{i}]" if len(here) > 1 else ""
         here, there = (here[i],), (there[i],)
         values = (apart(float(here[0]), float(there[0]), 0.0) if not isinstance(here[0], bool)
                   else (str(here[0]).lower(), str(there[0]).lower()))  # fmt: skip
     lines = [
-        None if row is None else row.line(difference.attribute)
+        None if row is None else row.line(difference.attribute, i)
         for row in (difference.a, difference.b)
     ]
+    message = f"{label} of {about}: {values[0]} in A, {values[1]} in B"
+    if values == ("none", "none"):
+        message = f"{about}: {'none' if difference.a is None else 'some'} in A, "
+        message += f"{'none' if difference.b is None else 'some'} in B"
     record, _ = make_property(
         "law",
         about,
-        f"{label} of {about}: {values[0]} in A, {values[1]} in B",
+        message,
         a=float(here[0]) if single else None,
         b=float(there[0]) if single else None,
         lines=(lines[0], lines[1]),
@@ -445,7 +491,7 @@ def _shown(values: Sequence[float]) -> str:
 
 
 def _relative(first: Sequence[float], other: Sequence[float]) -> float:
-    if len(first) != len(other):
+    if len(first) != len(other) or not first:
         return 1.0
     sizes = [(abs(x - y), max(abs(x), abs(y))) for x, y in zip(first, other, strict=True)]
     return max((float(miss / size) for miss, size in sizes if size), default=0.0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from msgspec import structs
@@ -28,10 +29,11 @@ from physics_crosscheck.harness.commands.compare.property import (
     make_property,
     shown,
 )
-from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSide
+from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSide, lines_of
+from physics_crosscheck.harness.commands.compare.stated import stated_properties
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS
-from physics_crosscheck.harness.modelfiles.robot import LinkPart, Omission
+from physics_crosscheck.harness.modelfiles.robot import LinkPart
+from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
@@ -63,7 +65,7 @@ def properties(
         differences += _body_properties(a, b, row, size)
     differences += _gravity(a, b)
     differences += [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
-    return [*differences, *_left_out(a, b)], tuple(turned)
+    return [*differences, *stated_properties(a, b, rows, by_name)], tuple(turned)
 
 
 def _joint_pairs(
@@ -93,9 +95,10 @@ def _joint(
     if abs(abs(pair.slope) - 1) <= SAME:
         differences += _forces(a, b, row, pair)
     if not differences:
-        return  # lines of an MJCF are searched in its text
-    where_a, where_b = a.joint_line(link_a.name), b.joint_line(link_b.name)
+        return
+    names = link_a.name, link_b.name
     for difference, changed in differences:
+        where_a, where_b = lines_of(a, b, difference.kind, names)
         yield structs.replace(difference, where_a=where_a, where_b=where_b), changed
 
 
@@ -112,6 +115,9 @@ def _geometry(
         across = np.cross(u, row.axis)
         motion = turned_about(point, across / np.linalg.norm(across), row.angle)
         changed = with_joint(a.placed, row.a, motion)
+        if row.axis_only:
+            inward = a.placed.frames[row.a].rotation.T
+            changed = with_link(a.tree, row.a, axis=inward @ row.axis)
         yield make_property("axis", name, message, relative=row.angle, changed=changed)
     if row.apart > SAME * size:
         message = f"place of joint {name}: {row.apart:.3g} m apart"
@@ -186,7 +192,31 @@ def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> I
         message = _tensors(body_a.inertia, body_b.inertia)
         inertia = frame.rotation.T @ body_b.inertia @ frame.rotation
         changed = with_link(a.tree, row.a, inertia=inertia)
-        yield _named(a, b, parts, "inertia", message, miss / large, changed)
+        record, tree = _named(a, b, parts, "inertia", message, miss / large, changed)
+        yield structs.replace(record, remedy=_tensor_remedy(a, b, row, record)), tree
+
+
+def _tensor_remedy(a: ModelSide, b: ModelSide, row: Aligned, record: ComparedProperty) -> str:
+    """Return the six moments that make one file like the other, in the axes of its only link."""
+    for model, link, parts, other, where in (
+        (b, row.b, b.parts[row.b], a.placed.body_inertia(row.a), record.where_b),
+        (a, row.a, a.parts[row.a], b.placed.body_inertia(row.b), record.where_a),
+    ):
+        if len(parts) != 1 or where is None:
+            continue
+        frame = model.placed.frames[link].compose(model.tree.frames[parts[0].name][1])
+        turn = frame.rotation.T @ (row.moved.rotation.T if model is b else row.moved.rotation)
+        tensor = turn @ other.inertia @ turn.T
+        names = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2),
+                 ("iyz", 1, 2))  # fmt: skip
+        size = np.abs(tensor).max()
+        values = [
+            f"{key} {tensor[i, j]:.9g}" for key, i, j in names if abs(tensor[i, j]) > SAME * size
+        ]
+        place = f"{Path(where.file).name}:{where.line}"
+        text = f"set the inertia of link {parts[0].name} in {place} to {', '.join(values)}"
+        return f"{text}, about its centre of mass, along the axes of the link"
+    return ""
 
 
 def _masses(
@@ -208,7 +238,7 @@ def _masses(
                 f"link {_both(x.name, y.name)}: mass {shown(m, n)}",
                 a=m,
                 b=n,
-                lines=(a.part_line(x), b.part_line(y)),
+                lines=lines_of(a, b, "mass", (x.name, y.name)),
                 relative=abs(m - n) / max(m, n),
                 changed=with_link(a.tree, row.a, mass=masses[0] + n - m),
             )
@@ -255,7 +285,7 @@ def _named(
         f"{subject}: {message}",
         a=values[0],
         b=values[1],
-        lines=(a.part_line(x), b.part_line(y)),
+        lines=lines_of(a, b, kind, (x.name if x else "", y.name if y else "")),
         relative=share,
         changed=changed,
     )
@@ -341,13 +371,17 @@ def _ranges(
             continue
         here = np.array(a.limits(pair.a))
         there = np.sort((np.array(b.limits(pair.b)) - pair.offset) / pair.slope)
+        declared = not (a.facts.candidate.bare and b.facts.candidate.bare)
+        if declared and a.file.suffix != b.file.suffix and np.isinf([here, there]).any():
+            continue  # a URDF must state a range; a sidecar declares the system without it
         with np.errstate(invalid="ignore"):
             miss = np.where(here == there, 0.0, np.abs(here - there))
         if (miss > SAME * np.maximum(1.0, np.minimum(np.abs(here), np.abs(there)))).any():
             text_a, text_b = _range(here, there)
             message = f"range of joint {pair.a}: {text_a} in A, {text_b} in B"
             share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
-            yield make_property("range", pair.a, message, moves=False, relative=share)
+            lines = lines_of(a, b, "range", (pair.a, pair.b))
+            yield make_property("range", pair.a, message, moves=False, relative=share, lines=lines)
 
 
 def _share(miss: Array, sizes: Array) -> float:
@@ -409,26 +443,3 @@ def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Di
     robots = (own.facts.robot for own in (a, b))
     acting = any(robot is not None and bool(robot.controls) for robot in robots)
     yield from actuator_properties(a.facts.actuators, b.facts.actuators, names, acting)
-
-
-COUNTED = (
-    FOLLOWERS, "dry friction", "mimic", "equality", "contact", "collision", "a medium",
-)  # fmt: skip
-"""Start of omissions whose counts are compared."""
-
-
-def _left_out(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
-    """Yield differences of the numbers of omissions; only files of one format count alike."""
-    if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
-        return
-    counts_a, counts_b = (
-        _counts(s.facts.robot.left_out) for s in (a, b) if s.facts.robot is not None
-    )
-    for what in dict.fromkeys([*counts_a, *counts_b]):
-        if counts_a.get(what, 0) != counts_b.get(what, 0):
-            message = f"{what}: {counts_a.get(what, 0)} in A, {counts_b.get(what, 0)} in B"
-            yield make_property("left out", "", message, moves=False)
-
-
-def _counts(left_out: Sequence[Omission]) -> dict[str, int]:
-    return {one.what: one.count for one in left_out if one.what.startswith(COUNTED)}

@@ -158,6 +158,9 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         laws=laws,
         paths=paths,
         placed=with_mesh_files(_read_once(_placed, m, path), meshes, fitted_shapes(tree)),
+        options=_read_once(_options, m, path),
+        excluded=_read_once(_excluded, m, path),
+        others=_read_once(_others, m, path),
     )
 
 
@@ -253,6 +256,89 @@ def _engine_variants(m: Any) -> tuple[tuple[str, tuple[CompiledForce, ...]], ...
 
 def _placed(m: Any) -> tuple[CompiledShape, ...]:
     return tuple(placed_shapes(m))
+
+
+IDLE_FLAGS = ("ENERGY", "FWDINV", "SENSOR", "AUTORESET")
+"""Flags that change no motion."""
+
+ENUMERATIONS = {"integrator": "mjtIntegrator", "cone": "mjtCone", "solver": "mjtSolver",
+                "jacobian": "mjtJacobian"}  # fmt: skip
+
+
+def _options(m: Any) -> tuple[tuple[str, str], ...]:
+    """Return all options, except gravity, and all flags that change motions."""
+    import mujoco
+
+    flags = "disableflags", "enableflags"
+    fields = [name for name in dir(mujoco.MjOption) if name[0] != "_"]
+    rows = []
+    for name in fields:
+        value = getattr(m.opt, name)
+        if name in (*flags, "gravity") or callable(value):
+            continue
+        if name in ENUMERATIONS:
+            text = getattr(mujoco, ENUMERATIONS[name])(value).name.partition("_")[2].lower()
+        else:
+            text = " ".join(map(repr, np.ravel(value).tolist()))
+        rows.append((name, text))
+    for field, kind, words in (
+        ("disableflags", mujoco.mjtDisableBit, ("enable", "disable")),
+        ("enableflags", mujoco.mjtEnableBit, ("disable", "enable")),
+    ):
+        for bit in kind.__members__:
+            name = bit.partition("_")[2]
+            if name not in IDLE_FLAGS and bit.startswith("mj") and bit[2] != "N":
+                state = bool(int(getattr(m.opt, field)) & int(getattr(kind, bit)))
+                rows.append((f"flag {name.lower()}", words[state]))
+    return tuple(rows)
+
+
+def _excluded(m: Any) -> tuple[tuple[int, int], ...]:
+    return tuple((int(one) >> 16, int(one) & 0xFFFF) for one in m.exclude_signature)
+
+
+OTHERS = {
+    "geom": ("gap", "fluid", "surfacevel", "adhesion"),
+    "pair": ("gap", "adhesion"),
+    "jnt": ("springyield",),
+    "tendon": ("actfrclimited", "actfrcrange", "springyield"),
+}
+"""Arrays that no other field contains, by kind."""
+
+WORDS = {"jnt": "joint"}
+
+
+def _others(m: Any) -> tuple[tuple[str, str, str], ...]:
+    """Return numbers that are not zero, paths of tendons, and equalities."""
+    import mujoco
+
+    rows: list[tuple[str, str, str]] = []
+    for kind, keys in OTHERS.items():
+        elements = getattr(m, "joint" if kind == "jnt" else kind)
+        for key in keys:
+            values = getattr(m, f"{kind}_{key}", ())
+            for i in np.flatnonzero([np.any(one) for one in values]).tolist():
+                subject = f"{WORDS.get(kind, kind)} {elements(i).name or f'#{i + 1}'}"
+                rows.append((subject, key, _text(values[i])))
+    for i in np.flatnonzero(np.array(m.eq_active0) == 0).tolist():
+        kind = mujoco.mjtEq(m.eq_type[i]).name.removeprefix("mjEQ_").lower()
+        objects = f"{m.eq_obj1id[i]} {m.eq_obj2id[i]} {_text(m.eq_data[i])}"
+        rows.append((f"{kind} {m.eq(i).name or f'#{i + 1}'}", "inactive", objects))
+    for i in range(m.ntendon):
+        first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
+        parts = []
+        for k in range(first, first + count):
+            kind = mujoco.mjtWrap(m.wrap_type[k]).name.removeprefix("mjWRAP_").lower()
+            named = {"joint": m.joint, "site": m.site, "sphere": m.geom, "cylinder": m.geom}
+            end = int(m.wrap_objid[k])
+            name = (named[kind](end).name or f"#{end + 1}") if kind in named else ""
+            parts.append(f"{kind} {name} {_text(m.wrap_prm[k])}")
+        rows.append((f"tendon {m.tendon(i).name or f'#{i + 1}'}", "path", ", ".join(parts)))
+    return tuple(rows)
+
+
+def _text(values: Any) -> str:
+    return " ".join(f"{float(value):.12g}" for value in np.ravel(values))
 
 
 def _spec(path: Path, texts: Mapping[Path, bytes]) -> Any:

@@ -10,7 +10,7 @@ from physics_crosscheck.harness.commands.compare.candidate import (
     CompareError,
     NotInstalledError,
     UnreadableModelError,
-    candidate,
+    candidates,
 )
 from physics_crosscheck.harness.commands.compare.compare import (
     CompareOptions,
@@ -66,9 +66,11 @@ def _pair(options: argparse.Namespace) -> CompareOptions:
     Raises:
         CompareError, SidecarError, NotInstalledError, UnreadableModelError: giving the problem.
     """
+    requested = options.engine_a or options.engine, options.engine_b or options.engine
+    a, b = candidates((options.a, options.b), requested, floating=options.floating)
     return CompareOptions(
-        a=candidate("A", options.a, options.engine_a or options.engine, floating=options.floating),
-        b=candidate("B", options.b, options.engine_b or options.engine, floating=options.floating),
+        a=a,
+        b=b,
         joints=declared(options.joints, options.map),
         starts=tuple(options.start),
         resolution=options.resolution,

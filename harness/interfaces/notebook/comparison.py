@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidate
+from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidates
 from physics_crosscheck.harness.commands.compare.compare import (
     CompareOptions,
     failed_comparison,
@@ -261,9 +261,11 @@ def compare(
     created = datetime.datetime.now(datetime.UTC)
     limits = check_limits(limit, memory, "compare's ")
     try:
+        requested = engine_a or engine, engine_b or engine
+        model_a, model_b = candidates((_path(a), _path(b)), requested, floating=floating)
         options = CompareOptions(
-            a=candidate("A", _path(a), engine_a or engine, floating=floating),
-            b=candidate("B", _path(b), engine_b or engine, floating=floating),
+            a=model_a,
+            b=model_b,
             joints=(dict(joints or {}), {}),
             starts=tuple({key: float(q) for key, q in value.items()} for value in starts),
             resolution=resolution,

@@ -147,6 +147,21 @@ class StatedLaws:
         return rows
 
     @property
+    def root(self) -> XmlElement:
+        """The root element, with the content of included files."""
+        return self._source.root
+
+    def elements(self, kind: str, index: int) -> Sequence[XmlElement]:
+        """Return an element before the defaults that it overwrites; nothing for another one.
+
+        Args:
+            kind: as of `names`.
+            index: in the compiler's order.
+        """
+        every = self._elements[kind]
+        return self._chain(every[index]).elements[::-1] if index < len(every) else ()
+
+    @property
     def overrides(self) -> bool:
         """True if options replace the numbers of all contacts."""
         return self._source.stated("option/flag", "override") == "enable"

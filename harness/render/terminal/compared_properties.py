@@ -46,8 +46,9 @@ def print_properties(
     """
     outcome = comparison.outcome
     moving = [one for one in compared.properties if one.moves]
-    frames = [one for one in compared.properties if one.kind == "frame"]
-    without_effect = [one for one in compared.properties if not one.moves and one.kind != "frame"]
+    rest = [one for one in compared.properties if not one.moves and one != compared.decisive]
+    frames = [one for one in rest if one.kind == "frame"]
+    without_effect = [one for one in rest if one.kind != "frame"]
     agrees = outcome is Outcome.AGREES
     title = "bodies and joints that differ, largest effect first"
     if agrees:
@@ -58,7 +59,7 @@ def print_properties(
     if not agrees:
         _print_share(console, comparison, compared)
     _print_all(console, "frames that differ", frames)
-    _print_all(console, "differences without an effect on these runs", without_effect)
+    _print_all(console, "differences that these motions leave out", without_effect)
 
 
 def law_lines(rows: Sequence[ComparedProperty]) -> list[str]:

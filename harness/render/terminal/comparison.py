@@ -46,6 +46,12 @@ NOT_COMPARED = "not compared"
 MOST_EXPLAINED = 0.5
 """Share of a discrepancy above which a difference is its cause."""
 
+LEAST_EXPLAINED = 0.01
+"""Share of a discrepancy below which the files' differences are not its cause."""
+
+TURNED = 0.1
+"""Angle of an axis above which it is the first cause, rad: other differences follow from it."""
+
 MAX_WITHOUT_EFFECT = 6
 """Number of differences without an effect that are listed next to those with one."""
 
@@ -60,9 +66,11 @@ def print_comparison(console: Console, comparison: ComparisonResult) -> None:
         _print_failure(console, comparison)
     else:
         _print_outcome(console, comparison, compared)
+        if compared.rounding is not None:
+            compared = replace(compared, properties=(), differences=(), laws=None, acting=())
         edit = _edit_that_explains(compared)
         print_properties(console, comparison, compared, is_named=edit is None)
-        if not compared.by_law:
+        if compared.decisive is None:
             _print_terms(console, comparison, compared)
         _print_differences(console, comparison.outcome, _without_laws(compared))
         _print_laws(console, compared)
@@ -91,9 +99,7 @@ def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
 
 def _print_laws(console: Console, compared: Compared) -> None:
     """Print the numbers of the laws that differ, except the one that the verdict names."""
-    rows = list(compared.laws or ())
-    if compared.by_law:
-        rows = rows[1:]
+    rows = [row for row in compared.laws or () if row != compared.decisive]
     lines = law_lines(rows)
     if lines:
         console.print("\nlimits, friction, contacts and drives that differ")
@@ -104,8 +110,9 @@ def _print_laws(console: Console, compared: Compared) -> None:
 
 
 def _without_laws(compared: Compared) -> Compared:
-    """Return the comparison without edits that no motion shows and that the laws state."""
-    lines = {str(where) for row in compared.laws or () for where in (row.where_a, row.where_b)}
+    """Return the comparison without edits that no motion shows and that other rows name."""
+    rows = (*(compared.laws or ()), *(row for row in compared.properties if not row.moves))
+    lines = {str(where) for row in rows for where in (row.where_a, row.where_b)}
     kept = tuple(
         one
         for one in compared.differences
@@ -183,7 +190,7 @@ def _not_compared(compared: Compared) -> str:
     parts = [note.removeprefix(begin) for note in compared.notes if note.startswith(begin)]
     silent = [one for one in compared.untested if not one.startswith(NOT_COMPARED)]
     if silent:
-        parts.append(f"{counted(len(silent), 'difference')} without an effect on these runs")
+        parts.append(f"{counted(len(silent), 'difference')} that no run shows")
     text = "; ".join(parts).replace("limits of position", "joint limits")
     return f"{begin}{text}" if parts else ""
 
@@ -198,11 +205,14 @@ def _print_outcome(console: Console, comparison: ComparisonResult, compared: Com
         both = " and ".join(dict.fromkeys(names))
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
         text = f"{move}: difference {size}"
+        if compared.rounding is not None:
+            rounded = f"numbers differ by up to {_size(compared.rounding)}, rounding to six digits"
+            text = f"{both}: {rounded}; motions differ by {size}"
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return
-    if compared.by_law and compared.laws:
-        share = f" ({law_effect(compared.laws[0])})"
-        cause, remedy = _property_cause(compared.laws[0], share, names)
+    if compared.decisive is not None:
+        share = f" ({law_effect(compared.decisive)})" if compared.decisive.kind == "law" else ""
+        cause, remedy = _property_cause(compared.decisive, share, names)
         text = with_code(comparison.code, cause)
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         if remedy:
@@ -231,10 +241,12 @@ def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
             f"map it with --joints, or reverse the axis (then {_size(compared.left_when_turned)}"
         )
         return f"{turned} {verb} the other way in B", f"{remedy} remains)"
+    moving = [one for one in compared.properties if one.moves]
+    if moving and moving[0].kind in ("kind", "axis") and (moving[0].relative or 0.0) > TURNED:
+        return _property_cause(moving[0], _explained_share(compared, len(moving)), names)
     if (edit := _edit_that_explains(compared)) is not None:
         return _edit_cause(edit.edits[0], _share(edit.explained or 0.0))
-    moving = [one for one in compared.properties if one.moves]
-    if moving:
+    if moving and not _is_unexplained(compared):
         return _property_cause(moving[0], _explained_share(compared, len(moving)), names)
     return (compared.terms[0].message, "") if _is_cause_a_term(compared) else ("", "")
 
@@ -256,8 +268,9 @@ def _is_cause_a_term(compared: Compared) -> bool:
 
 
 def _is_unexplained(compared: Compared) -> bool:
-    """Return whether the files explain no difference."""
+    """Return whether the files explain no difference, or next to nothing of it."""
     moving = any(one.moves for one in compared.properties)
+    moving = moving and (compared.explained is None or compared.explained >= LEAST_EXPLAINED)
     return not (compared.turned or moving or _edit_that_explains(compared))
 
 
@@ -313,6 +326,8 @@ def _property_cause(row: ComparedProperty, share: str, names: Sequence[str]) -> 
     subject, what, here, there, _ = match.groups()
     label = f"{what.strip()} of {subject}" if what else subject
     cause = f"{a} {label}: {here}, {b}: {there}{share}"
+    if row.remedy or {"none", "some"} & {here, there}:
+        return cause, row.remedy
     return cause, f"set {label} to {there} in {a}, or to {here} in {b}"
 
 

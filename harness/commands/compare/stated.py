@@ -1,0 +1,443 @@
+"""Differences of the files beyond bodies and laws: shapes, contacts, options and joint numbers.
+
+Motions and steps leave these out, or take them from the engine. Shapes are paired by their form and
+place, so that names, order and the frames of bodies do not matter.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from physics_crosscheck.harness.commands.compare.alignment import SAME, Aligned
+from physics_crosscheck.harness.commands.compare.property import Difference, make_property
+from physics_crosscheck.harness.commands.compare.side import (
+    KEYS,
+    JointPair,
+    ModelSide,
+    lines_of,
+)
+from physics_crosscheck.harness.documents.document import read_numbers
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.modelfiles.mesh_files import locate_mesh
+from physics_crosscheck.harness.modelfiles.robot import PlacedShape
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.reference.mechanism.laws import Surface
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
+from physics_crosscheck.reference.mechanism.tree import WORLD
+
+make_stated = partial(make_property, moves=False)
+
+NOWHERE = WORLD - 1
+"""Index of the link of a body that is in no tree."""
+
+
+def stated_properties(
+    a: ModelSide, b: ModelSide, rows: Sequence[Aligned], pairs: Mapping[str, JointPair]
+) -> Iterator[Difference]:
+    """Yield the differences.
+
+    Args:
+        a, b: both files.
+        rows: pairs of links.
+        pairs: of joints, by the names of A's.
+    """
+    shapes = _matched(a, b, rows)
+    yield from shapes.differences()
+    if a.facts.compiled is not None and b.facts.compiled is not None:
+        yield from _contacts(a, b, shapes.pairs)
+        yield from _texts(a, b)
+    yield from _joint_numbers(a, b, pairs)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shape:
+    """A shape at the common position.
+
+    Attributes:
+        index: among the file's shapes.
+        link: index of A's link that carries it, or `WORLD`.
+        place: its frame in the world, where B's link is moved to that of A.
+    """
+
+    model: ModelSide
+    shape: PlacedShape
+    index: int
+    link: int
+    place: Place
+
+    @property
+    def label(self) -> str:
+        """Its name, or its number on its body."""
+        kind, _, name = self.shape.name.partition(":")
+        if name and not (kind == "geom" and name.startswith("geom_")):
+            return name
+        return f"#{self.index + 1} of {self.shape.body or 'the world'}"
+
+    def line(self, *, size: bool = False) -> SourceLine | None:
+        """Return the line of its element, or of its size."""
+        file, line = self.shape.file, self.shape.line
+        if size and self.shape.size_place:
+            file, line = self.shape.size_place
+        return SourceLine(file=str(file), line=line) if line else None
+
+    @property
+    def content(self) -> str:
+        """A digest of its mesh; the name of a mesh without a file."""
+        path = locate_mesh(self.shape.file, self.shape.mesh) if self.shape.mesh else None
+        if path is None:
+            return self.shape.mesh
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Matched:
+    """Shapes of both files that can touch.
+
+    Attributes:
+        size: of the mechanism, m.
+        pairs: corresponding shapes.
+        single: others, each with the file that has it, and whether the other one has it without
+            contacts.
+    """
+
+    size: float
+    pairs: Sequence[tuple[_Shape, _Shape]]
+    single: Sequence[tuple[str, _Shape, _Shape | None]]
+
+    def differences(self) -> Iterator[Difference]:
+        """Yield shapes that differ, or that one file lacks."""
+        for x, y in self.pairs:
+            for what, share, text in _unlike(x, y, self.size):
+                lines = x.line(size=what == "size"), y.line(size=what == "size")
+                message = f"{what} of shape {x.label}: {text}"
+                yield make_stated("shape", x.label, message, relative=share, lines=lines)
+        for label, shape, other in self.single:
+            has = ("some", "none") if label == "A" else ("none", "some")
+            what = "contacts of shape" if other else "shape"
+            message = f"{what} {shape.label}: {has[0]} in A, {has[1]} in B"
+            both = [shape.line(), other.line() if other else None]
+            first, last = both if label == "A" else both[::-1]
+            yield make_stated("shape", shape.label, message, lines=(first, last))
+
+
+def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
+    """Pair shapes on paired links: alike ones, then by name, then those of one form in order."""
+    links = {row.b: (row.a, row.moved) for row in rows}
+    of_a = _placed(a, {row.a: (row.a, IDENTITY) for row in rows})
+    of_b = _placed(b, links)
+    if a.file.suffix != b.file.suffix:  # only an MJCF states what stands beside a robot
+        of_a, of_b = ([x for x in one if x.link != WORLD] for one in (of_a, of_b))
+    size = max(a.placed.size, b.placed.size)
+    touching_a, touching_b = ([x for x in one if _touches(x)] for one in (of_a, of_b))
+    pairs: list[tuple[_Shape, _Shape]] = []
+    tests: tuple[Callable[[_Shape, _Shape], bool], ...] = (
+        lambda x, y: not any(True for _ in _unlike(x, y, size)),
+        lambda x, y: x.label == y.label,
+        lambda x, y: x.shape.kind == y.shape.kind,
+    )
+    for is_pair in tests:
+        for x in list(touching_a):
+            y = next((y for y in touching_b if x.link == y.link and is_pair(x, y)), None)
+            if y is not None:
+                pairs.append((x, y))
+                touching_a.remove(x)
+                touching_b.remove(y)
+    single: list[tuple[str, _Shape, _Shape | None]] = []
+    for label, rest, others in (("A", touching_a, of_b), ("B", touching_b, of_a)):
+        for x in rest:
+            still = (y for y in others if not _touches(y) and y.link == x.link)
+            other = next((y for y in still if tests[0](x, y)), None)
+            single.append((label, x, other))
+    return _Matched(size=size, pairs=pairs, single=single)
+
+
+def _placed(model: ModelSide, links: Mapping[int, tuple[int, Place]]) -> list[_Shape]:
+    """Return the shapes of a file on these links and on the world."""
+    robot, shapes = model.facts.robot, list[_Shape]()
+    frames: dict[str | None, tuple[int, Place]] = {None: (WORLD, IDENTITY)}
+    frames.update(model.tree.frames)
+    for i, shape in enumerate(() if robot is None else robot.placed):
+        link, place = frames.get(shape.body, (NOWHERE, IDENTITY))
+        if shape.name.startswith("site:") or (link != WORLD and link not in links):
+            continue
+        if link != WORLD:
+            link, moved = links[link][0], links[link][1]
+            place = moved.compose(model.placed.frames[frames[shape.body][0]].compose(place))
+        shapes.append(
+            _Shape(model=model, shape=shape, index=i, link=link, place=place.compose(shape.place))
+        )
+    return shapes
+
+
+def _touches(x: _Shape) -> bool:
+    """Return whether a shape can touch: by its masks, or in a pair that the file states."""
+    compiled = x.model.facts.compiled
+    stated = () if compiled is None or compiled.laws is None else compiled.laws.pairs
+    return not x.shape.visual or any(x.index in (i, j) for i, j, _ in stated)
+
+
+def _unlike(x: _Shape, y: _Shape, size: float) -> Iterator[tuple[str, float, str]]:
+    """Yield what differs: a property, its relative difference, and both values."""
+    kind, other = x.shape.kind, y.shape.kind
+    if kind != other:
+        yield "kind", 1.0, f"{kind} in A, {other} in B"
+        return
+    here, there = _extent(x), _extent(y)
+    if kind == "box" and len(here) == 3 and _is_turned_box(x, y, here, there):
+        return
+    miss = np.abs(here - there) if len(here) == len(there) else np.ones(1)
+    large = float(max(np.abs(here).max(initial=0.0), np.abs(there).max(initial=0.0)))
+    if miss.size and float(miss.max()) > SAME * large:
+        text = f"({_numbers(here)}) in A, ({_numbers(there)}) in B"
+        yield "size", float(miss.max()) / large, text
+    if x.shape.mesh and x.content != y.content:
+        yield "mesh", 1.0, "another one in B"
+    shift = y.place.origin - x.place.origin
+    axes = x.place.rotation[:, 2], y.place.rotation[:, 2]
+    if kind == "plane":
+        shift = axes[0] * (axes[0] @ shift)
+    apart, turn = float(np.linalg.norm(shift)), _turn(x, y)
+    if apart > SAME * size or turn > 10 * SAME:
+        by = ", ".join(f"{value + 0.0:.4g}" for value in shift)
+        parts = [f"{apart:.3g} m apart, by ({by}) in the world"] if apart > SAME * size else []
+        parts += [f"turned by {turn:.3g} rad"] if turn > 10 * SAME else []
+        yield "place", apart / size + turn, " and ".join(parts)
+
+
+def _extent(x: _Shape) -> Array:
+    """Return the numbers of a shape's extent; a plane has none, and a mesh its scale."""
+    if x.shape.kind == "plane":
+        return np.zeros(0)
+    return np.array(x.shape.size or (x.shape.scale if x.shape.mesh else ()))
+
+
+def _is_turned_box(x: _Shape, y: _Shape, here: Array, there: Array) -> bool:
+    """Return whether two boxes at one place are alike with their edges in another order."""
+    between = np.abs(x.place.rotation.T @ y.place.rotation)
+    order = np.round(between)
+    near = SAME * float(np.abs(here).max())
+    return bool(
+        np.abs(between - order).max() <= 10 * SAME
+        and np.abs(order @ there - here).max() <= near
+        and np.linalg.norm(x.place.origin - y.place.origin) <= near
+    )
+
+
+def _turn(x: _Shape, y: _Shape) -> float:
+    """Return the angle between two shapes of one kind that a contact can show, rad."""
+    between = x.place.rotation.T @ y.place.rotation
+    if x.shape.kind == "sphere":
+        return 0.0
+    if x.shape.kind in ("plane", "capsule", "cylinder"):
+        cosine = between[2, 2] if x.shape.kind == "plane" else abs(between[2, 2])
+        return float(np.arctan2(np.linalg.norm(between[:2, 2]), cosine))
+    if x.shape.kind in ("box", "ellipsoid"):
+        between = between * np.sign(np.where(np.diag(between) < 0, -1.0, 1.0))
+    odd = between - between.T
+    sine = float(np.linalg.norm([odd[2, 1], odd[0, 2], odd[1, 0]])) / 2
+    return float(np.arctan2(sine, (np.trace(between) - 1) / 2))
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+def _contacts(
+    a: ModelSide, b: ModelSide, pairs: Sequence[tuple[_Shape, _Shape]]
+) -> Iterator[Difference]:
+    """Yield shapes that touch others in one file only, by masks and excluded bodies."""
+    tables = [_touching(model, [pair[k] for pair in pairs]) for k, model in enumerate((a, b))]
+    changed = tables[0] ^ tables[1]
+    while changed:
+        (busiest, _), *_ = Counter(i for pair in changed for i in pair).most_common(1)
+        others = sorted({i for pair in changed if busiest in pair for i in pair} - {busiest})
+        changed = {pair for pair in changed if busiest not in pair}
+        x, y = pairs[busiest]
+        names = ", ".join(pairs[i][0].label for i in others[:3])
+        names += f" and {len(others) - 3} more" if len(others) > 3 else ""
+        counts = [sum(frozenset((busiest, i)) in table for i in others) for table in tables]
+        here, there = ("some" if count else "none" for count in counts)
+        message = f"contacts of shape {x.label} with {names}: {here} in A, {there} in B"
+        bodies = {x.shape.body, *(pairs[i][0].shape.body for i in others)}
+        lines = [_exclude_line(model, bodies) or one.line() for model, one in ((a, x), (b, y))]
+        yield make_stated("contacts", x.label, message, lines=(lines[0], lines[1]))
+
+
+def _touching(model: ModelSide, shapes: Sequence[_Shape]) -> set[frozenset[int]]:
+    """Return pairs of some shapes that touch by their masks and bodies, by their order here."""
+    compiled = model.facts.compiled
+    if compiled is None or compiled.laws is None:
+        return set()
+    surfaces = [compiled.laws.surfaces[shape.index] for shape in shapes]
+    excluded = {frozenset(pair) for pair in compiled.excluded}
+    return {
+        frozenset((i, j))
+        for i, first in enumerate(surfaces)
+        for j, other in enumerate(surfaces[:i])
+        if _meet(first, other) and frozenset((first.body, other.body)) not in excluded
+    }
+
+
+def _meet(first: Surface, other: Surface) -> bool:
+    return bool(first.masks[0] & other.masks[1] or other.masks[0] & first.masks[1])
+
+
+def _exclude_line(model: ModelSide, bodies: set[str | None]) -> SourceLine | None:
+    """Return the line of an `<exclude>` of two of these bodies."""
+    rows = [] if model.root is None else model.root.findall("contact/exclude")
+    excludes = (one for one in rows if {one.get("body1"), one.get("body2")} <= bodies)
+    return _line(model, next(excludes, None), "")
+
+
+def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
+    """Yield options, and numbers of elements that nothing else compares."""
+    first, other = a.facts.compiled, b.facts.compiled
+    assert first is not None
+    assert other is not None
+    options = [{("", name): value for name, value in one.options} for one in (first, other)]
+    rest = [{(one, key): value for one, key, value in model.others} for model in (first, other)]
+    for kind, (here, there) in (("option", options), ("other", rest)):
+        for subject, key in dict.fromkeys([*here, *there]):
+            values = here.get((subject, key), "none"), there.get((subject, key), "none")
+            if values[0] != values[1]:
+                shown = [f"({value})" if " " in value else value for value in values]
+                about = f"{key} of {subject}" if subject else key
+                message = f"{about}: {shown[0]} in A, {shown[1]} in B"
+                lines = _text_line(a, subject, key), _text_line(b, subject, key)
+                yield make_stated(
+                    kind, subject or key, message, lines=lines, relative=_share(*values)
+                )
+
+
+def _share(here: str, there: str) -> float:
+    """Return the relative difference of two texts; 1 unless both are numbers."""
+    x, y = (np.array(read_numbers(text, len(text.split())) or ()) for text in (here, there))
+    if not x.size or x.shape != y.shape:
+        return 1.0
+    return float(np.abs(x - y).max() / (max(np.abs(x).max(), np.abs(y).max()) or 1.0))
+
+
+def _text_line(model: ModelSide, subject: str, key: str) -> SourceLine | None:
+    """Return the line of an option or flag, or of an attribute of a named element."""
+    if model.root is None:
+        return None
+    if not subject:
+        kind, _, flag = key.partition(" ")
+        elements = model.root.findall("option/flag" if flag else "option")
+        stating = (e for e in elements[::-1] if (flag or kind) in e.attributes)
+        return _line(model, next(stating, None), flag or kind)
+    kind, _, name = subject.partition(" ")
+    named = [one for one in model.root.iter() if one.get("name") == name and one.tag != "default"]
+    return _line(model, next(iter(named), None), key)
+
+
+def _line(model: ModelSide, element: XmlElement | None, key: str) -> SourceLine | None:
+    if element is None:
+        return None
+    where, line = element.attribute_place(key) if key in element.attributes else element.place
+    return SourceLine(file=str(where or model.file), line=line) if line else None
+
+
+def _joint_numbers(
+    a: ModelSide, b: ModelSide, pairs: Mapping[str, JointPair]
+) -> Iterator[Difference]:
+    """Yield dry friction, efforts, velocities and couplings of joints that differ."""
+    velocity = ".xml" in (a.file.suffix, b.file.suffix)  # an MJCF can't state one
+    both = [_by_joint(model, drives=a.file.suffix != b.file.suffix) for model in (a, b)]
+    names = {name: pair.b for name, pair in pairs.items()}
+    back = {its: name for name, its in names.items()}
+    every = [*(name for name in both[0] if name in names), *(back[k] for k in both[1] if k in back)]
+    for name in dict.fromkeys(every):
+        here, there = both[0].get(name, {}), both[1].get(names.get(name, name), {})
+        for what in dict.fromkeys([*here, *there]):
+            if what == "velocity" and velocity:
+                continue
+            values = here.get(what, ()), tuple(_renamed(there.get(what, ()), back))
+            if what == "effort" and velocity and not all(values) and not _is_driven(a, b, name):
+                continue  # a URDF must state an effort; without a drive it limits nothing
+            if not _equal(*values):
+                shown = [_shown(one) for one in values]
+                message = f"{what} of joint {name}: {shown[0]} in A, {shown[1]} in B"
+                lines = lines_of(a, b, what, (name, names.get(name, name)))
+                share = _share(*(" ".join(map(str, one)) or "none" for one in values))
+                yield make_stated(what, name, message, lines=lines, relative=share)
+
+
+def _is_driven(a: ModelSide, b: ModelSide, joint: str) -> bool:
+    """Return whether a drive acts on a joint of one of the files."""
+    return any(one.on == joint for model in (a, b) for one in model.facts.actuators)
+
+
+_Values = tuple[float | str, ...]
+
+
+def _renamed(values: Sequence[float | str], names: Mapping[str, str]) -> Iterator[float | str]:
+    for value in values:
+        yield names.get(value, value) if isinstance(value, str) else value
+
+
+def _equal(here: _Values, there: _Values) -> bool:
+    if len(here) != len(there):
+        return False
+    return all(
+        x == y
+        if isinstance(x, str) or isinstance(y, str)
+        else abs(x - y) <= SAME * max(abs(x), abs(y))
+        for x, y in zip(here, there, strict=True)
+    )
+
+
+def _shown(values: _Values) -> str:
+    text = " ".join(one if isinstance(one, str) else f"{one:.9g}" for one in values)
+    return f"({text})" if len(values) > 1 else text or "none"
+
+
+def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]:
+    """Return what a file states of each joint, or of its only drive, without what is zero."""
+    rows: dict[str, dict[str, _Values]] = {}
+    robot, compiled = model.facts.robot, model.facts.compiled
+    body_model = None if robot is None else robot.body_model
+    for coupling in () if body_model is None else body_model.couplings:
+        leaders = [(coupling.leader or "none", coupling.multiplier), *coupling.others]
+        values: _Values = (*(part for pair in leaders for part in pair), coupling.offset)
+        rows.setdefault(coupling.follower, {})["coupling"] = values
+    if compiled is None:
+        for element in () if model.root is None else model.root.iter("joint"):
+            stated = rows.setdefault(element.get("name"), {})
+            for what in ("friction", "effort", "velocity"):
+                if (value := _stated_number(element, what)) is not None:
+                    stated[what] = (value,)
+        return rows
+    joints = [joint for body in compiled.bodies for joint in body.joints]
+    ranges = {} if compiled.laws is None else compiled.laws.joint_ranges
+    for j, joint in enumerate(joints):
+        name = joint.name or f"joint_{j}"
+        if joint.friction:
+            rows.setdefault(name, {})["friction"] = (joint.friction,)
+        on = [one for one in compiled.actuators if drives and one.on == name]
+        force: tuple[float, ...] | None = ranges[j][0] if j in ranges else None
+        if force is None and len(on) == 1 and abs(dict(on[0].numbers)["gear"][0]) == 1:
+            force = dict(on[0].ranges).get("force range")
+        if force is not None:
+            low, high = force[0], force[1]
+            rows.setdefault(name, {})["effort"] = (high,) if low == -high else (low, high)
+    return rows
+
+
+def _stated_number(joint: XmlElement, what: str) -> float | None:
+    """Return a number of a joint's element that limits or resists it; None for zero or none."""
+    for key in KEYS[what]:
+        path, _, attribute = key.partition("@")
+        element = joint.find(path) if path else joint
+        text = "" if element is None else element.get(attribute) if attribute else element.text
+        numbers = read_numbers(text, 1)
+        if numbers is not None and numbers[0] and np.isfinite(numbers[0]) and numbers[0] < 1e16:
+            return numbers[0] if joint.get("type") != "fixed" else None
+    return None
