@@ -24,7 +24,7 @@ from physics_crosscheck.harness.commands.compare.side import (
 )
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.modelfiles.mesh_files import locate_mesh
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.laws import Surface
@@ -90,7 +90,7 @@ class _Shape:
     @property
     def content(self) -> str:
         """A digest of its mesh; the name of a mesh without a file."""
-        path = locate_mesh(self.shape.file, self.shape.mesh) if self.shape.mesh else None
+        path = locate_file(self.shape.file, self.shape.mesh) if self.shape.mesh else None
         if path is None:
             return self.shape.mesh
         return hashlib.sha256(path.read_bytes()).hexdigest()
