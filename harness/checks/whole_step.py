@@ -1,6 +1,7 @@
 """Steps of a robot file with all its forces, compared with the law that the engine documents.
 
-The positions of contacts are the engine's; all other numbers are those of the file.
+The positions of contacts are the engine's, and compared with the file's shapes; all other numbers
+are those of the file.
 """
 
 from __future__ import annotations
@@ -15,6 +16,12 @@ import numpy as np
 from msgspec.structs import replace as replace_fields
 from numpy.typing import NDArray
 
+from physics_crosscheck.harness.checks.contacts import (
+    TouchingShapes,
+    check_contacts,
+    shapes_of_laws,
+    shapes_of_urdf,
+)
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.checks.law_comparison import (
     Evaluated,
@@ -43,6 +50,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.misread import (
     check_reading,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
+from physics_crosscheck.harness.modelfiles.mjcf.tree import placed_shapes
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
@@ -67,12 +75,14 @@ class WholeStepCheck:
         judgement: of accelerations and the next state; None if nothing was compared.
         resolution: relative discrepancy that it resolves.
         misread: numbers that the compiler of the file resolves otherwise than its text.
+        contacts: those that the engine finds otherwise than the file's shapes touch.
     """
 
     record: WholeStep
     judgement: LimitVerdict | None = None
     resolution: float = 0.0
     misread: tuple[MisreadNumber, ...] = ()
+    contacts: tuple[MisreadNumber, ...] = ()
 
     @classmethod
     def skipped(cls, uncovered: Iterable[str] = ()) -> WholeStepCheck:
@@ -108,12 +118,15 @@ class WholeStepCheck:
     @property
     def kind(self) -> CaseKind:
         """Kind of a case that differs by it."""
-        return "compiled number" if self.misread and not self._differs else "whole step"
+        if self._differs or not (self.misread or self.contacts):
+            return "whole step"
+        return "compiled number" if self.misread else "contact"
 
     @property
     def locations(self) -> tuple[SourceLine, ...]:
-        """Lines of misread numbers; a law has no single line."""
-        places = dict.fromkeys((one.file, one.line) for one in self.misread if one.line)
+        """Lines of misread numbers and of shapes; a law has no single line."""
+        faults = (*self.misread, *self.contacts)
+        places = dict.fromkeys((one.file, one.line) for one in faults if one.line)
         return tuple(SourceLine(file=str(file), line=line) for file, line in places)
 
     def combined(self, verdict: CaseJudgement) -> CaseJudgement:
@@ -121,7 +134,7 @@ class WholeStepCheck:
         judged, record = self.judgement, self.record
         if verdict.outcome is Outcome.DIFFERS:
             return verdict
-        if self.misread:
+        if self.misread or (self.contacts and not self._differs):
             return self._misread(verdict)
         if judged is None or not self._differs:
             return verdict
@@ -141,10 +154,11 @@ class WholeStepCheck:
         )
 
     def _misread(self, verdict: CaseJudgement) -> CaseJudgement:
-        """Return the verdict of numbers that the engine compiles otherwise."""
-        first, unsure = self.misread[0], np.finfo(float).eps
-        off = max(one.discrepancy for one in self.misread)
-        more = f", and {len(self.misread) - 1} more" if len(self.misread) > 1 else ""
+        """Return the verdict of numbers and contacts that the engine has otherwise."""
+        faults = (*self.misread, *self.contacts)
+        first, unsure = faults[0], np.finfo(float).eps
+        off = max(one.discrepancy for one in faults)
+        more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
         return decided(
             verdict,
             LimitVerdict(
@@ -218,7 +232,8 @@ def _check_laws(
         besides = (Omission(what=what, count=count, where=()) for what, count in compiled.besides)
         covered = tuple(map(format_omission, besides))
         comparison = LawComparison(laws, model)
-        check = _check(comparison, covered, resolution, steps)
+        touching = shapes_of_laws(tuple(placed_shapes(compiled, file)), laws)
+        check = _check(comparison, touching, covered, resolution, steps)
     return _with_reading(check, reading)
 
 
@@ -247,13 +262,15 @@ def _check_rules(
     laws = ruled_model(robot, rules)
     if laws is None:
         return WholeStepCheck.skipped()
+    touching = shapes_of_urdf(robot, laws.tree.tree, rules, model.floor)
     if isinstance(laws, ImpulseModel):
-        return _check(ImpulseComparison(laws, model), covered, resolution, steps)
-    return _check(LawComparison(laws, model), covered, resolution, steps)
+        return _check(ImpulseComparison(laws, model), touching, covered, resolution, steps)
+    return _check(LawComparison(laws, model), touching, covered, resolution, steps)
 
 
 def _check(
     comparison: WholeStepComparison[M, S],
+    touching: TouchingShapes,
     covered: tuple[str, ...],
     resolution: float,
     steps: KeptSteps,
@@ -269,7 +286,8 @@ def _check(
     compared, model = comparison.compare(evaluated), comparison.model
     judged = comparison.judge(compared, resolution)
     kept = compared.resolved(resolution)
-    return WholeStepCheck.compared(
+    contacts = check_contacts(touching, comparison, evaluated)
+    check = WholeStepCheck.compared(
         judged,
         resolution,
         _acted(evaluated),
@@ -281,7 +299,11 @@ def _check(
         covered=covered,
         uncovered=model.uncovered,
         acting=_shown(comparison, evaluated, judged, kept),
+        contacts=contacts.judged,
+        contact_faults=tuple(one.sentence for one in contacts.faults),
+        unjudged=tuple(f"{count} {what}" for what, count in contacts.unjudged.items()),
     )
+    return replace(check, contacts=contacts.faults)
 
 
 def _shown(

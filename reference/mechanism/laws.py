@@ -239,6 +239,7 @@ class Laws:
         joint_ranges: limits of all drives by joint, and whether they compensate its weight.
         compliant: of the ground and of each shape, in place of `surfaces`, for near-rigid laws.
         pairs: numbers of pairs of surfaces that a file states itself, by their indices.
+        touching: pairs of surfaces, in order, whose masks, bodies and exclusions allow contacts.
         uncovered: what acts on the bodies and has no law here.
     """
 
@@ -258,6 +259,7 @@ class Laws:
     surfaces: tuple[Surface, ...] = ()
     compliant: tuple[CompliantSurface, ...] = ()
     pairs: tuple[tuple[int, int, ContactParameters], ...] = ()
+    touching: frozenset[tuple[int, int]] = frozenset()
     drives: tuple[Actuator, ...] = ()
     sums: tuple[tuple[tuple[int, ...], Range], ...] = ()
     joint_ranges: Mapping[int, tuple[Range, bool]] = field(default_factory=dict)
@@ -365,11 +367,13 @@ class SoftRules:
         laws: all but limits and dry friction, which the file states.
         softness: of these.
         bodies: names of the links that bodies begin with, by index; the ground first.
+        shapes: names of the shapes, by the index of their surface.
     """
 
     laws: Laws
     softness: Softness
     bodies: tuple[str, ...]
+    shapes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

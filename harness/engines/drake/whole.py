@@ -96,7 +96,11 @@ class DrakeWhole(UndrivenWhole):
         )  # fmt: skip
         self._damping = self._joint_damping()
         if self._floats:
-            self.home = self._on_floor()
+            self.home, self.floor = self._on_floor(), 0.0
+
+    def finds_exactly(self, first: str, other: str) -> bool:
+        """Other pairs are found by iteration, to 1e-6 m and worse."""
+        return bool({"plane", "sphere"} & {first, other})
 
     def _prepare(self, plant: Any) -> None:
         """Let shapes touch in points, and put a floor under a floating root."""

@@ -50,6 +50,11 @@ class MjxWhole(MujocoWhole):
             parts, make = jax.tree_util.tree_flatten((device, mjx.make_data(device)))
             self._parts, self._step = tuple(parts), _stepper(make)
 
+    def finds_exactly(self, first: str, other: str) -> bool:
+        """Capsules are longer by 1e-6 of a squared metre; boxes keep four corners (`math.py`)."""
+        kinds = {first, other}
+        return kinds <= {"plane", "sphere"} or kinds == {"plane", "capsule"}
+
     def applied(self, laws: Laws) -> Laws:
         """Return the laws with the choices of MJX."""
         fast = laws.integrator == "implicitfast"

@@ -466,6 +466,7 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         which = f" (worst: {worst.id})" if len(alike) > 1 else ""
         size = largest.discrepancy or 0.0
         lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}")
+        lines += _not_compared(alike)
     others = [(case, why) for step, case in steps if (why := _why_not_compared(step))]
     if details:
         lines += [f"{case.id}: whole steps {why}" for case, why in others]
@@ -473,6 +474,19 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         names = ", ".join(dict.fromkeys(case.engine for case, _ in others))
         lines.append(f"whole steps without a verdict in {names}; --details gives the reason")
     return lines
+
+
+def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
+    """Yield what whole steps that agree do not compare, with its engines."""
+    parts: dict[str, list[str]] = {}
+    for step, case in alike:
+        what = list(step.unjudged)
+        if not step.next_state:
+            what.insert(0, "next states, time step, integrator and states of drives")
+        for part in what:
+            parts.setdefault(part, []).append(case.engine)
+    for part, names in parts.items():
+        yield f"whole steps: {part} not compared in {', '.join(dict.fromkeys(names))}"
 
 
 def _why_not_compared(step: WholeStep) -> str:
