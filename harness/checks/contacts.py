@@ -47,7 +47,7 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 EXACT, ROUGH = 1e-9, 1e-3
 """Largest error of a distance relative to the shapes: in closed form, and by iteration."""
 
-STANDING = 1e-7
+MIN_TILT = 1e-7
 """Tilt below which an engine may take a cylinder for one that stands, rad."""
 
 FLAT = {"box", "capsule", "sphere"}
@@ -123,12 +123,12 @@ class TouchingShapes:
     def pairs(self) -> list[Pair]:
         """Indices of the shapes of each pair that may touch, by their surfaces in order."""
         by_surface: dict[int, list[int]] = {}
-        for i, one in enumerate(self.shapes):
-            by_surface.setdefault(one.surface, []).append(i)
-        known = (pair for pair in sorted(self.allowed) if not self.unknown & set(pair))
+        for i, shape in enumerate(self.shapes):
+            by_surface.setdefault(shape.surface, []).append(i)
+        judged = (pair for pair in sorted(self.allowed) if not self.unknown & set(pair))
         return [
             (i, j)
-            for first, other in known
+            for first, other in judged
             for i in by_surface.get(first, ())
             for j in by_surface.get(other, ())
         ]
@@ -138,15 +138,15 @@ class TouchingShapes:
         if not self.pairs:
             return
         places = np.array(self.pairs)
-        centers, reach = np.array([s.origin for s in solids]), np.array([s.reach for s in solids])
-        axes, flat = np.array([s.axis for s in solids]), np.isinf(reach)
+        centers, extent = np.array([s.origin for s in solids]), np.array([s.extent for s in solids])
+        axes, flat = np.array([s.axis for s in solids]), np.isinf(extent)
         apart = centers[places[:, 1]] - centers[places[:, 0]]
-        far = np.linalg.norm(apart, axis=1) - reach[places].sum(axis=1)
+        far = np.linalg.norm(apart, axis=1) - extent[places].sum(axis=1)
         for k, sign in ((0, 1.0), (1, -1.0)):
             ground, above = places[:, k], places[:, 1 - k]
-            height = sign * np.sum(axes[ground] * apart, axis=1) - reach[above]
+            height = sign * np.sum(axes[ground] * apart, axis=1) - extent[above]
             far = np.where(flat[ground] & ~flat[above], height, far)
-        slack = ROUGH * np.min(reach[places], axis=1)  # infinite for two planes
+        slack = ROUGH * np.min(extent[places], axis=1)  # infinite for two planes
         yield from (self.pairs[k] for k in np.flatnonzero(far - slack < margins))
 
 
@@ -186,7 +186,7 @@ def shapes_of_urdf(robot: Robot, tree: Tree, rules: Rules, floor: float | None) 
         for name in [link.element.get("name", "")]
         for _ in link.element.findall("collision")
     )
-    known = Counter(one.shape.body for one in shapes if one.shape is not None)
+    placed = Counter(one.shape.body for one in shapes if one.shape is not None)
     unknown = set(numbers.values()) - set(links)
     ground = floor is not None
     if floor is not None:
@@ -194,7 +194,7 @@ def shapes_of_urdf(robot: Robot, tree: Tree, rules: Rules, floor: float | None) 
         up = Place(np.eye(3), np.array([0.0, 0.0, floor]))
         shapes.insert(0, TouchingShape(surface=0, link=WORLD, place=up, shape=None))
     if isinstance(rules, ImpulseRules):  # one surface for all shapes of a link
-        unknown |= {i for i, name in links.items() if elements[name] != known[name]}
+        unknown |= {i for i, name in links.items() if elements[name] != placed[name]}
         allowed = {(0, i) for i in links} if ground else set()
     elif isinstance(rules, SoftRules):
         allowed = set(rules.laws.touching)
@@ -298,7 +298,7 @@ class _Judge:
         """Compare the contacts at a state."""
         touching = self._touching
         solids = [one.in_world(posture) for one in touching.shapes]
-        found: dict[Pair, list[ContactPoint]] = {}
+        touches: dict[Pair, list[ContactPoint]] = {}
         for contact in contacts:
             low, high = sorted(contact.surfaces)
             if touching.unknown & {low, high}:
@@ -306,18 +306,18 @@ class _Judge:
             elif (low, high) not in touching.allowed:
                 self._note((low, high), "exists, although the file excludes it", 1.0)
             else:
-                found.setdefault((low, high), []).append(contact)
+                touches.setdefault((low, high), []).append(contact)
         margins = dict(zip(touching.pairs, self._margins, strict=True))
         near: dict[Pair, list[Pair]] = {}
         for i, j in touching.near(solids, self._margins + self._model.shape_error):
             near.setdefault((self._surfaces[i], self._surfaces[j]), []).append((i, j))
-        for surfaces in {**near, **found}:
+        for surfaces in {**near, **touches}:
             pairs = [(solids[i], solids[j]) for i, j in near.get(surfaces, ())]
             margin = max((margins[one] for one in near.get(surfaces, ())), default=0.0)
-            if surfaces not in found:
+            if surfaces not in touches:
                 self._judge_absence(surfaces, pairs, margin)
             else:
-                self._judge_contacts(surfaces, pairs, found[surfaces])
+                self._judge_contacts(surfaces, pairs, touches[surfaces])
 
     def _judge_absence(
         self, surfaces: Pair, pairs: Sequence[tuple[Solid, Solid]], margin: float
@@ -380,9 +380,9 @@ class _Judge:
         """Return the contact of two shapes, or the bound of its distance along a normal."""
         exact, model, size = distance(first, other), self._model, _size(first, other)
         off, turned = model.frame_errors
-        error = EXACT * size + 2 * (off + turned * _reach(first, other))
+        error = EXACT * size + 2 * (off + turned * _extent(first, other))
         if "cylinder" in (first.kind, other.kind):
-            error += STANDING * _reach(first, other)
+            error += MIN_TILT * _extent(first, other)
         if exact is not None and model.finds_exactly(first.kind, other.kind):
             return _Expected(*exact, exact=True, error=error)
         if model.shape_error or not {first.kind, other.kind} <= FLAT:
@@ -428,7 +428,7 @@ class _Judge:
 
 def _shrunk(first: Solid, other: Solid) -> tuple[Solid, Solid]:
     """Return two shapes, the smaller one smaller."""
-    if first.reach < other.reach:
+    if first.extent < other.extent:
         return first.scaled(SMALLER), other
     return first, other.scaled(SMALLER)
 
@@ -436,7 +436,7 @@ def _shrunk(first: Solid, other: Solid) -> tuple[Solid, Solid]:
 def _onto(first: Solid, other: Solid) -> Array:
     """Return the translation of a shape that puts it onto another one's top, (3,)."""
     axis = first.axis
-    depth = DEPTH * min(first.reach, other.reach)
+    depth = DEPTH * min(first.extent, other.extent)
     low = other.support(-axis) + depth * axis
     if first.kind == "plane":
         return axis * float(axis @ (first.origin - low))
@@ -446,12 +446,12 @@ def _onto(first: Solid, other: Solid) -> Array:
 def _size(first: Solid, other: Solid) -> float:
     """Return the size of two shapes with their places, m."""
     far = float(np.linalg.norm(first.origin) + np.linalg.norm(other.origin))
-    return _reach(first, other) + far
+    return _extent(first, other) + far
 
 
-def _reach(first: Solid, other: Solid) -> float:
+def _extent(first: Solid, other: Solid) -> float:
     """Return the size of two shapes, m; a plane has none."""
-    return sum(one.reach for one in (first, other) if np.isfinite(one.reach))
+    return sum(one.extent for one in (first, other) if np.isfinite(one.extent))
 
 
 def _least(first: Solid, other: Solid) -> float:

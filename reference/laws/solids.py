@@ -48,7 +48,7 @@ class Solid:
         return axis
 
     @cached_property
-    def reach(self) -> float:
+    def extent(self) -> float:
         """Largest distance of a point from the origin, m."""
         if self.kind in ROUND:
             return float(sum(self.size))
@@ -73,8 +73,8 @@ class Solid:
             stretched = np.asarray(self.size) * u
             local = np.array(self.size) * stretched / np.linalg.norm(stretched)
         elif self.kind == "cylinder":
-            side = np.hypot(u[0], u[1])
-            rim = self.size[0] * u[:2] / side if side > 0 else np.zeros(2)
+            radial = np.hypot(u[0], u[1])
+            rim = self.size[0] * u[:2] / radial if radial > 0 else np.zeros(2)
             local = np.array([*rim, ends[2] * self.size[1]])
         else:
             local = self.size[0] * u + np.array([0.0, 0.0, ends[2] * self.half_length])
@@ -98,9 +98,9 @@ class Solid:
         if self.kind == "box":
             beyond, ways = np.abs(p) - self.size, np.diag(np.where(p < 0, -1.0, 1.0))
         else:
-            side = float(np.hypot(p[0], p[1]))
-            beyond = np.array([side - self.size[0], abs(p[2]) - self.size[1]])
-            out = p[:2] / side if side > UNIQUE * self.reach else np.full(2, np.nan)
+            radial = float(np.hypot(p[0], p[1]))
+            beyond = np.array([radial - self.size[0], abs(p[2]) - self.size[1]])
+            out = p[:2] / radial if radial > UNIQUE * self.extent else np.full(2, np.nan)
             ways = np.array([[*out, 0.0], [0.0, 0.0, -1.0 if p[2] < 0 else 1.0]])
         if np.max(beyond) > 0:
             outside = beyond > 0
@@ -109,13 +109,13 @@ class Solid:
             return far, self._outwards(apart, far)
         *_, second, largest = np.sort(beyond)
         way = (
-            ways[int(np.argmax(beyond))] if largest - second > UNIQUE * self.reach else ways[0] * 0
+            ways[int(np.argmax(beyond))] if largest - second > UNIQUE * self.extent else ways[0] * 0
         )
         return float(largest), self._outwards(way, float(np.linalg.norm(way)))
 
     def _outwards(self, apart: Array, size: float) -> Array | None:
         """Return a unit vector in the world; None for one that is too short, or unknown."""
-        if not size > UNIQUE * self.reach and not np.isclose(size, 1.0):
+        if not size > UNIQUE * self.extent and not np.isclose(size, 1.0):
             return None
         way: Array = self.rotation @ (apart / size)
         return way if np.isfinite(way).all() else None
@@ -124,7 +124,7 @@ class Solid:
 def distance(first: Solid, other: Solid) -> tuple[float, Array | None] | None:
     """Return the signed distance of two shapes and the normal from the first to the other one.
 
-    The normal is None if it is not unique, and all is None without a closed form.
+    A normal with several directions is left out, and all without a closed form.
     """
     if first.kind == other.kind == "capsule":
         mine, theirs = _closest(first, other)
@@ -172,22 +172,22 @@ def gap(first: Solid, other: Solid, normal: Array) -> float:
 def overlap(first: Solid, other: Solid) -> bool | None:
     """Return whether two shapes have a point in common; None if a search does not find out.
 
-    The point of the difference of both shapes that is nearest to the origin, among the hull of its
-    known points, is refined by the supporting point towards the origin (Gilbert, Johnson, Keerthi).
+    The point of the hull of some differences of their points that is nearest to the origin is
+    refined by the supporting point towards the origin (Gilbert, Johnson, Keerthi).
     """
     if "plane" in (first.kind, other.kind):
         return gap(first, other, first.axis) <= 0
-    apart, size = other.origin - first.origin, min(first.reach, other.reach)
-    known: list[Array] = []
+    apart, size = other.origin - first.origin, min(first.extent, other.extent)
+    corners: list[Array] = []
     for _ in range(STEPS):
         far = float(np.linalg.norm(apart))
         if far <= NEAR * size:
             return True
         way = apart / far
-        known.append(other.support(-way) - first.support(way))
-        if float(way @ known[-1]) > 0:
+        corners.append(other.support(-way) - first.support(way))
+        if float(way @ corners[-1]) > 0:
             return False
-        apart = _nearest(np.array(known).T, size)
+        apart = _nearest(np.array(corners).T, size)
     return None
 
 

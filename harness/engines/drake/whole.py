@@ -99,7 +99,7 @@ class DrakeWhole(UndrivenWhole):
             self.home, self.floor = self._on_floor(), 0.0
 
     def finds_exactly(self, first: str, other: str) -> bool:
-        """Other pairs are found by iteration, to 1e-6 m and worse."""
+        """Return False for pairs that are found by iteration, to 1e-6 m and worse."""
         return bool({"plane", "sphere"} & {first, other})
 
     def _prepare(self, plant: Any) -> None:

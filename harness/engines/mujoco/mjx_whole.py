@@ -51,7 +51,10 @@ class MjxWhole(MujocoWhole):
             self._parts, self._step = tuple(parts), _stepper(make)
 
     def finds_exactly(self, first: str, other: str) -> bool:
-        """Capsules are longer by 1e-6 of a squared metre; boxes keep four corners (`math.py`)."""
+        """Return False for axes of capsules, which are longer, and boxes, which keep four corners.
+
+        Source: `closest_segment_point` in `math.py`, `plane_convex` in `collision_convex.py`.
+        """
         kinds = {first, other}
         return kinds <= {"plane", "sphere"} or kinds == {"plane", "capsule"}
 

@@ -150,7 +150,7 @@ class PybulletWhole(WholeModel):
         self._floor = add_floor()
 
     def finds_exactly(self, first: str, other: str) -> bool:
-        """A cylinder is a polyhedron with 32 sides."""
+        """Return False for cylinders: polyhedra with 32 sides."""
         return "cylinder" not in (first, other)
 
     @property
