@@ -146,8 +146,9 @@ class TouchingShapes:
             ground, above = places[:, k], places[:, 1 - k]
             height = sign * np.sum(axes[ground] * apart, axis=1) - extent[above]
             far = np.where(flat[ground] & ~flat[above], height, far)
-        slack = ROUGH * np.min(extent[places], axis=1)  # infinite for two planes
-        yield from (self.pairs[k] for k in np.flatnonzero(far - slack < margins))
+        slack = ROUGH * np.min(extent[places], axis=1)
+        near = np.isfinite(slack) & (far - slack < margins)  # two planes never touch
+        yield from (self.pairs[k] for k in np.flatnonzero(near))
 
 
 def shapes_of_laws(placed: Sequence[PlacedShape], laws: LawModel) -> TouchingShapes:
@@ -199,6 +200,8 @@ def shapes_of_urdf(robot: Robot, tree: Tree, rules: Rules, floor: float | None) 
     elif isinstance(rules, SoftRules):
         allowed = set(rules.laws.touching)
     else:
+        if rules.filters:
+            unknown |= set(links)  # the file filters more pairs than joints do
         joined = {frozenset((one.parent, one.child)) for one in file.joints.values()}
         allowed = {
             (i, j)

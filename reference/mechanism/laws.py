@@ -342,6 +342,7 @@ class NearRigidRules:
         surface_tags: of the element that states a surface, and of its numbers: friction if the next
             is missing, friction, stiffness, dissipation.
         shapes: link, and index among its collision elements, of each shape that can touch.
+        filters: whether the file filters contacts of its links by groups.
     """
 
     step: float
@@ -357,6 +358,7 @@ class NearRigidRules:
     default: CompliantSurface = CompliantSurface(friction=0.0, stiffness=0.0, dissipation=0.0)
     surface_tags: tuple[str, str, str, str, str] = ("", "", "", "", "")
     shapes: tuple[tuple[str, int], ...] = ()
+    filters: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

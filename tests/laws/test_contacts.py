@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from campaigns.compiled_arrays import plant_in
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.engines.protocol import ModelSpec
@@ -102,6 +103,22 @@ def test_contact_lost_or_moved_after_loading_differs(tmp_path: Path, name: str) 
     assert result.record.differs
     assert result.kind == "contact"
     assert words in result.record.contact_faults[0]
+
+
+BOX = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/><body pos="0 0 .1"><freejoint/>
+<inertial pos="0 0 .01" mass="1" diaginertia=".01 .02 .02"/>
+<geom type="box" size=".1 .1 .1" pos="0 .01 0" friction=".7"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.usefixtures("few_states")
+def test_no_changed_array_is_wrongly_green(tmp_path: Path) -> None:
+    """Catch an array of a loaded model that acts, counts as tested and makes no difference."""
+    file = tmp_path / "box.xml"
+    file.write_text(BOX)
+    only = "geom_(size|pos|solref)|body_mass|opt.timestep"
+    table = plant_in([file], seed=1, only=only)
+    assert len(table) == 5
+    assert {verdict for counts in table.values() for verdict in counts} == {"detected"}
 
 
 def test_excluded_contact_is_named(tmp_path: Path) -> None:

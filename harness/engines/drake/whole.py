@@ -93,6 +93,7 @@ class DrakeWhole(UndrivenWhole):
             dissipation=self.step, window=2.0, slip=1e-3, slowest=1e-4, default=DEFAULT,
             surface_tags=SURFACE_TAGS,
             shapes=tuple(self._number_shapes(robot)),
+            filters=bool(robot.findall("drake:collision_filter_group")),
         )  # fmt: skip
         self._damping = self._joint_damping()
         if self._floats:
