@@ -1,6 +1,7 @@
 """Steps of a robot file with all its forces, compared with the law that the engine documents.
 
-The positions of contacts are the engine's; all other numbers are those of the file.
+The positions of contacts are the engine's, and compared with the file's shapes; all other numbers
+are those of the file.
 """
 
 from __future__ import annotations
@@ -14,6 +15,12 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace as replace_fields
 
+from physics_crosscheck.harness.checks.contacts import (
+    TouchingShapes,
+    check_contacts,
+    shapes_of_laws,
+    shapes_of_urdf,
+)
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.checks.law_comparison import (
     Evaluated,
@@ -42,6 +49,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.misread import (
     check_reading,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
+from physics_crosscheck.harness.modelfiles.mjcf.tree import placed_shapes
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
@@ -66,12 +74,14 @@ class WholeStepCheck:
         judgement: of accelerations and the next state; None if nothing was compared.
         resolution: relative discrepancy that it resolves.
         misread: numbers that the compiler of the file resolves otherwise than its text.
+        contacts: those that the engine finds otherwise than the file's shapes touch.
     """
 
     record: WholeStep
     judgement: LimitVerdict | None = None
     resolution: float = 0.0
     misread: tuple[MisreadNumber, ...] = ()
+    contacts: tuple[MisreadNumber, ...] = ()
 
     @classmethod
     def skipped(cls, uncovered: Iterable[str] = ()) -> WholeStepCheck:
@@ -107,12 +117,15 @@ class WholeStepCheck:
     @property
     def kind(self) -> CaseKind:
         """Kind of a case that differs by it."""
-        return "compiled number" if self.misread and not self._differs else "whole step"
+        if self._differs or not (self.misread or self.contacts):
+            return "whole step"
+        return "compiled number" if self.misread else "contact"
 
     @property
     def locations(self) -> tuple[SourceLine, ...]:
-        """Lines of misread numbers; a law has no single line."""
-        places = dict.fromkeys((one.file, one.line) for one in self.misread if one.line)
+        """Lines of misread numbers and of shapes; a law has no single line."""
+        faults = (*self.misread, *self.contacts)
+        places = dict.fromkeys((one.file, one.line) for one in faults if one.line)
         return tuple(SourceLine(file=str(file), line=line) for file, line in places)
 
     def combined(self, verdict: CaseJudgement) -> CaseJudgement:
@@ -120,7 +133,7 @@ class WholeStepCheck:
         judged, record = self.judgement, self.record
         if verdict.outcome is Outcome.DIFFERS:
             return replace(verdict, reason=f"{verdict.reason}{self._besides}")
-        if self.misread:
+        if self.misread or (self.contacts and not self._differs):
             return self._misread(verdict)
         if judged is None or not self._differs:
             return verdict
@@ -149,10 +162,11 @@ class WholeStepCheck:
         return f"; with limits, friction, contacts and drives, {off}"
 
     def _misread(self, verdict: CaseJudgement) -> CaseJudgement:
-        """Return the verdict of numbers that the engine compiles otherwise."""
-        first, unsure = self.misread[0], np.finfo(float).eps
-        off = max(one.discrepancy for one in self.misread)
-        more = f", and {len(self.misread) - 1} more" if len(self.misread) > 1 else ""
+        """Return the verdict of numbers and contacts that the engine has otherwise."""
+        faults = (*self.misread, *self.contacts)
+        first, unsure = faults[0], np.finfo(float).eps
+        off = max(one.discrepancy for one in faults)
+        more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
         return decided(
             verdict,
             LimitVerdict(
@@ -228,7 +242,8 @@ def _check_laws(
             "drives": [one.name for one in compiled.actuators],
             "shapes": [place for one in compiled.placed if (place := one.name).startswith("geom:")],
         }
-        check = _check(LawComparison(laws, model, **names), besides, resolution, steps)
+        touching = shapes_of_laws(tuple(placed_shapes(compiled, file)), laws)
+        check = _check(LawComparison(laws, model, **names), touching, besides, resolution, steps)
     return _with_reading(check, reading)
 
 
@@ -257,11 +272,12 @@ def _check_rules(
     laws = ruled_model(robot, rules)
     if laws is None:
         return WholeStepCheck.skipped()
+    touching = shapes_of_urdf(robot, laws.tree.tree, rules, model.floor)
     if isinstance(laws, ImpulseModel):
         impulses = ImpulseComparison(laws, model, shapes=_shapes_of(rules))
-        return _check(impulses, omissions, resolution, steps)
+        return _check(impulses, touching, omissions, resolution, steps)
     law = LawComparison(laws, model, shapes=_shapes_of(rules))
-    return _check(law, omissions, resolution, steps)
+    return _check(law, touching, omissions, resolution, steps)
 
 
 def _shapes_of(rules: Rules) -> tuple[str, ...]:
@@ -275,6 +291,7 @@ def _shapes_of(rules: Rules) -> tuple[str, ...]:
 
 def _check(
     comparison: WholeStepComparison[M, S],
+    touching: TouchingShapes,
     omissions: Sequence[Omission],
     resolution: float,
     steps: KeptSteps,
@@ -292,7 +309,8 @@ def _check(
     kept = compared.resolved(resolution)
     rows = [sample for sample, keep in zip(evaluated, kept, strict=True) if keep]
     covered, inactive = _covered(comparison, rows, omissions)
-    return WholeStepCheck.compared(
+    contacts = check_contacts(touching, comparison, evaluated)
+    check = WholeStepCheck.compared(
         judged,
         resolution,
         _acted(rows),
@@ -306,7 +324,11 @@ def _check(
         inactive=inactive,
         uncovered=model.uncovered,
         acting=_shown(comparison, rows, judged),
+        contacts=contacts.judged,
+        contact_faults=tuple(one.sentence for one in contacts.faults),
+        unjudged=tuple(f"{count} {what}" for what, count in contacts.unjudged.items()),
     )
+    return replace(check, contacts=contacts.faults)
 
 
 _KINDS: Mapping[str, str] = {

@@ -403,6 +403,11 @@ class WholeModel(ABC):
         speed: typical velocity to add at a drawn state, m/s and rad/s.
         rules: of an engine whose constraints have settings of its own; None if the file has the
             whole law.
+        floor: height of the floor under a floating root, m; None without one.
+        point_share: where a contact's position is between its two surfaces, 0 on the first one;
+            None if that depends on other numbers.
+        frame_errors: largest errors of places of shapes that the engine knows of, m and rad.
+        shape_error: by which contacts that it does not compute by a closed form are early, m.
     """
 
     coordinates: tuple[str, ...]
@@ -413,6 +418,14 @@ class WholeModel(ABC):
     uncovered: tuple[str, ...] = ()
     speed: float = 0.1
     rules: Rules | None = None
+    floor: float | None = None
+    point_share: float | None = None
+    frame_errors: tuple[float, float] = (0.0, 0.0)
+    shape_error: float = 0.0
+
+    def finds_exactly(self, first: str, other: str) -> bool:
+        """Return whether it computes contacts of two kinds of shapes by a closed form."""
+        return True
 
     def applied(self, laws: Laws) -> Laws:
         """Return the laws of a file with the choices that the engine documents otherwise."""

@@ -26,7 +26,7 @@ from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 
-NO_MOTION = ("pose", "compiled number")
+NO_MOTION = ("pose", "compiled number", "contact")
 """Kinds of differences that no number of a motion or of a step explains."""
 
 

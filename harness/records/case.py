@@ -23,7 +23,7 @@ from physics_crosscheck.harness.records.scene import ActingState, StateErrors
 
 CaseKind = Literal[
     "",
-    "motion", "coordinate map", "acceleration", "pose", "whole step", "compiled number",
+    "motion", "coordinate map", "acceleration", "pose", "whole step", "compiled number", "contact",
     "stands still", "diverges", "wrong order", "not smooth", "coarse", "rounding",
     "full run", "time step",
     "not finite", "blows up", "too coarse", "long step",
@@ -37,7 +37,7 @@ Each has a message code and a page.
 """
 
 MEASURED: tuple[CaseKind, ...] = (
-    "motion", "coordinate map", "acceleration", "pose", "whole step", "compiled number",
+    "motion", "coordinate map", "acceleration", "pose", "whole step", "compiled number", "contact",
     "stands still", "diverges", "wrong order", "not smooth", "coarse", "rounding", "full run",
     "time step", "not finite", "blows up", "too coarse",
 )  # fmt: skip
@@ -450,6 +450,9 @@ class WholeStep(Record, frozen=True, kw_only=True):
         misread: Attributes that the compiler resolves otherwise, one sentence each.
         unread: Numbers of the laws that only the compiler read.
         acting: The state to draw; None if nothing was compared.
+        contacts: Number of contacts that were compared with the file's shapes.
+        contact_faults: Contacts that the engine finds otherwise, one sentence each.
+        unjudged: Contacts that were not compared, with their counts.
     """
 
     outcome: Outcome | None = None
@@ -469,11 +472,14 @@ class WholeStep(Record, frozen=True, kw_only=True):
     misread: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
     acting: ActingState | None = None
+    contacts: Count = 0
+    contact_faults: tuple[str, ...] = ()
+    unjudged: tuple[str, ...] = ()
 
     @property
     def differs(self) -> bool:
         """True if it differs."""
-        return self.outcome is Outcome.DIFFERS or bool(self.misread)
+        return self.outcome is Outcome.DIFFERS or bool(self.misread or self.contact_faults)
 
 
 class Case(Record, frozen=True, kw_only=True):

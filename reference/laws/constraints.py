@@ -278,8 +278,8 @@ class Constraints:
             part=Part("limit", index, 1),
         )  # fmt: skip
 
-    def _parameters(self, contact: ContactPoint) -> ContactParameters:
-        first, other = contact.surfaces
+    def parameters(self, first: int, other: int) -> ContactParameters:
+        """Return the numbers of the contact of two surfaces."""
         for *surfaces, parameters in self.laws.pairs:
             if set(surfaces) == {first, other}:
                 return parameters
@@ -288,7 +288,7 @@ class Constraints:
 
     def _add_contact(self, rows: Rows, posture: Posture, contact: ContactPoint, index: int) -> None:
         """Add the rows of a contact within its margin, unless both bodies stand still."""
-        parameters = self._parameters(contact)
+        parameters = self.parameters(*contact.surfaces)
         violation = contact.distance - parameters.margin
         first, other = (self.laws.surfaces[i].body for i in contact.surfaces)
         if violation >= 0 or (self.tree.bodies[first][0] < 0 and self.tree.bodies[other][0] < 0):

@@ -240,6 +240,7 @@ class Laws:
         joint_ranges: limits of all drives by joint, and whether they compensate its weight.
         compliant: of the ground and of each shape, in place of `surfaces`, for near-rigid laws.
         pairs: numbers of pairs of surfaces that a file states itself, by their indices.
+        touching: pairs of surfaces, in order, whose masks, bodies and exclusions allow contacts.
         uncovered: what acts on the bodies and has no law here.
     """
 
@@ -260,6 +261,7 @@ class Laws:
     surfaces: tuple[Surface, ...] = ()
     compliant: tuple[CompliantSurface, ...] = ()
     pairs: tuple[tuple[int, int, ContactParameters], ...] = ()
+    touching: frozenset[tuple[int, int]] = frozenset()
     drives: tuple[Actuator, ...] = ()
     sums: tuple[tuple[tuple[int, ...], Range], ...] = ()
     joint_ranges: Mapping[int, tuple[Range, bool]] = field(default_factory=dict)
@@ -342,6 +344,7 @@ class NearRigidRules:
         surface_tags: of the element that states a surface, and of its numbers: friction if the next
             is missing, friction, stiffness, dissipation.
         shapes: link, and index among its collision elements, of each shape that can touch.
+        filters: whether the file filters contacts of its links by groups.
     """
 
     step: float
@@ -357,6 +360,7 @@ class NearRigidRules:
     default: CompliantSurface = CompliantSurface(friction=0.0, stiffness=0.0, dissipation=0.0)
     surface_tags: tuple[str, str, str, str, str] = ("", "", "", "", "")
     shapes: tuple[tuple[str, int], ...] = ()
+    filters: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -367,11 +371,13 @@ class SoftRules:
         laws: all but limits and dry friction, which the file states.
         softness: of these.
         bodies: names of the links that bodies begin with, by index; the ground first.
+        shapes: names of the shapes, by the index of their surface.
     """
 
     laws: Laws
     softness: Softness
     bodies: tuple[str, ...]
+    shapes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

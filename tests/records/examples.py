@@ -47,9 +47,10 @@ def _example_value(wanted: inspect.Type) -> Any:
 
 def _named(field: inspect.Field) -> Any:
     # A point of a sketch is a pair of expression trees, which the types do not express.
-    # The example's case agrees, so it has no misread numbers.
+    # The example's case agrees, so it has no misread numbers and wrong contacts.
     # The only body of its scene is attached to the only joint, whose parent is the world.
-    exceptions = {"center": [0.5, 0.5], "mesh": 0, "misread": [], "parent": -1}
+    exceptions = {"center": [0.5, 0.5], "mesh": 0, "misread": [], "parent": -1,
+                  "contact_faults": []}  # fmt: skip
     if isinstance(field.type, inspect.IntType):
         exceptions["joint"] = 0
     return exceptions.get(field.encode_name, _example_value(field.type))

@@ -227,7 +227,7 @@ def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
         return _row(fault, verdict, f"{case.outcome} {case.reason}".strip(), size)
     if case.kind == "pose":
         return _row(fault, _by_place(fault, numbers, case), case.reason, size)
-    if case.kind in ("whole step", "compiled number"):
+    if case.kind in ("whole step", "compiled number", "contact"):
         return _in_steps(fault, numbers, wrong, _row(fault, FaultVerdict.CAUGHT, "", size))
     if fault.mistake.settings:  # the engine reads a right file otherwise
         diagnosis = diagnose_robot(wrong, is_reference=True)

@@ -93,10 +93,15 @@ class DrakeWhole(UndrivenWhole):
             dissipation=self.step, window=2.0, slip=1e-3, slowest=1e-4, default=DEFAULT,
             surface_tags=SURFACE_TAGS,
             shapes=tuple(self._number_shapes(robot)),
+            filters=bool(robot.findall("drake:collision_filter_group")),
         )  # fmt: skip
         self._damping = self._joint_damping()
         if self._floats:
-            self.home = self._on_floor()
+            self.home, self.floor = self._on_floor(), 0.0
+
+    def finds_exactly(self, first: str, other: str) -> bool:
+        """Return False for pairs that are found by iteration, to 1e-6 m and worse."""
+        return bool({"plane", "sphere"} & {first, other})
 
     def _prepare(self, plant: Any) -> None:
         from pydrake.geometry import HalfSpace

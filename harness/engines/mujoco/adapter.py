@@ -64,6 +64,7 @@ from physics_crosscheck.harness.engines.mujoco.smooth import (
 from physics_crosscheck.harness.engines.mujoco.state import States
 from physics_crosscheck.harness.engines.mujoco.tree import compiled_tree
 from physics_crosscheck.harness.engines.mujoco.urdf import (
+    FORMS,
     SHAPE_MASSES,
     changes,
     complete_urdf,
@@ -103,6 +104,8 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     bare_cause,
     followers_of,
     temporary_urdf,
+    with_forms,
+    without_visuals,
 )
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
@@ -580,7 +583,8 @@ class MujocoModel(LoadedModel):
         if file is None:
             return PoseEvaluator(self.model, "body")
         whole = replace(spec, settings={**spec.settings, "smooth": False})
-        for edits in ([*changes(whole), name_collisions], changes(spec)):
+        named = name_collisions, without_visuals, with_forms((*FORMS, "mesh"))
+        for edits in ([*changes(whole), *named], changes(spec)):
             # A shape may be wrong, and a free joint of a link whose parent stands still must fuse.
             with suppress(ValueError):
                 return self._poses_of(file, edits)

@@ -70,6 +70,7 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
         equalities=tuple(_equalities(m)) if on and acts(m, "EQUALITY") else (),
         surfaces=tuple(_surface(m, i, override=override) for i in range(m.ngeom)),
         pairs=tuple(_pairs(m, override=override)),
+        touching=frozenset(_touching(m)) if on and acts(m, "CONTACT") else frozenset(),
         drives=tuple(_drive(m, i, m.ntendon + k) for k, i in enumerate(drives)),
         sums=tuple(
             (
@@ -229,6 +230,25 @@ def _pairs(m: Any, *, override: bool) -> Iterator[tuple[int, int, ContactParamet
             sliding=as_pair(m.pair_solreffriction[i]),
         )
         yield first, other, touch
+
+
+def _touching(m: Any) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of geoms that a file lets touch (Computation, Collision, Selection)."""
+    body, welds, parents = np.array(m.geom_bodyid), np.array(m.body_weldid), m.body_parentid
+    weld, above = welds[body], welds[np.array(parents)[welds]][body]
+    first, other = np.triu_indices(m.ngeom, 1)
+    kinds, reactions = np.array(m.geom_contype), np.array(m.geom_conaffinity)
+    on = (kinds[first] & reactions[other]) | (kinds[other] & reactions[first])
+    on = on.astype(bool) & (weld[first] != weld[other])
+    if acts(m, "FILTERPARENT"):
+        kin = (weld[first] == above[other]) | (weld[other] == above[first])
+        on &= ~(kin & (weld[first] > 0) & (weld[other] > 0))
+    low, high = np.sort([body[first], body[other]], axis=0)
+    on &= ~np.isin((low << 16) + high, np.array(m.exclude_signature))
+    yield from zip(first[on].tolist(), other[on].tolist(), strict=True)
+    for pair in zip(m.pair_geom1, m.pair_geom2, strict=True):
+        low, high = sorted(map(int, pair))
+        yield low, high
 
 
 def _tendons(m: Any) -> Iterator[CompiledForce]:

@@ -50,6 +50,14 @@ class MjxWhole(MujocoWhole):
             parts, make = jax.tree_util.tree_flatten((device, mjx.make_data(device)))
             self._parts, self._step = tuple(parts), _stepper(make)
 
+    def finds_exactly(self, first: str, other: str) -> bool:
+        """Return False for axes of capsules, which are longer, and boxes, which keep four corners.
+
+        Source: `closest_segment_point` in `math.py`, `plane_convex` in `collision_convex.py`.
+        """
+        kinds = {first, other}
+        return kinds <= {"plane", "sphere"} or kinds == {"plane", "capsule"}
+
     def applied(self, laws: Laws) -> Laws:
         """Return the laws with the choices of MJX."""
         fast = laws.integrator == "implicitfast"

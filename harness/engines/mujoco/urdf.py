@@ -156,12 +156,10 @@ def _without_idle_shapes(robot: XmlElement) -> None:
 
 
 def name_collisions(robot: XmlElement) -> None:
-    """Name the collision shapes of a URDF as in `Model.shapes`, and remove all others."""
+    """Name the collision shapes of a URDF as in `Model.shapes`."""
     for link in robot.findall("link"):
         for name, shape in collision_shapes(link):
             shape.set("name", name)
-    without_visuals(robot)
-    with_forms((*FORMS, "mesh"))(robot)
 
 
 def _without_masses_of_shapes(robot: XmlElement) -> None:

@@ -13,7 +13,12 @@ from typing import Any
 from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.mujoco.laws import default_softness, laws_of
 from physics_crosscheck.harness.engines.mujoco.settings import apply_settings
-from physics_crosscheck.harness.engines.mujoco.urdf import FORMS, changes, float_root
+from physics_crosscheck.harness.engines.mujoco.urdf import (
+    FORMS,
+    changes,
+    float_root,
+    name_collisions,
+)
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -48,7 +53,7 @@ def urdf_whole(
     given = {key: value for key, value in spec.settings.items() if key != "tolerance"}
     settings = {**given, "smooth": False, "couplings": False}
     changed, robot = replace(spec, settings=settings), file.document.root
-    edits = [*changes(changed), without_visuals, with_forms(FORMS)]
+    edits = [*changes(changed), name_collisions, without_visuals, with_forms(FORMS)]
     with temporary_urdf(robot, spec.path, edits) as path:
         tree = mujoco.MjSpec.from_file(str(path))
     for body in tree.bodies:
@@ -72,7 +77,9 @@ def urdf_whole(
         laws=replace(laws, limits=(), frictions=(), joint_ranges={}),
         softness=default_softness(tree),
         bodies=tuple(model.body(i).name for i in range(model.nbody)),
+        shapes=tuple(model.geom(i).name for i in range(model.ngeom)),
     )
+    whole.floor = 0.0 if floats else None
     return whole
 
 

@@ -41,12 +41,29 @@ def _uncovered(model: Any) -> Iterator[str]:
         yield "the error of its own solver"
 
 
+def _frame_errors(m: Any) -> tuple[float, float]:
+    """Return how far geoms are from the frames that MuJoCo takes for theirs, m and rad.
+
+    It replaces frames by those of bodies or their inertias within 1e-6 (`geom_sameframe`).
+    """
+    body, same = np.array(m.geom_bodyid), np.array(m.geom_sameframe).astype(int)
+    inertial = np.isin(same, (2, 4))[:, None]
+    place = np.where(inertial, np.array(m.body_ipos)[body], 0.0)
+    turn = np.where(inertial, np.array(m.body_iquat)[body], [1.0, 0.0, 0.0, 0.0])
+    off = np.linalg.norm(m.geom_pos - place, axis=1)[np.isin(same, (1, 2))]
+    sign = np.sign(np.sum(m.geom_quat * turn, axis=1, keepdims=True))
+    turned = np.linalg.norm(m.geom_quat - sign * turn, axis=1)
+    return float(np.max(off, initial=0.0)), float(np.max(2 * turned[same > 0], initial=0.0))
+
+
 class MujocoWhole(WholeModel):
     """A compiled model as its file states it, with an exact solver.
 
     Attributes:
         solver: options of the solver of `evaluate`, by name; the file's are `shipped`.
     """
+
+    point_share = 0.5
 
     def __init__(self, model: Any) -> None:
         import mujoco
@@ -62,6 +79,7 @@ class MujocoWhole(WholeModel):
         self._model, self._data, self._states = model, mujoco.MjData(model), States(model)
         self.coordinates, self.step = self._states.names, float(model.opt.timestep)
         self.controls, self.activations = int(getattr(model, "nctrl", model.nu)), int(model.na)
+        self.frame_errors = _frame_errors(model)
 
     @property
     def starts(self) -> Iterator[WholeState]:

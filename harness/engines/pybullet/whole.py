@@ -83,6 +83,8 @@ class PybulletWhole(WholeModel):
     activations = 0
     edits = _EDITS
     speed = 0.4  # above that at which contacts bounce
+    point_share = 0.0
+    shape_error = 1e-3  # the collision margin of its polyhedra
 
     def __init__(self, model: LoadedModel, load: Callable[..., BodyStepper]) -> None:
         import pybullet as p
@@ -141,8 +143,12 @@ class PybulletWhole(WholeModel):
             return
         home = self._model.home
         self._set(WholeState(home, np.zeros(len(home)), np.full(self.controls, np.nan), home[:0]))
-        self._height = min(p.getAABB(self._body, index)[0][2] for index in self._links)
+        self.floor = min(p.getAABB(self._body, index)[0][2] for index in self._links)
         self._floor = add_floor()
+
+    def finds_exactly(self, first: str, other: str) -> bool:
+        """Return False for cylinders: polyhedra with 32 sides."""
+        return "cylinder" not in (first, other)
 
     @property
     def starts(self) -> Iterator[WholeState]:
@@ -197,7 +203,7 @@ class PybulletWhole(WholeModel):
             solverResidualThreshold=0.0,
         )
         if self._floor >= 0:
-            forget_contacts(self._floor, self._height)
+            forget_contacts(self._floor, self.floor or 0.0)
         rates = state.m.copy()
         if self._free:
             rates[3:COUNT] = coordinate_rate(state.z[3:COUNT], state.m[3:COUNT])

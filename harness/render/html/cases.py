@@ -302,7 +302,9 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
             ("read from the text", stated),
             ("compiled otherwise", steps.misread),
             ("not read from the text", steps.unread),
+            ("contacts otherwise", steps.contact_faults),
             ("never acted", steps.inactive),
+            ("not compared", steps.unjudged),
         )
         if sentences
     )

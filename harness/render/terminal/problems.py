@@ -248,7 +248,7 @@ def difference(case: Case) -> str:
         return case.reason
     if case.kind == "pose" and case.poses is not None:
         return _poses_differ(case.poses)
-    if case.kind == "compiled number":
+    if case.kind in ("compiled number", "contact"):
         return case.reason
     if case.kind == "whole step":
         return f"{verdict.component} off by up to {percent(verdict.discrepancy)} {WITH_ALL}"

@@ -478,6 +478,7 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         unresolved = sum(step.unresolved for step, _ in alike)
         more = f"; {unresolved} more unresolved" if unresolved else ""
         lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}{more}")
+        lines += _not_compared(alike)
     unsettled = [
         f"{case.id}: whole steps {why}" for case in cases if (why := unsettled_steps(case))
     ]
@@ -492,6 +493,19 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         names = ", ".join(dict.fromkeys(case.engine for case, _ in others))
         lines.append(f"whole steps without a verdict in {names}; --details gives the reason")
     return lines
+
+
+def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
+    """Yield what whole steps that agree do not compare, with its engines."""
+    parts: dict[str, list[str]] = {}
+    for step, case in alike:
+        what = list(step.unjudged)
+        if not step.next_state:
+            what.insert(0, "next states, time step, integrator and states of drives")
+        for part in what:
+            parts.setdefault(part, []).append(case.engine)
+    for part, names in parts.items():
+        yield f"whole steps: {part} not compared in {', '.join(dict.fromkeys(names))}"
 
 
 def _why_not_compared(step: WholeStep) -> str:

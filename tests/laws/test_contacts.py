@@ -1,0 +1,157 @@
+"""Contacts against the shapes of a file: right files agree, faults after loading differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from campaigns.compiled_arrays import plant_in
+from physics_crosscheck.harness.checks.law_states import KeptSteps
+from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
+from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.urdf import SETTINGS
+from physics_crosscheck.reference.laws.solids import KINDS, Solid, distance, gap, overlap
+from physics_crosscheck.reference.mechanism.rotations import from_rpy
+from tests.laws.scenes import URDF_BOX
+
+pytest.importorskip("mujoco")
+
+SHAPES = """<mujoco><option timestep="0.002"/><worldbody>
+<geom name="floor" type="{}" size="3 3 .1" pos="0 0 {}" margin=".001" gap=".001"/>
+<body pos="0 0 .11"><freejoint/><geom type="box" size=".1 .08 .1" mass="1"/>
+<body pos=".3 0 0"><joint axis="0 1 0"/>
+<geom name="arm" type="capsule" size=".03 .1" mass=".4"/><geom type="sphere" size=".05" mass=".1"/>
+</body></body>
+<body pos=".1 .5 .2"><freejoint/><geom type="ellipsoid" size=".1 .07 .05" mass="1"/></body>
+<body pos="-.3 .5 .2" euler="3 5 0"><freejoint/>
+<geom type="cylinder" size=".1 .05" mass="1"/></body></worldbody></mujoco>"""
+SCENES = {"plane": SHAPES.format("plane", 0), "slab": SHAPES.format("box", -0.1)}
+
+
+def check(
+    folder: Path, text: str, plant: Callable[[Any], None], engine: str = "mujoco"
+) -> WholeStepCheck:
+    """Compare a file whose loaded model is changed."""
+    urdf = text.startswith("<robot")
+    file = folder / ("robot.urdf" if urdf else "scene.xml")
+    file.write_text(text)
+    spec = ModelSpec(file, settings={**SETTINGS, "floating": True} if urdf else {})
+    steps = KeptSteps()
+    plant(steps.model(engine, spec))
+    result = check_whole_step(file, spec, engine, 1e-9, steps)
+    assert result is not None
+    return result
+
+
+def scale(array: str, factor: float) -> Callable[[Any], None]:
+    """Return a change of an array of a compiled model."""
+
+    def plant(whole: Any) -> None:
+        values = getattr(whole._model, array)
+        values[:] = values * factor
+
+    return plant
+
+
+def _without_filter(whole: Any) -> None:
+    import pybullet as p
+
+    for link in range(-1, p.getNumJoints(whole._body)):
+        p.setCollisionFilterGroupMask(whole._body, link, 0, 0)
+
+
+def _no_change(whole: Any) -> None:
+    assert whole is not None
+
+
+@pytest.mark.usefixtures("few_states")
+@pytest.mark.parametrize(
+    ("text", "engine"),
+    [(SCENES["plane"], "mujoco"), (SCENES["slab"], "mujoco"), (URDF_BOX, "mujoco"),
+     (URDF_BOX, "pybullet")],
+)  # fmt: skip
+def test_right_contacts_agree(tmp_path: Path, text: str, engine: str) -> None:
+    """Catch a false alarm, and contacts that no one judges."""
+    pytest.importorskip(engine)
+    result = check(tmp_path, text, _no_change, engine)
+    assert not result.record.differs
+    assert result.record.contacts > 10
+    assert result.record.unjudged == ()
+
+
+FAULTS = {
+    "masks": (SCENES["plane"], "mujoco", scale("geom_contype", 0), "missing"),
+    "masks on a box": (SCENES["slab"], "mujoco", scale("geom_contype", 0), "missing"),
+    "masks of a URDF": (URDF_BOX, "mujoco", scale("geom_contype", 0), "missing"),
+    "larger": (SCENES["plane"], "mujoco", scale("geom_size", 1.5), "distance"),
+    "larger by 1e-4": (SCENES["slab"], "mujoco", scale("geom_size", 1.0001), "distance"),
+    "filter": (URDF_BOX, "pybullet", _without_filter, "missing"),
+}
+
+
+@pytest.mark.usefixtures("few_states")
+@pytest.mark.parametrize("name", FAULTS)
+def test_contact_lost_or_moved_after_loading_differs(tmp_path: Path, name: str) -> None:
+    """Catch an engine whose steps agree with its law at contacts that the file does not have."""
+    text, engine, plant, words = FAULTS[name]
+    pytest.importorskip(engine)
+    result = check(tmp_path, text, plant, engine)
+    assert result.record.differs
+    assert result.kind == "contact"
+    assert words in result.record.contact_faults[0]
+
+
+BOX = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/><body pos="0 0 .1"><freejoint/>
+<inertial pos="0 0 .01" mass="1" diaginertia=".01 .02 .02"/>
+<geom type="box" size=".1 .1 .1" pos="0 .01 0" friction=".7"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.usefixtures("few_states")
+def test_no_changed_array_is_wrongly_green(tmp_path: Path) -> None:
+    """Catch an array of a loaded model that acts, counts as tested and makes no difference."""
+    file = tmp_path / "box.xml"
+    file.write_text(BOX)
+    only = "geom_(size|pos|solref)|body_mass|opt.timestep"
+    table = plant_in([file], seed=1, only=only)
+    assert len(table) == 5
+    assert {verdict for counts in table.values() for verdict in counts} == {"detected"}
+
+
+def test_excluded_contact_is_named(tmp_path: Path) -> None:
+    """Catch a contact that the file excludes."""
+    text = SCENES["plane"].replace('type="ellipsoid"', 'type="ellipsoid" contype="0"')
+    text = text.replace('type="plane"', 'type="plane" contype="0"')
+
+    def plant(whole: Any) -> None:
+        whole._model.geom_contype[:] = whole._model.body_contype[:] = 1
+
+    assert any(
+        "although the file excludes it" in fault
+        for fault in check(tmp_path, text, plant).record.contact_faults
+    )
+
+
+def test_distances_and_overlaps_are_consistent() -> None:
+    """Catch a closed form that a gap along some direction exceeds, or that an overlap denies."""
+    rng = np.random.default_rng(3)
+    sizes = {"plane": 0, "sphere": 1, "capsule": 2, "cylinder": 2}
+    for _ in range(400):
+        first, other = (
+            Solid(
+                kind=kind, size=tuple(rng.uniform(0.05, 0.5, sizes.get(kind, 3))),
+                rotation=from_rpy(*rng.normal(size=3)), origin=0.5 * rng.normal(size=3),
+            )
+            for kind in (str(rng.choice(KINDS)), str(rng.choice(KINDS[1:])))
+        )  # fmt: skip
+        exact, way = distance(first, other), rng.normal(size=3)
+        if exact is None:
+            continue
+        assert gap(first, other, way / np.linalg.norm(way)) <= exact[0] + 1e-12
+        if exact[1] is not None:
+            assert gap(first, other, exact[1]) == pytest.approx(exact[0], abs=1e-12)
+        if abs(exact[0]) > 1e-3:
+            assert overlap(first, other) == (exact[0] < 0)
