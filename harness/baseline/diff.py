@@ -441,6 +441,9 @@ class _DiffBuilder:
         changes = list(_cost_changes(self.before, self.after, self._is_settled))
         # A higher order with a higher error is no improvement, nor is the opposite.
         better = next((better for *_, better in changes if better is not None), None)
+        is_unmeasured = self.before.global_error is None and self.after.global_error is None
+        if self.before.integrator and is_unmeasured and other_method(self.before, self.after):
+            better = False  # no full run judges the method of a robot file
         for what, message, _ in changes:
             kinds = () if self.causes is None else ("numbers",)
             self.add(what, message, kinds, better=better if self._is_settled else None)

@@ -80,6 +80,11 @@ class SystemBaseline:
             case: entry for case, entry in self.cases.items() if entry.outcome is not Outcome.AGREES
         }
 
+    @property
+    def is_untested(self) -> bool:
+        """Return whether every engine refused the file when it was accepted."""
+        return all(entry.outcome is Outcome.REFUSED for entry in self.cases.values())
+
     def snapshot(self, case: CaseId) -> Snapshot | None:
         """Return the accepted snapshot of a case; None if the engine refused the file."""
         return self.snapshots.get(self.cases[case].snapshot)

@@ -28,7 +28,7 @@ from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import extrapolate
-from physics_crosscheck.harness.records.base import numbers, rows
+from physics_crosscheck.harness.records.base import number, numbers, rows
 from physics_crosscheck.harness.records.baseline import (
     Identified,
     Measurement,
@@ -266,6 +266,8 @@ def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measureme
         uncertainty=rows(uncertainty.tolist()),
         constants=constants,
         on_accepted=on_accepted,
+        time_step=None if task.sidecar else number(model.step),
+        integrator="" if task.sidecar else model.integrator,
     )
 
 

@@ -86,6 +86,8 @@ class Measurement(Record, frozen=True, kw_only=True):
         constants: Constants that the motion identifies.
         on_accepted: Result on the accepted segments; None if nothing comparable was accepted.
         reads: State of each file that the folder's code read or looked for.
+        time_step: Time step of a robot file, seconds; None for a folder.
+        integrator: Name of its integrator.
     """
 
     snapshot: Snapshot
@@ -94,6 +96,8 @@ class Measurement(Record, frozen=True, kw_only=True):
     constants: dict[str, Identified]
     on_accepted: OnAccepted | None
     reads: dict[str, str] = msgspec.field(default_factory=dict)
+    time_step: Number = None
+    integrator: str = ""
 
 
 class AcceptedCase(Record, frozen=True, kw_only=True):
@@ -126,6 +130,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         snapshot: Key of the snapshot for `end`; empty if the engine refuses the file.
         end: End states of the model, shape (K, 2n).
         end_uncertainty: Uncertainty of `end`.
+        content: Hashes of a robot's files by path, without comments, format and colors.
         seal: Hash of this entry.
     """
 
@@ -154,6 +159,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
     snapshot: str
     end: Rows
     end_uncertainty: Rows
+    content: dict[str, str] | msgspec.UnsetType = msgspec.UNSET
     seal: str = ""
 
     @property

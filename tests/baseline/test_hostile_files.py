@@ -36,7 +36,10 @@ ROBOT = msgspec.structs.replace(DECLARED, robot=RobotOptions(floating=True, mode
 EVENTFUL = msgspec.structs.replace(SNAPSHOT, events=(1.05,))
 """A snapshot with all fields: `events` is only written if not empty."""
 KEY = snapshot_key(EVENTFUL)
-ACCEPTED = replace(baseline(entry(snapshot=KEY)), declared=ROBOT, snapshots={KEY: EVENTFUL})
+CONTENT = {"m.xml": "0123456789abcdef"}
+ACCEPTED = replace(
+    baseline(entry(snapshot=KEY, content=CONTENT)), declared=ROBOT, snapshots={KEY: EVENTFUL}
+)
 TEXT = file_text(ACCEPTED)
 WRONG = {"no": ["such", "thing"]}
 """A value that no field has."""

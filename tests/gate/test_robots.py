@@ -57,6 +57,26 @@ SCENE = (
     '<mujoco model="arm"><worldbody><body><joint axis="0 1 0"/><include file="part.xml"/>'
     "</body></worldbody></mujoco>"
 )
+LEG = """\
+<mujoco model="leg">
+  <option timestep="0.002" integrator="implicitfast" cone="elliptic"/>
+  <default><geom friction="0.8 0.01 0.001"/></default>
+  <asset>
+    <mesh name="foot" file="foot.obj"/>
+    <material name="skin" rgba="1 0 0 1"/>
+  </asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 0.1"/>
+    <body name="thigh" pos="0 0 0.3">
+      <joint name="hip" axis="0 1 0" range="-1 1" limited="true" solreflimit="0.03 1"/>
+      <geom size="0.05" mass="1" pos="0 0 -0.27" contype="1"/>
+      <geom type="mesh" mesh="foot" mass="0"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="m" joint="hip" forcerange="-2 2"/></actuator>
+</mujoco>
+"""
+FOOT = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 ARM_CASE = "robots/arm.urdf/states [mujoco]"
 TWIN_CASE = "robots/left/arm.urdf/states [mujoco]"
 SCENE_CASE = "robots/scene.xml/states [mujoco]"
@@ -196,6 +216,58 @@ def test_comment_changes_no_motion(robots: Robots) -> None:
     assert statuses(robots.gate()) == {
         ARM_CASE: Status.WITHIN, TWIN_CASE: Status.SAME, SCENE_CASE: Status.SAME,
     }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def leg(tmp_path_factory: pytest.TempPathFactory) -> Robots:
+    """Accept a file with limits, contacts, a drive and a mesh, which includes its bodies."""
+    robots = Robots(tmp_path_factory.mktemp("leg"))
+    (robots.root / "robots").mkdir()
+    bodies = LEG[LEG.index("<worldbody>") : LEG.index("</worldbody>") + 12]
+    for name, text in {
+        "leg.xml": LEG.replace(bodies, '<include file="bodies.xml"/>'),
+        "bodies.xml": f"<mujocoinclude>\n{bodies}\n</mujocoinclude>",
+        "foot.obj": FOOT,
+    }.items():
+        (robots.root / "robots" / name).write_text(text)
+    robots.accept("first", robots.gate(robots.root / "robots" / "leg.xml"))
+    return robots
+
+
+@pytest.mark.parametrize(("name", "old", "new", "named"), [
+    ("leg.xml", 'timestep="0.002"', 'timestep="0.003"', "timestep 0.002 -> 0.003"),
+    ("leg.xml", "implicitfast", "RK4", "integrator implicitfast -> RK4"),
+    ("leg.xml", ' cone="elliptic"', "", "cone elliptic -> none"),
+    ("leg.xml", "/>\n  <default>", '><flag limit="disable"/></option>\n  <default>', "<flag limit"),
+    ("leg.xml", '"0.8 0.01', '"0.8 0.02', "friction[1] 0.01 -> 0.02"),
+    ("leg.xml", 'range="-2 2"', 'range="-2 3"', "forcerange[1] of motor m 2 -> 3"),
+    ("bodies.xml", '<geom name="floor" type="plane" size="5 5 0.1"/>', "", "removed: <geom"),
+    ("bodies.xml", 'axis="0', 'frictionloss="0.1" axis="0', "frictionloss of joint hip none"),
+    ("bodies.xml", 'solreflimit="0.03', 'solreflimit="0.04', "solreflimit[0] of joint hip 0.03"),
+    ("bodies.xml", 'contype="1"', 'contype="2"', "contype of body thigh 1 -> 2"),
+    ("foot.obj", "v .1 0 0", "v .2 0 0", "foot.obj: its content changed"),
+])  # fmt: skip
+def test_edit_of_a_robot_file_fails_and_is_named(
+    leg: Robots, tmp_path: Path, name: str, old: str, new: str, named: str
+) -> None:
+    """Catch an edit that no smooth segment shows."""
+    robots = Robots(Path(shutil.copytree(leg.root, tmp_path / "copy")))
+    robots.edit(old, new, name)
+    (change,) = (result := robots.gate()).changes
+    assert change.status is Status.CHANGED
+    assert named in " ".join(" ".join(gate_lines(result, 500)).split())
+    robots.accept("wanted", result)
+    (change,) = robots.gate().changes
+    assert change.status is Status.SAME
+
+
+def test_format_comments_and_colors_change_no_motion(leg: Robots, tmp_path: Path) -> None:
+    robots = Robots(Path(shutil.copytree(leg.root, tmp_path / "copy")))
+    robots.edit('rgba="1 0 0 1"', 'rgba="0 0 1 1"', "leg.xml")
+    robots.edit('size="0.05" mass="1"', 'mass="1.0"\n  size="5e-2"', "bodies.xml")
+    robots.edit("<worldbody>", "<worldbody> <!-- light -->", "bodies.xml")
+    (change,) = robots.gate().changes
+    assert (change.status, change.kinds) == (Status.WITHIN, ("text",))
 
 
 def test_included_file_counts_with_its_model(robots: Robots) -> None:

@@ -155,6 +155,7 @@ def _entry(change: Change, reason: str, named: bool) -> AcceptedCase | None:
             time_step=now.time_step,
             integrator=now.integrator,
             claimed_order=now.claimed_order,
+            content=now.content,
         )
     )
 
