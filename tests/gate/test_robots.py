@@ -17,7 +17,7 @@ import physics_crosscheck.harness.commands.gate.gate as gating
 from physics_crosscheck.harness.baseline.fingerprint import robot_file
 from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.commands.gate.accept import Acceptance, accept
+from physics_crosscheck.harness.commands.gate.accept import Acceptance, AcceptError, accept
 from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
@@ -113,8 +113,8 @@ class Robots:
         wanted = GateOptions(baseline=self.baseline, engines=("mujoco",), jobs=1, **options)
         return gate(chosen, wanted, ignore_progress)
 
-    def accept(self, reason: str, result: GateResult) -> Acceptance:
-        return accept(result, (), reason, self.baseline)
+    def accept(self, reason: str, result: GateResult, *, untested: bool = False) -> Acceptance:
+        return accept(result, (), reason, self.baseline, untested=untested)
 
     def run(self, **options: Any) -> Results:
         wanted = Options(("mujoco",), baseline=self.baseline, jobs=1, **options)
@@ -421,11 +421,30 @@ def test_file_rejected_by_an_engine_can_be_accepted(robots: Robots) -> None:
     assert change.messages[0] == "the verdict changed from AGREES to REFUSED"
     assert "inertia must satisfy" in change.messages[1]
     assert gate_lines(result)[0].startswith("FAIL  ")
-    robots.accept("MuJoCo refuses it", result)
+    with pytest.raises(AcceptError, match=r"robots/arm.urdf: every engine refuses it.*--untested"):
+        robots.accept("MuJoCo refuses it", result)
+    robots.accept("MuJoCo refuses it", result, untested=True)
     assert "1 known difference in robots/arm.urdf: REFUSED" in "\n".join(gate_lines(robots.gate()))
     assert statuses(robots.gate(every=True))[ARM_CASE] is Status.EXPECTED
+    (refused,) = robots.run().cases
+    assert refused.accepted == "MuJoCo refuses it"
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    result = robots.gate()
+    assert statuses(result)[ARM_CASE] is Status.NOT_RUN  # nothing tries the edit
+    (unaccepted,) = robots.run().cases
+    assert not unaccepted.accepted
+    robots.accept("heavier", result, untested=True)
+    assert statuses(robots.gate())[ARM_CASE] is Status.EXPECTED
     robots.edit(impossible, possible)
     assert statuses(robots.gate())[ARM_CASE] is Status.IMPROVED
+
+
+def test_gate_runs_only_accepted_engines(robots: Robots) -> None:
+    wanted = GateOptions(baseline=robots.baseline, jobs=1)
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    result = gate([robots.arm], wanted, ignore_progress)
+    assert statuses(result)[ARM_CASE] is Status.CHANGED
+    assert not result.with_status(Status.NEW)
 
 
 def test_files_and_folders_are_targets_of_accept(
