@@ -232,6 +232,7 @@ def entry_of(
             snapshot=snapshot_key(measured.snapshot) if measured else "",
             end=measured.end if measured else (),
             end_uncertainty=measured.uncertainty if measured else (),
+            steps=(robot and robot.steps) or msgspec.UNSET,
             content=content,
         )
     )

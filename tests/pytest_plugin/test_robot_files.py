@@ -174,6 +174,4 @@ def test_edit_since_the_baseline_fails_with_its_line(project: Project, robots: P
     file.write_text(LAMP.replace("<joint ", '<joint margin="1" ', 1))
     done = project.run(*selected)
     done.assert_outcomes(failed=1, deselected=len(LIT) - 1)
-    done.stdout.fnmatch_lines(
-        ["AGREES, but changed since the baseline; lamp.xml:2: *none -> 1; *"]
-    )
+    done.stdout.fnmatch_lines(["AGREES, but changed since the baseline; lamp.xml:2: *none -> 1; *"])
