@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import pytest
 import physics_crosscheck.harness.commands.gate.gate as gating
 from physics_crosscheck.harness.baseline.fingerprint import robot_file
 from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
-from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
 from physics_crosscheck.harness.commands.gate.accept import Acceptance, AcceptError, accept
 from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.commands.gate.notes import notes
@@ -26,6 +26,7 @@ from physics_crosscheck.harness.commands.gate.text import gate_lines, summary
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.records.baseline import WholeSteps
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.run import Options, run
@@ -259,6 +260,28 @@ def test_edit_of_a_robot_file_fails_and_is_named(
     robots.accept("wanted", result)
     (change,) = robots.gate().changes
     assert change.status is Status.SAME
+
+
+def test_whole_step_of_another_engine_version_fails(leg: Robots, tmp_path: Path) -> None:
+    """Catch an engine whose limits or contacts act otherwise, with the same file."""
+    robots = Robots(Path(shutil.copytree(leg.root, tmp_path / "copy")))
+    accepted = read_baseline(robots.baseline)["robots/leg.xml"]
+    (entry,) = accepted.cases.values()
+    assert isinstance(entry.steps, WholeSteps)
+    first, *others = entry.steps.ends.values
+    moved = (first[0] or 0.0) + 0.01 * (entry.steps.scale[0] or 0.0)
+    ends = msgspec.structs.replace(entry.steps.ends, values=((moved, *first[1:]), *others))
+    laws = {**entry.steps.laws, "limits[0].upper": 9.0}
+    steps = msgspec.structs.replace(entry.steps, ends=ends, laws=laws)
+    entry = msgspec.structs.replace(entry, steps=steps)
+    write_baseline(robots.baseline, [replace(accepted, cases={entry.id: entry})], {})
+    (change,) = robots.gate(every=True).changes
+    assert (change.status, change.diff.changed) == (Status.CHANGED, ("steps",))
+    assert change.messages == (
+        "with limits, friction, contacts and drives, hip_ddot changed by 1.0 % of its largest"
+        " value, at state 1",
+        "compiled limits[0].upper 9.0 -> 1.0",
+    )
 
 
 def test_format_comments_and_colors_change_no_motion(leg: Robots, tmp_path: Path) -> None:
