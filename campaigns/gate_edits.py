@@ -5,20 +5,19 @@
 Each file is copied, with those that it names, and accepted. Then one number, keyword or element
 changes, in the file or in one that it includes, outside of `<visual>`. The table has the edits of
 each kind, those that fail, and those that the output names. Only comments, format and colors may
-pass. Without files, robots of pybullet_data and gymnasium are edited.
+pass. pybullet_data and gymnasium have robots.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import re
 import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from physics_crosscheck.harness.commands.gate.accept import accept
 from physics_crosscheck.harness.commands.gate.gate import gate
@@ -26,21 +25,11 @@ from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import gate_lines
 from physics_crosscheck.harness.modelfiles.parts import parts
 
-ROBOTS = (
-    ("pybullet_data", "kuka_iiwa/model.urdf"),
-    ("pybullet_data", "cartpole.urdf"),
-    ("gymnasium", "envs/mujoco/assets/ant.xml"),
-    ("gymnasium", "envs/mujoco/assets/hopper.xml"),
-    ("gymnasium", "envs/mujoco/assets/reacher.xml"),
-    ("gymnasium", "envs/mujoco/assets/pusher.xml"),
-)
-"""Package and file of the robots that are edited by default."""
-
-_NUMBERS = ("timestep", "range", "damping", "armature", "stiffness", "frictionloss", "margin",
-    "friction", "contype", "conaffinity", "condim", "solref", "solimp", "size", "density", "gear",
-    "ctrlrange", "forcerange", "kp", "gravity", "effort", "velocity", "lower", "upper", "ixx",
-    "radius", "length", "xyz", "rpy", "axis", "scale", "mu", "lateral_friction",
-    "contact_cfm")  # fmt: skip
+_NUMBERS = """
+timestep range damping armature stiffness frictionloss margin friction contype conaffinity condim
+solref solimp size density gear ctrlrange forcerange kp gravity effort velocity lower upper ixx
+radius length xyz rpy axis scale mu lateral_friction
+"""
 """Attributes whose first number changes."""
 
 _ADDED = {
@@ -52,23 +41,20 @@ _ADDED = {
     "flag contact": (r"(<worldbody>)", r'<option><flag contact="disable"/></option>\1'),
     "floor removed": (r'<geom [^>]*type="plane"[^>]*/>', ""),
     "collision removed": (r"<collision>.*?</collision>", ""),
-    "collision mesh": (r'(<collision>.*?<mesh [^>]*filename=")[^"]*', r"\1sphere_smooth.obj"),
 }
-"""Kind of edit: pattern of the text, and what replaces its first match."""
-
 _HARMLESS = {
     "comment": (r"(<\w+)", r"<!-- edited -->\1"),
     "format": (r'="(\d+)"', r'=" \1.0 "'),
     "color": (r'rgba="[^"]*"', 'rgba="0.1 0.2 0.3 1"'),
 }
 
-Edit = Callable[[str], str]
+_WHOLE = ("contype", "conaffinity", "condim")
 
 
-def edits() -> Mapping[str, Edit]:
+def edits() -> Mapping[str, Callable[[str], str]]:
     """Return the edits of a text by kind; one that finds nothing returns it unchanged."""
 
-    def replaced(pattern: str, text: str) -> Edit:
+    def replaced(pattern: str, text: str) -> Callable[[str], str]:
         return lambda old: re.sub(pattern, text, old, count=1, flags=re.DOTALL)
 
     def scaled(match: re.Match[str]) -> str:
@@ -76,13 +62,13 @@ def edits() -> Mapping[str, Edit]:
         other = value + 1 if match[1].strip(" =\"'") in _WHOLE else 1.25 * value or 0.125
         return f"{match[1]}{other:g}"
 
-    def number(name: str) -> Edit:
+    def number(name: str) -> Callable[[str], str]:
         pattern = rf"""(\b{name}=["']\s*)(-?[\d.]+(?:e-?\d+)?)(?=[\s"'])"""
         return lambda old: _outside_visual(pattern, scaled, old)
 
     patterns = {**_ADDED, **_HARMLESS}
     return {
-        **{name: number(name) for name in _NUMBERS},
+        **{name: number(name) for name in _NUMBERS.split()},
         **{name: replaced(*pair) for name, pair in patterns.items()},
     }
 
@@ -96,11 +82,7 @@ def _outside_visual(pattern: str, new: Callable[[re.Match[str]], str], text: str
     return text
 
 
-_WHOLE = ("contype", "conaffinity", "condim")
-
-
-@dataclass(frozen=True)
-class EditTrial:
+class EditTrial(NamedTuple):
     """One edit: its kind, the file, whether the gate passed, and whether its output names it."""
 
     kind: str
@@ -117,7 +99,7 @@ def trials(file: Path, folder: Path, engines: tuple[str, ...]) -> Iterator[EditT
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, copy)
     options = GateOptions(baseline=folder / "baseline", engines=engines, jobs=1)
-    accept(gate([here], options, _quiet), (), "campaign", options.baseline)
+    accept(gate([here], options, lambda *_: None), (), "campaign", options.baseline)
     texts = {here: True, **parts(here)}
     for kind, edit in edits().items():
         for path in (path for path, part in texts.items() if part):
@@ -125,16 +107,12 @@ def trials(file: Path, folder: Path, engines: tuple[str, ...]) -> Iterator[EditT
             if (new := edit(old)) == old:
                 continue
             path.write_text(new)
-            result = gate([here], options, _quiet)
+            result = gate([here], options, lambda *_: None)
             path.write_text(old)
             text = " ".join(gate_lines(result, 10**6))
             named = any(diff.changes and path.name in text for diff in result.file_diffs)
             yield EditTrial(kind, file.name, result.passes, named)
             break
-
-
-def _quiet(*_: object) -> None:
-    """Report no progress."""
 
 
 def table(done: Sequence[EditTrial]) -> str:
@@ -150,12 +128,12 @@ def table(done: Sequence[EditTrial]) -> str:
 def main() -> None:
     """Edit each file in turn until enough edits are gated; exit with 1 if one passes wrongly."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="*", type=Path)
+    parser.add_argument("files", nargs="+", type=Path)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--engine", action="append", default=[])
     options = parser.parse_args()
-    files, done = options.files or list(_default_files()), list[EditTrial]()
-    for file in files:
+    done = list[EditTrial]()
+    for file in options.files:
         with tempfile.TemporaryDirectory() as folder:
             for trial in trials(file, Path(folder), tuple(options.engine)):
                 done.append(trial)
@@ -167,13 +145,6 @@ def main() -> None:
     wrong = [one for one in done if one.passed is not (one.kind in _HARMLESS)]
     print(f"{len(done)} edits, {len(wrong)} wrong: {wrong}")
     raise SystemExit(bool(wrong))
-
-
-def _default_files() -> Iterator[Path]:
-    for package, name in ROBOTS:
-        spec = importlib.util.find_spec(package)
-        if spec is not None and spec.origin is not None:
-            yield Path(spec.origin).parent / name
 
 
 if __name__ == "__main__":
