@@ -18,7 +18,7 @@ from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.whole_step import case_whole_step
 from physics_crosscheck.harness.engines.protocol import LoadedModel, WholeState
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.records.base import Rows, numbers, rows
+from physics_crosscheck.harness.records.base import numbers, rows
 from physics_crosscheck.harness.records.baseline import LawNumber, StepEnds, WholeSteps
 
 Comparison = WholeStepComparison[Any, Any]
@@ -52,12 +52,13 @@ def measure_steps(
     )
     if accepted is None or not _is_comparable(steps, accepted):
         return steps, None
-    again = [_again(comparison, state) for state in _states(accepted)]
-    present = StepEnds(
-        values=tuple(row for values, _ in again for row in values),
-        uncertainty=tuple(row for _, unsure in again for row in unsure),
+    again = [comparison.evaluate([state]) for state in _states(accepted)]
+    nothing = (None,) * len(comparison.components)
+    present = [_ends(comparison, samples) for samples in again]
+    return steps, StepEnds(
+        values=tuple(one.values[0] if one.values else nothing for one in present),
+        uncertainty=tuple(one.uncertainty[0] if one.uncertainty else nothing for one in present),
     )
-    return steps, present
 
 
 def _ends(comparison: Comparison, evaluated: Sequence[Evaluated[Any]]) -> StepEnds:
@@ -65,16 +66,6 @@ def _ends(comparison: Comparison, evaluated: Sequence[Evaluated[Any]]) -> StepEn
         values=rows(comparison.answer(sample).tolist() for sample in evaluated),
         uncertainty=rows(comparison.uncertainty(sample).tolist() for sample in evaluated),
     )
-
-
-def _again(comparison: Comparison, state: WholeState) -> tuple[Rows, Rows]:
-    """Return the components after a step and their uncertainty; nulls if it has no solution."""
-    evaluated = comparison.evaluate([state])
-    if not evaluated:
-        nothing = ((None,) * len(comparison.components),)
-        return nothing, nothing
-    ends = _ends(comparison, evaluated)
-    return ends.values, ends.uncertainty
 
 
 def _is_comparable(steps: WholeSteps, accepted: WholeSteps) -> bool:

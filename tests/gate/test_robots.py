@@ -280,7 +280,7 @@ def test_whole_step_of_another_engine_version_fails(leg: Robots, tmp_path: Path)
     assert change.messages == (
         "with limits, friction, contacts and drives, hip_ddot changed by 1.0 % of its largest"
         " value, at state 1",
-        "compiled limits[0].upper 9.0 -> 1.0",
+        "compiled limits[0].upper 9.0 -> 0.017453292519943295",
     )
 
 
