@@ -26,6 +26,7 @@ from physics_crosscheck.harness.baseline.known import (
     mark_models,
 )
 from physics_crosscheck.harness.documents.expanded import relocated
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import run_jobs
@@ -114,6 +115,7 @@ def run(
         stopped=stop.name if stop.requested else "",
         not_run=tuple(case for _, case in builder.remaining),
         cached=builder.cached,
+        optional=tuple(name for name, engine in engines().items() if engine.extra),
     )
     return Run(relocated(results, SourceLine), builder.measured, builder.reads)
 

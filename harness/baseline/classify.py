@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from physics_crosscheck.harness.baseline.content import content_hashes
 from physics_crosscheck.harness.baseline.diff import changed_dependencies, diff_accepted
 from physics_crosscheck.harness.baseline.file import SystemBaseline, snapshot_key
 from physics_crosscheck.harness.baseline.fingerprint import (
@@ -30,6 +31,13 @@ from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff, num
 from physics_crosscheck.harness.records.finding import SAME, AuditFinding, is_near
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
+
+UNTESTED = "nothing that is measured here depends on the edit, so it is not tested"
+NO_ENGINE = (
+    "every engine refuses the file, so its edit is not tested;"
+    " `crosscheck accept --untested` accepts it"
+)
+"""Messages about edits of robot files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +138,9 @@ def classify(
             entry=entry,
             files=files,
         )
-    now = entry_of(id_, case, motion, dependencies(files, case.engine, versions, resolution))
+    depends = dependencies(files, case.engine, versions, resolution)
+    content = msgspec.UNSET if scan.robot is None else content_hashes(scan.folder)
+    now = entry_of(id_, case, motion, depends, content)
     if entry is None or accepted is None:
         messages = (unaccepted(case), *([case.reason] if refused else []))
         diff = bare_diff(id_, Status.NEW, messages, after=now.numbers)
@@ -139,7 +149,32 @@ def classify(
         causes = changed_dependencies(entry, now)
         sentences = (causes[cause] for cause in ("engine", "tool") if cause in causes)
         diff = msgspec.structs.replace(diff, messages=(*diff.messages, *sentences))
+        if scan.robot is not None:
+            diff = _with_edits(diff, entry, now, accepted)
     return Change(diff=diff, case=case, measured=motion, entry=entry, now=now, files=files)
+
+
+def _with_edits(
+    diff: Diff, entry: AcceptedCase, now: AcceptedCase, accepted: SystemBaseline
+) -> Diff:
+    """Return the difference of a robot file; an edit of its statements never passes.
+
+    It fails if no engine loads the file, and if nothing that was measured depends on the edit.
+    """
+    is_edited = entry.files != now.files and entry.content != now.content
+    if now.outcome is Outcome.REFUSED and diff.status is Status.EXPECTED:
+        if entry.files == now.files or not accepted.is_untested:
+            return diff
+        return msgspec.structs.replace(diff, status=Status.NOT_RUN, messages=(NO_ENGINE,))
+    if not is_edited or not diff.status.passes or entry.outcome is Outcome.REFUSED:
+        return diff
+    kinds = [kind for kind in diff.kinds if kind != "text"]
+    messages = diff.messages
+    if not diff.changed:
+        kinds, messages = ["untested", *kinds], (UNTESTED, *messages)
+    return msgspec.structs.replace(
+        diff, status=Status.CHANGED, kinds=tuple(kinds or ["model"]), messages=messages
+    )
 
 
 def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool) -> str:
@@ -152,7 +187,11 @@ def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool
 
 
 def entry_of(
-    case_id: CaseId, case: Case, measured: Measurement | None, now: Dependencies
+    case_id: CaseId,
+    case: Case,
+    measured: Measurement | None,
+    now: Dependencies,
+    content: dict[str, str] | msgspec.UnsetType = msgspec.UNSET,
 ) -> AcceptedCase:
     """Build the baseline entry of a case that was judged and measured, without a reason yet.
 
@@ -161,9 +200,11 @@ def entry_of(
         case: record of the case.
         measured: measurement of its model; None for a file that the engine refuses.
         now: present dependencies of the case.
+        content: hashes of the statements in a robot's files.
     """
     assert case.verdict is not None or measured is None  # measured cases have a verdict
     numbers, full_run = numbers_of(case), case.full_run
+    robot = measured if measured and measured.integrator else None
     return summarized(
         AcceptedCase(
             system=case_id.system,
@@ -180,8 +221,8 @@ def entry_of(
             constants=measured.constants if measured else {},
             global_error=numbers.global_error,
             global_order=full_run.order if full_run else None,
-            time_step=numbers.time_step,
-            integrator=numbers.integrator,
+            time_step=robot.time_step if robot else numbers.time_step,
+            integrator=robot.integrator if robot else numbers.integrator,
             order=numbers.order,
             claimed_order=numbers.claimed_order,
             engine_version=now.engine_version,
@@ -191,6 +232,8 @@ def entry_of(
             snapshot=snapshot_key(measured.snapshot) if measured else "",
             end=measured.end if measured else (),
             end_uncertainty=measured.uncertainty if measured else (),
+            steps=(robot and robot.steps) or msgspec.UNSET,
+            content=content,
         )
     )
 
@@ -206,7 +249,9 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
     summary = (
         f"{entry.outcome}, E {short(entry.discrepancy, '.0e')} U {short(entry.uncertainty, '.0e')}"
     )
-    if entry.integrator:  # separate sampled states have no full run
+    if entry.integrator and entry.content is not msgspec.UNSET:  # separate states: no full run
+        summary += f"; {short(entry.time_step, 'g')} s, {entry.integrator}"
+    elif entry.integrator:
         summary += (
             f"; global error {short(entry.global_error, '.2%')}"
             f" at {short(entry.time_step, 'g')} s, {entry.integrator}"

@@ -19,9 +19,11 @@ from physics_crosscheck.harness.records.base import Number, Numbers, Rows
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     Identified,
+    LawNumber,
     Measurement,
     OnAccepted,
     Snapshot,
+    WholeSteps,
 )
 from physics_crosscheck.harness.records.case import CaseId, starts_at
 from physics_crosscheck.harness.records.diff import (
@@ -48,6 +50,9 @@ EQUATIONS = 1e-11
 """Relative movement of a segment's end, by the equations, below which it is unchanged: ten times
 the tolerated difference of the two integrations of a reference.
 """
+
+STEPS = 1e-9
+"""Smallest relative change of whole steps, and of the compiled numbers of their laws."""
 
 ROUNDING = 1e-15
 
@@ -183,7 +188,7 @@ def _largest(movements: Iterable[Movement]) -> Movement:
 
 def _scenario(was: Snapshot, now: Snapshot) -> str:
     """Return a sentence on how a snapshot's scenario changed; empty if it did not."""
-    if was == now:
+    if msgspec.structs.replace(was, steps=None) == now:
         return ""
     changes = []
     if was.duration != now.duration:
@@ -215,8 +220,64 @@ def diff_accepted(
         motion = motion_of(then, snapshot, measured)
     causes = changed_dependencies(then, now)
     diff = diff_cases(then.id, then.numbers, now.numbers, motion=motion, causes=causes)
+    if sentences := _step_changes(then.steps, measured) if measured else []:
+        diff = msgspec.structs.replace(
+            diff,
+            status=Status.CHANGED,
+            kinds=tuple(dict.fromkeys((*_blamed(causes), *(k for k in diff.kinds if k != "text")))),
+            changed=tuple(one for one in WORST_FIRST if one in (*diff.changed, "steps")),
+            messages=(*diff.messages, *sentences),
+        )
     moved = constants_moved(then.constants, now.constants)
     return msgspec.structs.replace(diff, messages=(*diff.messages, *moved))
+
+
+MAX_LAWS = 5
+"""Maximum number of reported numbers of a law."""
+
+
+def _step_changes(then: WholeSteps | msgspec.UnsetType, measured: Measurement) -> list[str]:
+    """Return sentences on the whole steps of a robot file that changed since it was accepted."""
+    now = measured.steps
+    if isinstance(then, msgspec.UnsetType):
+        return []
+    if now is None:
+        return ["its whole steps can't be compared any more"]
+    laws = [
+        f"compiled {name} {then.laws.get(name, 'none')} -> {now.laws.get(name, 'none')}"
+        for name in dict.fromkeys([*then.laws, *now.laws])
+        if not _is_same(then.laws.get(name), now.laws.get(name))
+    ]
+    more = [f"{len(laws) - MAX_LAWS} more numbers of its laws changed"] if laws[MAX_LAWS:] else []
+    ends = None if measured.on_accepted is None else measured.on_accepted.steps
+    if ends is None:
+        return ["other coordinates or controls", *laws[:MAX_LAWS], *more]
+    moved = [
+        Movement(
+            size=abs(b - a) / scale,
+            uncertainty=(ua + ub) / scale,
+            component=component,
+            place=starts_at(None, k),
+        )
+        for k, rows in enumerate(
+            zip(then.ends.values, then.ends.uncertainty, ends.values, ends.uncertainty, strict=True)
+        )
+        for component, scale, a, ua, b, ub in zip(then.components, then.scale, *rows, strict=True)
+        if a is not None and ua is not None and b is not None and ub is not None and scale
+    ]
+    largest = _largest(m for m in moved if m.size > max(m.uncertainty, STEPS))
+    sentence = (
+        f"with limits, friction, contacts and drives, {largest.component} changed by"
+        f" {percent(largest.size)} of its largest value, at {largest.place}"
+    )
+    return [*([sentence] if largest else []), *laws[:MAX_LAWS], *more]
+
+
+def _is_same(then: LawNumber | None, now: LawNumber | None) -> bool:
+    """Return whether two numbers of laws are the same up to the rounding of a compiler."""
+    if isinstance(then, float) and isinstance(now, float):
+        return math.isclose(then, now, rel_tol=STEPS, abs_tol=1e-12)
+    return then == now
 
 
 def changed_dependencies(then: AcceptedCase, now: AcceptedCase) -> dict[str, str]:
@@ -435,6 +496,9 @@ class _DiffBuilder:
         changes = list(_cost_changes(self.before, self.after, self._is_settled))
         # A higher order with a higher error is no improvement, nor is the opposite.
         better = next((better for *_, better in changes if better is not None), None)
+        is_unmeasured = self.before.global_error is None and self.after.global_error is None
+        if self.before.integrator and is_unmeasured and other_method(self.before, self.after):
+            better = False  # no full run judges the method of a robot file
         for what, message, _ in changes:
             kinds = () if self.causes is None else ("numbers",)
             self.add(what, message, kinds, better=better if self._is_settled else None)

@@ -23,6 +23,7 @@ from physics_crosscheck.harness.records.baseline import (
     BaselineFile,
     RobotOptions,
     Snapshot,
+    WholeSteps,
 )
 from physics_crosscheck.harness.records.case import CaseId, ModelId
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -80,9 +81,18 @@ class SystemBaseline:
             case: entry for case, entry in self.cases.items() if entry.outcome is not Outcome.AGREES
         }
 
+    @property
+    def is_untested(self) -> bool:
+        """Return whether every engine refused the file when it was accepted."""
+        return all(entry.outcome is Outcome.REFUSED for entry in self.cases.values())
+
     def snapshot(self, case: CaseId) -> Snapshot | None:
         """Return the accepted snapshot of a case; None if the engine refused the file."""
-        return self.snapshots.get(self.cases[case].snapshot)
+        entry = self.cases[case]
+        snapshot = self.snapshots.get(entry.snapshot)
+        if snapshot is None or entry.steps is msgspec.UNSET:
+            return snapshot
+        return msgspec.structs.replace(snapshot, steps=entry.steps)
 
 
 class _Head(msgspec.Struct):
@@ -303,7 +313,25 @@ def _fits(entry: AcceptedCase, snapshot: Snapshot) -> bool:
     """Return whether an entry's ends match the segments and the scenario of a snapshot."""
     size = len(snapshot.t), len(snapshot.components)
     tables = (entry.end, entry.end_uncertainty)
-    return snapshot.scenario == entry.scenario and all(_is_table(table, *size) for table in tables)
+    return (
+        snapshot.scenario == entry.scenario
+        and all(_is_table(table, *size) for table in tables)
+        and (isinstance(entry.steps, msgspec.UnsetType) or _has_whole_steps(entry.steps))
+    )
+
+
+def _has_whole_steps(steps: WholeSteps) -> bool:
+    """Return whether the tables of whole steps have consistent sizes."""
+    count, width = len(steps.states), len(steps.components)
+    least = 2 * len(steps.coordinates) + steps.controls
+    return (
+        count > 0
+        and len({len(row) for row in steps.states}) == 1
+        and len(steps.states[0]) >= least
+        and len(steps.scale) == width
+        and _is_table(steps.ends.values, count, width)
+        and _is_table(steps.ends.uncertainty, count, width)
+    )
 
 
 def _is_table(rows: Sequence[Sequence[object]], count: int, width: int) -> bool:

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from physics_crosscheck.harness.engines.registry import engines, model_formats
-from physics_crosscheck.harness.modelfiles.parts import included, named_files
+from physics_crosscheck.harness.modelfiles.parts import included, named_files, parts
 from physics_crosscheck.harness.modelfiles.path_states import (
     UNREADABLE,
     digest,
@@ -168,11 +168,11 @@ def robot_file(file: Path, engines: tuple[str, ...], robot: RobotOptions) -> Fol
     Raises:
         OSError: for an unreadable file.
     """
-    hashes = {
-        Path(os.path.relpath(path, file.parent)).as_posix(): digest(path)
-        for path in (file, *named_files(file))
-    }
-    model = ModelFiles(file.parent, file.name, engines, hashes, (file.name,), frozenset(hashes))
+    files = {file: True, **parts(file)}
+    names = {path: Path(os.path.relpath(path, file.parent)).as_posix() for path in files}
+    hashes = {name: digest(path) for path, name in names.items()}
+    copies = tuple(name for path, name in names.items() if files[path])
+    model = ModelFiles(file.parent, file.name, engines, hashes, copies, frozenset(hashes))
     return FolderFiles(file, "", (model,), (), robot)
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.baseline.classify import (
+    Change,
     classify,
     gone,
     is_accepted,
@@ -118,7 +119,7 @@ def accepted(
     targets: Sequence[Path],
     resolution: float,
     only: tuple[str, ...] = (),
-    robot: RobotOptions = RobotOptions(),  # noqa: B008  # frozen
+    robot: RobotOptions | None = RobotOptions(),  # noqa: B008  # frozen
 ) -> Accepted | None:
     """Read a baseline for a run of folders and robot files; return None if nothing was accepted.
 
@@ -127,7 +128,7 @@ def accepted(
         targets: folders and robot files.
         resolution: resolution of the run.
         only: engines to run; empty: all.
-        robot: options for reading robot files.
+        robot: options for reading robot files; None: as accepted.
 
     Raises:
         BaselineError: for an invalid baseline.
@@ -137,7 +138,7 @@ def accepted(
         return None
     folders: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
     for target in targets:
-        options = robot_options(target, floating=robot.floating, model=robot.model)
+        options = robot and robot_options(target, floating=robot.floating, model=robot.model)
         try:
             scan, accepted_system = scan_target(target, place, systems, only, options)
         except OSError:
@@ -173,7 +174,13 @@ def mark_known(
 def _marked(case: Case, measured: Measurement | Failure | None, baseline: Accepted) -> Case:
     accepted_system = baseline.system_of(case.folder, case.system)
     entry = accepted_system.known_differences.get(baseline.id_of(case)) if accepted_system else None
-    if accepted_system is None or entry is None or measured is None:
+    if accepted_system is None or entry is None:
+        return case
+    if case.outcome is entry.outcome is Outcome.REFUSED:
+        scan = baseline.folders[case.folder][0]
+        is_same = any(model.hashes == entry.files for model in scan.models)
+        return msgspec.structs.replace(case, accepted=entry.reason) if is_same else case
+    if measured is None:
         return case
     if case.outcome is Outcome.AGREES or not case.outcome.is_run:
         return case
@@ -266,6 +273,26 @@ def _covered_cases(case: Case, baseline: Accepted) -> tuple[CaseId, ...]:
     )
 
 
+def change_of(
+    case: Case, measured: Measurement | Failure | None, baseline: Accepted
+) -> Change | None:
+    """Compare a case with its accepted result; None without one, or if it was not measured."""
+    accepted_system = baseline.system_of(case.folder, case.system)
+    if accepted_system is None or baseline.id_of(case) not in accepted_system.cases:
+        return None
+    if measured is None and case.outcome.is_run:
+        return None
+    return classify(
+        accepted_system.system,
+        case,
+        measured,
+        baseline.folders[case.folder][0],
+        accepted_system,
+        baseline.versions,
+        baseline.resolution,
+    )
+
+
 def _change(case: Case, measured: Measured, baseline: Accepted) -> Diff | None:
     """Return the change of one case; None if it is as accepted."""
     after = numbers_of(case)
@@ -275,23 +302,11 @@ def _change(case: Case, measured: Measured, baseline: Accepted) -> Diff | None:
     accepted_system = baseline.system_of(case.folder, case.system)
     if accepted_system is None or baseline.id_of(case) not in accepted_system.cases:
         return bare_diff(case.id, Status.NEW, (unaccepted(case),), after=after)
-    this = measured.get((case.folder, case.id))
-    if this is None and case.outcome.is_run:
-        return None
-    scan = baseline.folders[case.folder][0] if case.folder in baseline.folders else None
-    if scan is None:
+    if case.folder not in baseline.folders:
         message = "its folder has an unreadable file"
         return bare_diff(case.id, Status.NOT_RUN, (message,), after=after)
-    change = classify(
-        accepted_system.system,
-        case,
-        this,
-        scan,
-        accepted_system,
-        baseline.versions,
-        baseline.resolution,
-    )
-    if change.status in (Status.SAME, Status.EXPECTED, Status.WITHIN):
+    change = change_of(case, measured.get((case.folder, case.id)), baseline)
+    if change is None or change.status in (Status.SAME, Status.EXPECTED, Status.WITHIN):
         return None
     # A run calls a robot file by the robot's name, the baseline by its path.
     return msgspec.structs.replace(change.diff, system=case.system)

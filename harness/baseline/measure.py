@@ -20,6 +20,7 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.baseline.diff import equations_movement
+from physics_crosscheck.harness.baseline.whole_steps import measure_steps
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED
@@ -28,7 +29,7 @@ from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import extrapolate
-from physics_crosscheck.harness.records.base import numbers, rows
+from physics_crosscheck.harness.records.base import number, numbers, rows
 from physics_crosscheck.harness.records.baseline import (
     Identified,
     Measurement,
@@ -240,6 +241,10 @@ def measure(task: ModelTask[Prepared]) -> Measurement:
 def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measurement:
     model, coordinates = task.load()
     present, on_accepted = _snapshot(task), None
+    accepted_steps = None if accepted is None else accepted.steps
+    if accepted is not None:
+        accepted = msgspec.structs.replace(accepted, steps=None)
+    steps, steps_on_accepted = measure_steps(task, (model, coordinates), accepted_steps)
     by_equations = None
     if accepted is not None and comparable(present, accepted):
         by_equations = _by_equations(task.target, segments_of(accepted))
@@ -250,6 +255,7 @@ def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measureme
             end=rows(end.tolist()),
             uncertainty=rows(uncertainty.tolist()),
             equations=rows(by_equations.tolist()),
+            steps=steps_on_accepted,
         )
         if is_accepted(present, accepted, on_accepted):
             present = accepted
@@ -266,6 +272,9 @@ def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measureme
         uncertainty=rows(uncertainty.tolist()),
         constants=constants,
         on_accepted=on_accepted,
+        time_step=None if task.sidecar else number(model.step),
+        integrator="" if task.sidecar else model.integrator,
+        steps=steps,
     )
 
 

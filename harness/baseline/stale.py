@@ -17,11 +17,7 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     robot_file,
 )
 from physics_crosscheck.harness.documents.expanded import source_of
-from physics_crosscheck.harness.engines.registry import (
-    default_engines,
-    engines_reading,
-    engines_to_run,
-)
+from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE
 from physics_crosscheck.harness.records.baseline import AcceptedCase, RobotOptions
@@ -63,8 +59,8 @@ def scan_target(
         target: the folder or the file.
         place: folder of the baseline.
         baseline: systems of the baseline, by name.
-        only: engines to run; empty: for a robot file the accepted ones and those without an extra,
-            or all installed ones if none was accepted.
+        only: engines to run besides the accepted ones; if none was accepted, all installed ones
+            run.
         robot: options for reading a robot file; None: as accepted.
 
     Raises:
@@ -75,9 +71,8 @@ def scan_target(
         return folder_files(target, place), accepted
     if robot is None:
         robot = RobotOptions() if accepted is None or accepted.robot is None else accepted.robot
-    usual = (engines_to_run if accepted is None else default_engines)(target.suffix)
-    wanted = {engine.name for engine in usual}.union(only)
-    wanted |= {case.engine for case in accepted.cases} if accepted else set()
+    wanted = {case.engine for case in accepted.cases} if accepted else set()
+    wanted |= set(only) if accepted else {each.name for each in engines_to_run(target.suffix)}
     engines = tuple(each.name for each in engines_reading(target.suffix) if each.name in wanted)
     return robot_file(target, engines, robot), accepted
 

@@ -76,10 +76,16 @@ def _read(path: Path, reader: Callable[[bytes], T]) -> T:
 def accepted_text(folder: Path, system: str, name: str, wanted: str) -> str | None:
     """Return the accepted text of a file, if it is stored and has the wanted hash."""
     with suppress(OSError, UnicodeDecodeError):
-        data = read_regular(folder / system / (name + ACCEPTED), MAX_MODEL_BYTES)
+        data = read_regular(_text_path(folder, system, name), MAX_MODEL_BYTES)
         if digest_of(data) == wanted:
             return data.decode("utf-8")
     return None
+
+
+def _text_path(folder: Path, system: str, name: str) -> Path:
+    """Return the place of an accepted text; one from outside of the model's folder lies in `__`."""
+    parts = ("__" if part == ".." else part for part in name.split("/"))
+    return folder.joinpath(system, *parts).with_name(Path(name).name + ACCEPTED)
 
 
 def write_baseline(
@@ -113,18 +119,15 @@ def _wanted_texts(
     folder: Path, system_baseline: SystemBaseline, texts: Mapping[tuple[str, str], bytes]
 ) -> dict[Path, bytes | None]:
     """Return the new content of a system's accepted texts; None to remove one."""
-    kept = _texts_of(system_baseline)
-    wanted: dict[Path, bytes | None] = {
-        path: None
-        for path in sorted((folder / system_baseline.system).glob(f"*{ACCEPTED}"))
-        if path.name.removesuffix(ACCEPTED) not in kept
+    kept = {
+        _text_path(folder, system_baseline.system, name): texts.get((system_baseline.system, name))
+        for name in _texts_of(system_baseline)
     }
-    for name in sorted(kept):
-        if (system_baseline.system, name) in texts:
-            wanted[folder / system_baseline.system / (name + ACCEPTED)] = texts[
-                system_baseline.system, name
-            ]
-    return wanted
+    here = folder / system_baseline.system
+    # Below the name of a folder there may be other systems; below that of a file there are none.
+    stored = here.glob if system_baseline.robot is None else here.rglob
+    gone = dict.fromkeys(sorted(path for path in stored(f"*{ACCEPTED}") if path not in kept))
+    return {**gone, **{path: text for path, text in sorted(kept.items()) if text is not None}}
 
 
 def _replace(changed: Mapping[Path, bytes | None]) -> None:
@@ -145,7 +148,11 @@ def _replace(changed: Mapping[Path, bytes | None]) -> None:
 
 
 def _texts_of(system_baseline: SystemBaseline) -> set[str]:
-    """Return the files whose accepted text is kept: models, their sidecars and the declaration."""
+    """Return the files whose accepted text is kept: models, their sidecars and the declaration; of
+    a robot file, all files that are texts.
+    """
+    if system_baseline.robot is not None:
+        return {name for case in system_baseline.cases.values() for name in case.files}
     models = {case.model for case in system_baseline.cases}
     return {"system.py", *models, *(f"{model}.toml" for model in models)} if models else set()
 

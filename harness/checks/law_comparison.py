@@ -284,8 +284,8 @@ class WholeStepComparison(ABC, Generic[M, S]):
             drives = np.ones(self.model.activations)
             parts += [h * scale, h * speed, drives]
         whole = np.concatenate(parts)
-        defect = [self._answer(sample) - self.expected(sample) for sample in evaluated]
-        unsure = [self._uncertainty(sample) for sample in evaluated]
+        defect = [self.answer(sample) - self.expected(sample) for sample in evaluated]
+        unsure = [self.uncertainty(sample) for sample in evaluated]
         return LawDefect(
             defect=np.array(defect) / whole, uncertainty=np.array(unsure) / whole, scale=whole
         )
@@ -303,7 +303,7 @@ class WholeStepComparison(ABC, Generic[M, S]):
         """Return the uncertainty of the next velocities, (nv,), from that of accelerations."""
         return self.model.step * unsure
 
-    def _answer(self, sample: Evaluated[S]) -> Array:
+    def answer(self, sample: Evaluated[S]) -> Array:
         """Return the components by the engine, (C,)."""
         engine, order = sample.engine, self.order
         parts: list[Array] = [engine.acceleration[order]]
@@ -312,7 +312,7 @@ class WholeStepComparison(ABC, Generic[M, S]):
             parts += [after.m[order], after.z[order], after.activations / state_sizes(engine)]
         return np.concatenate(parts)
 
-    def _uncertainty(self, sample: Evaluated[S]) -> Array:
+    def uncertainty(self, sample: Evaluated[S]) -> Array:
         """Return the uncertainty of each component, (C,)."""
         order, posture = self.order, sample.solution.posture
         eps, h = np.finfo(float).eps, self.model.step

@@ -104,6 +104,7 @@ class KeptSteps:
     def __init__(self) -> None:
         self._kept: dict[str, tuple[ModelSpec, WholeModel | None]] = {}
         self._evaluated: dict[str, list[Evaluated[Any]]] = {}
+        self._comparisons: dict[str, WholeStepComparison[Any, Any]] = {}
 
     def __reduce__(self) -> tuple[type[KeptSteps], tuple[()]]:
         return KeptSteps, ()  # other processes have their own
@@ -114,6 +115,7 @@ class KeptSteps:
         if loaded_spec != spec:
             model = engines()[engine].load_whole(spec)
             self._evaluated.pop(engine, None)
+            self._comparisons.pop(engine, None)
             self._kept[engine] = spec, model
         return model
 
@@ -125,7 +127,14 @@ class KeptSteps:
             return evaluated_states(comparison)
         if engine not in self._evaluated:
             self._evaluated[engine] = evaluated_states(comparison)
+        self._comparisons[engine] = comparison
         return self._evaluated[engine]
+
+    def kept(
+        self, engine: str
+    ) -> tuple[WholeStepComparison[Any, Any] | None, Sequence[Evaluated[Any]]]:
+        """Return an engine's comparison and its evaluated states; nothing before `evaluated`."""
+        return self._comparisons.get(engine), self._evaluated.get(engine, ())
 
 
 def _acting_states(

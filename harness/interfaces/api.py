@@ -56,7 +56,7 @@ class CheckResults(results.Results, frozen=True, kw_only=True):
     def agree(self) -> bool:
         """True if all cases and audits agree; a missing engine counts as a failure.
 
-        An engine that refuses a robot file does not count if another engine has a verdict.
+        An optional engine that refuses a robot file does not count if another one has a verdict.
         """
         passes = all(case.passes or case in self.refusals for case in self.cases)
         return bool(self.cases) and passes and all(model.passes for model in self.models)

@@ -74,7 +74,7 @@ class Number:
 def numerals(document: Document) -> tuple[Number, ...]:
     """Return every number of a file, in order."""
     paths = _paths(document)
-    names = _ElementAddresses(document)
+    names = ElementAddresses(document)
     result: list[Number] = []
     for element in document.elements:
         rows = [row for key in _keys(element) if (row := _row(document, element, key))]
@@ -177,7 +177,7 @@ def _paths(document: Document) -> dict[int, str]:
     return paths
 
 
-class _ElementAddresses:
+class ElementAddresses:
     """Addresses of a file's elements, with the number of times that each occurs."""
 
     def __init__(self, document: Document) -> None:

@@ -15,6 +15,44 @@ FORMAT = 2
 """Format version of the baseline's files."""
 
 
+LawNumber = float | int | bool | str
+"""A number or a word of a law."""
+
+
+class StepEnds(Record, frozen=True, kw_only=True):
+    """An engine's whole steps from S states, shape (S, C) each.
+
+    Attributes:
+        values: Accelerations, and the next state if its rule is known.
+        uncertainty: Uncertainty of `values`: rounding and the solver's error.
+    """
+
+    values: Rows
+    uncertainty: Rows
+
+
+class WholeSteps(Record, frozen=True, kw_only=True):
+    """Whole steps of a robot file, with limits, friction, contacts and drives.
+
+    Attributes:
+        coordinates: Names of the engine's coordinates.
+        components: Names of the C compared components.
+        controls: Number of inputs.
+        states: Positions, velocities, controls and states of drives, shape (S, N).
+        scale: Scale of the relative differences, shape (C,).
+        ends: The engine's steps from these states.
+        laws: Compiled numbers of the laws, by name.
+    """
+
+    coordinates: tuple[str, ...]
+    components: tuple[str, ...]
+    controls: int
+    states: Rows
+    scale: Numbers
+    ends: StepEnds
+    laws: dict[str, LawNumber]
+
+
 class Snapshot(Record, frozen=True, kw_only=True, omit_defaults=True):
     """K segments of a scenario with all numbers, so that a later run can repeat them.
 
@@ -33,6 +71,7 @@ class Snapshot(Record, frozen=True, kw_only=True, omit_defaults=True):
         end: End states by the equations, shape (K, 2n).
         scale: Scale of the relative differences, shape (2n,).
         events: Times of impacts and of other changes of the equations, seconds.
+        steps: Whole steps of a robot file; stored with each case.
     """
 
     scenario: str
@@ -48,6 +87,7 @@ class Snapshot(Record, frozen=True, kw_only=True, omit_defaults=True):
     end: tuple[tuple[float, ...], ...]
     scale: tuple[float, ...]
     events: tuple[float, ...] = ()
+    steps: WholeSteps | None = None
 
 
 class Identified(Record, frozen=True, kw_only=True):
@@ -69,11 +109,13 @@ class OnAccepted(Record, frozen=True, kw_only=True):
         end: End states of the model.
         uncertainty: Uncertainty of `end`.
         equations: End states by the equations.
+        steps: Whole steps from the accepted states; None if nothing comparable was accepted.
     """
 
     end: Rows
     uncertainty: Rows
     equations: Rows
+    steps: StepEnds | None = None
 
 
 class Measurement(Record, frozen=True, kw_only=True):
@@ -86,6 +128,9 @@ class Measurement(Record, frozen=True, kw_only=True):
         constants: Constants that the motion identifies.
         on_accepted: Result on the accepted segments; None if nothing comparable was accepted.
         reads: State of each file that the folder's code read or looked for.
+        time_step: Time step of a robot file, seconds; None for a folder.
+        integrator: Name of its integrator.
+        steps: Its whole steps; None without a law.
     """
 
     snapshot: Snapshot
@@ -94,6 +139,9 @@ class Measurement(Record, frozen=True, kw_only=True):
     constants: dict[str, Identified]
     on_accepted: OnAccepted | None
     reads: dict[str, str] = msgspec.field(default_factory=dict)
+    time_step: Number = None
+    integrator: str = ""
+    steps: WholeSteps | None = None
 
 
 class AcceptedCase(Record, frozen=True, kw_only=True):
@@ -126,6 +174,8 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         snapshot: Key of the snapshot for `end`; empty if the engine refuses the file.
         end: End states of the model, shape (K, 2n).
         end_uncertainty: Uncertainty of `end`.
+        steps: Whole steps of a robot file that has a law.
+        content: Hashes of a robot's files by path, without comments, format and colors.
         seal: Hash of this entry.
     """
 
@@ -154,6 +204,8 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
     snapshot: str
     end: Rows
     end_uncertainty: Rows
+    steps: WholeSteps | msgspec.UnsetType = msgspec.UNSET
+    content: dict[str, str] | msgspec.UnsetType = msgspec.UNSET
     seal: str = ""
 
     @property

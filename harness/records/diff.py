@@ -17,8 +17,8 @@ from physics_crosscheck.harness.records.outcome import Outcome
 T = TypeVar("T")
 
 Changed = Literal[
-    "verdict", "limit", "equations", "scenario", "discrepancy", "digits", "error at dt", "order",
-    "integrator", "dt", "next state", "audit",
+    "verdict", "limit", "equations", "steps", "scenario", "discrepancy", "digits", "error at dt",
+    "order", "integrator", "dt", "next state", "audit",
 ]  # fmt: skip
 """Quantity of a case that changed, the worst first."""
 

@@ -53,6 +53,7 @@ class Results(Record, frozen=True, kw_only=True):
         stopped: Signal that stopped the run early; empty after a complete run.
         not_run: Cases that a stopped run did not reach; `system.py` stands for a whole folder.
         cached: Number of cases reused from the cache.
+        optional: Engines that need an extra; they may refuse a file that others judge.
         schema: Version of this format.
     """
 
@@ -67,6 +68,7 @@ class Results(Record, frozen=True, kw_only=True):
     stopped: str = ""
     not_run: tuple[CaseId, ...] = ()
     cached: int = 0
+    optional: tuple[str, ...] = ()
     schema: Literal[5] = SCHEMA
 
     @property
@@ -81,10 +83,14 @@ class Results(Record, frozen=True, kw_only=True):
 
     @property
     def refusals(self) -> tuple[Case, ...]:
-        """Refused cases of files that another engine has judged."""
-        judged = {(case.folder, case.scenario) for case in self.cases if case.verdict is not None}
+        """Refused cases of optional engines, of files that another engine has judged."""
         refused = (case for case in self.cases if case.outcome is Outcome.REFUSED)
-        return tuple(case for case in refused if (case.folder, case.scenario) in judged)
+        return tuple(c for c in refused if c.engine in self.optional and self.judges(c))
+
+    def judges(self, case: Case) -> bool:
+        """Return whether an engine has a verdict on the file of a case."""
+        place = case.folder, case.scenario
+        return any((c.folder, c.scenario) == place for c in self.cases if c.verdict is not None)
 
     @property
     def failed(self) -> tuple[Case, ...]:

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pybullet_data
 import pytest
+from msgspec import structs
 
 from physics_crosscheck.harness.checks.case import follow, judge, run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
@@ -19,6 +20,8 @@ from physics_crosscheck.harness.documents import elements
 from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
+from physics_crosscheck.harness.interfaces.api import check
+from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -285,6 +288,19 @@ def test_refusal_by_the_only_engine_fails_and_by_one_of_two_only_with_strict(
     assert "--strict: unlimited/arm.urdf/states [pinocchio]: refused: " in strict.stderr
     failed = crosscheck(tmp_path, "arm.urdf", "--engine", "pinocchio")
     assert failed.returncode == 3
+
+
+@pytest.mark.parametrize(("optional", "code"), [(("pinocchio",), 0), ((), 1)])
+def test_refusal_by_a_default_engine_differs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, optional: tuple[str, ...], code: int
+) -> None:
+    """Catch a green run of a file that an engine of every installation does not load."""
+    file = tmp_path / "arm.urdf"
+    file.write_text(UNLIMITED)
+    results = check(file, engines=("mujoco", "pinocchio"))
+    results = structs.replace(results, optional=optional)
+    assert exit_code(results, require_engines=False) == code
+    assert results.agree is (code == 0)
 
 
 SERVO = """<mujoco><worldbody><body pos="0 0 1"><joint name="stiff" axis="0 1 0" range="-60 60"/>

@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ import pytest
 import physics_crosscheck.harness.commands.gate.gate as gating
 from physics_crosscheck.harness.baseline.fingerprint import robot_file
 from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
-from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.commands.gate.accept import Acceptance, accept
+from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
+from physics_crosscheck.harness.commands.gate.accept import Acceptance, AcceptError, accept
 from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
@@ -26,6 +26,7 @@ from physics_crosscheck.harness.commands.gate.text import gate_lines, summary
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.records.baseline import WholeSteps
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.run import Options, run
@@ -57,6 +58,26 @@ SCENE = (
     '<mujoco model="arm"><worldbody><body><joint axis="0 1 0"/><include file="part.xml"/>'
     "</body></worldbody></mujoco>"
 )
+LEG = """\
+<mujoco model="leg">
+  <option timestep="0.002" integrator="implicitfast" cone="elliptic"/>
+  <default><geom friction="0.8 0.01 0.001"/></default>
+  <asset>
+    <mesh name="foot" file="foot.obj"/>
+    <material name="skin" rgba="1 0 0 1"/>
+  </asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 0.1"/>
+    <body name="thigh" pos="0 0 0.3">
+      <joint name="hip" axis="0 1 0" range="-1 1" limited="true" solreflimit="0.03 1"/>
+      <geom size="0.05" mass="1" pos="0 0 -0.27" contype="1"/>
+      <geom type="mesh" mesh="foot" mass="0"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="m" joint="hip" forcerange="-2 2"/></actuator>
+</mujoco>
+"""
+FOOT = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 ARM_CASE = "robots/arm.urdf/states [mujoco]"
 TWIN_CASE = "robots/left/arm.urdf/states [mujoco]"
 SCENE_CASE = "robots/scene.xml/states [mujoco]"
@@ -93,8 +114,8 @@ class Robots:
         wanted = GateOptions(baseline=self.baseline, engines=("mujoco",), jobs=1, **options)
         return gate(chosen, wanted, ignore_progress)
 
-    def accept(self, reason: str, result: GateResult) -> Acceptance:
-        return accept(result, (), reason, self.baseline)
+    def accept(self, reason: str, result: GateResult, *, untested: bool = False) -> Acceptance:
+        return accept(result, (), reason, self.baseline, untested=untested)
 
     def run(self, **options: Any) -> Results:
         wanted = Options(("mujoco",), baseline=self.baseline, jobs=1, **options)
@@ -196,6 +217,80 @@ def test_comment_changes_no_motion(robots: Robots) -> None:
     assert statuses(robots.gate()) == {
         ARM_CASE: Status.WITHIN, TWIN_CASE: Status.SAME, SCENE_CASE: Status.SAME,
     }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def leg(tmp_path_factory: pytest.TempPathFactory) -> Robots:
+    """Accept a file with limits, contacts, a drive and a mesh, which includes its bodies."""
+    robots = Robots(tmp_path_factory.mktemp("leg"))
+    (robots.root / "robots").mkdir()
+    bodies = LEG[LEG.index("<worldbody>") : LEG.index("</worldbody>") + 12]
+    for name, text in {
+        "leg.xml": LEG.replace(bodies, '<include file="bodies.xml"/>'),
+        "bodies.xml": f"<mujocoinclude>\n{bodies}\n</mujocoinclude>",
+        "foot.obj": FOOT,
+    }.items():
+        (robots.root / "robots" / name).write_text(text)
+    robots.accept("first", robots.gate(robots.root / "robots" / "leg.xml"))
+    return robots
+
+
+@pytest.mark.parametrize(("name", "old", "new", "named"), [
+    ("leg.xml", 'timestep="0.002"', 'timestep="0.003"', "timestep 0.002 -> 0.003"),
+    ("leg.xml", "implicitfast", "RK4", "integrator implicitfast -> RK4"),
+    ("leg.xml", ' cone="elliptic"', "", "cone elliptic -> none"),
+    ("leg.xml", "/>\n  <default>", '><flag limit="disable"/></option>\n  <default>', "<flag limit"),
+    ("leg.xml", '"0.8 0.01', '"0.8 0.02', "friction[1] 0.01 -> 0.02"),
+    ("leg.xml", 'range="-2 2"', 'range="-2 3"', "forcerange[1] of motor m 2 -> 3"),
+    ("bodies.xml", '<geom name="floor" type="plane" size="5 5 0.1"/>', "", "removed: <geom"),
+    ("bodies.xml", 'axis="0', 'frictionloss="0.1" axis="0', "frictionloss of joint hip none"),
+    ("bodies.xml", 'solreflimit="0.03', 'solreflimit="0.04', "solreflimit[0] of joint hip 0.03"),
+    ("bodies.xml", 'contype="1"', 'contype="2"', "contype of body thigh 1 -> 2"),
+    ("foot.obj", "v .1 0 0", "v .2 0 0", "foot.obj: its content changed"),
+])  # fmt: skip
+def test_edit_of_a_robot_file_fails_and_is_named(
+    leg: Robots, tmp_path: Path, name: str, old: str, new: str, named: str
+) -> None:
+    """Catch an edit that no smooth segment shows."""
+    robots = Robots(Path(shutil.copytree(leg.root, tmp_path / "copy")))
+    robots.edit(old, new, name)
+    (change,) = (result := robots.gate()).changes
+    assert change.status is Status.CHANGED
+    assert named in " ".join(" ".join(gate_lines(result, 500)).split())
+    robots.accept("wanted", result)
+    (change,) = robots.gate().changes
+    assert change.status is Status.SAME
+
+
+def test_whole_step_of_another_engine_version_fails(leg: Robots, tmp_path: Path) -> None:
+    """Catch an engine whose limits or contacts act otherwise, with the same file."""
+    robots = Robots(Path(shutil.copytree(leg.root, tmp_path / "copy")))
+    accepted = read_baseline(robots.baseline)["robots/leg.xml"]
+    (entry,) = accepted.cases.values()
+    assert isinstance(entry.steps, WholeSteps)
+    first, *others = entry.steps.ends.values
+    moved = (first[0] or 0.0) + 0.01 * (entry.steps.scale[0] or 0.0)
+    ends = msgspec.structs.replace(entry.steps.ends, values=((moved, *first[1:]), *others))
+    laws = {**entry.steps.laws, "limits[0].upper": 9.0}
+    steps = msgspec.structs.replace(entry.steps, ends=ends, laws=laws)
+    entry = msgspec.structs.replace(entry, steps=steps)
+    write_baseline(robots.baseline, [replace(accepted, cases={entry.id: entry})], {})
+    (change,) = robots.gate(every=True).changes
+    assert (change.status, change.diff.changed) == (Status.CHANGED, ("steps",))
+    assert change.messages == (
+        "with limits, friction, contacts and drives, hip_ddot changed by 1.0 % of its largest"
+        " value, at state 1",
+        "compiled limits[0].upper 9.0 -> 0.017453292519943295",
+    )
+
+
+def test_format_comments_and_colors_change_no_motion(leg: Robots, tmp_path: Path) -> None:
+    robots = Robots(Path(shutil.copytree(leg.root, tmp_path / "copy")))
+    robots.edit('rgba="1 0 0 1"', 'rgba="0 0 1 1"', "leg.xml")
+    robots.edit('size="0.05" mass="1"', 'mass="1.0"\n  size="5e-2"', "bodies.xml")
+    robots.edit("<worldbody>", "<worldbody> <!-- light -->", "bodies.xml")
+    (change,) = robots.gate().changes
+    assert (change.status, change.kinds) == (Status.WITHIN, ("text",))
 
 
 def test_included_file_counts_with_its_model(robots: Robots) -> None:
@@ -349,11 +444,30 @@ def test_file_rejected_by_an_engine_can_be_accepted(robots: Robots) -> None:
     assert change.messages[0] == "the verdict changed from AGREES to REFUSED"
     assert "inertia must satisfy" in change.messages[1]
     assert gate_lines(result)[0].startswith("FAIL  ")
-    robots.accept("MuJoCo refuses it", result)
+    with pytest.raises(AcceptError, match=r"robots/arm.urdf: every engine refuses it.*--untested"):
+        robots.accept("MuJoCo refuses it", result)
+    robots.accept("MuJoCo refuses it", result, untested=True)
     assert "1 known difference in robots/arm.urdf: REFUSED" in "\n".join(gate_lines(robots.gate()))
     assert statuses(robots.gate(every=True))[ARM_CASE] is Status.EXPECTED
+    (refused,) = robots.run().cases
+    assert refused.accepted == "MuJoCo refuses it"
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    result = robots.gate()
+    assert statuses(result)[ARM_CASE] is Status.NOT_RUN  # nothing tries the edit
+    (unaccepted,) = robots.run().cases
+    assert not unaccepted.accepted
+    robots.accept("heavier", result, untested=True)
+    assert statuses(robots.gate())[ARM_CASE] is Status.EXPECTED
     robots.edit(impossible, possible)
     assert statuses(robots.gate())[ARM_CASE] is Status.IMPROVED
+
+
+def test_gate_runs_only_accepted_engines(robots: Robots) -> None:
+    wanted = GateOptions(baseline=robots.baseline, jobs=1)
+    robots.edit('mass value="1.3"', 'mass value="1.35"')
+    result = gate([robots.arm], wanted, ignore_progress)
+    assert statuses(result)[ARM_CASE] is Status.CHANGED
+    assert not result.with_status(Status.NEW)
 
 
 def test_files_and_folders_are_targets_of_accept(

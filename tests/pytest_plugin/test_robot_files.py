@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.commands.gate.accept import accept
+from physics_crosscheck.harness.commands.gate.gate import gate
+from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
+from tests.gate.conftest import ignore_progress
 from tests.pytest_plugin.conftest import Project
 from tests.robots.files import ARM, LAMP, TIPPED, UNLIMITED
 
@@ -152,7 +156,22 @@ def test_robot_files_cannot_be_accepted(
     accepting = ("--crosscheck", "robots/arm.urdf", "--crosscheck-accept", "right", "-k", "audit")
     done = project.run(*accepting)
     assert done.ret == pytest.ExitCode.USAGE_ERROR
-    done.stderr.fnmatch_lines(["*--crosscheck-accept: the baseline has no robot files. Create a *"])
+    done.stderr.fnmatch_lines(
+        ["*--crosscheck-accept: takes system folders. Accept a robot file with *"]
+    )
     project.add("msd")
     done = project.run(*accepting, "--crosscheck", "models", "-k", "swing and audit")
     done.assert_outcomes(failed=1, deselected=4 + len(SWING) - 1)
+
+
+def test_edit_since_the_baseline_fails_with_its_line(project: Project, robots: Path) -> None:
+    """Catch an edit that no motion shows, as the gate does."""
+    file, baseline = robots / "deep" / "lamp.xml", project.path / "reports" / "baseline"
+    wanted = GateOptions(baseline=baseline, engines=("mujoco",), jobs=1)
+    accept(gate([file], wanted, ignore_progress), (), "first", baseline)
+    selected = ("--crosscheck", "robots/deep/lamp.xml", "-m", "mujoco")
+    project.run(*selected).assert_outcomes(passed=1, deselected=len(LIT) - 1)
+    file.write_text(LAMP.replace("<joint ", '<joint margin="1" ', 1))
+    done = project.run(*selected)
+    done.assert_outcomes(failed=1, deselected=len(LIT) - 1)
+    done.stdout.fnmatch_lines(["AGREES, but changed since the baseline; lamp.xml:2: *none -> 1; *"])

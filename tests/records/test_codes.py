@@ -27,7 +27,7 @@ from tests.records.made import case, finding
 HARNESS = Path(__file__).parents[2] / "harness"
 KINDS = [kind for code in codes().values() for kind in code.kinds]
 CHANGES = ("model", "engine", "tool", "equations", "scenario", "numbers", "outcome", "audit",
-           "unexplained")  # fmt: skip
+           "unexplained", "untested")  # fmt: skip
 """Kinds of change in the gate (`harness.baseline.diff`, `harness.commands.gate.gate`)."""
 
 

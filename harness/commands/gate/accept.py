@@ -46,32 +46,49 @@ class Acceptance:
     unchanged: tuple[str, ...]
 
 
-def accept(result: GateResult, patterns: Sequence[str], reason: str, baseline: Path) -> Acceptance:
+def accept(
+    result: GateResult,
+    patterns: Sequence[str],
+    reason: str,
+    baseline: Path,
+    *,
+    untested: bool = False,
+) -> Acceptance:
     """Write the matching cases of a gate's result to the baseline; all cases without patterns.
 
     An entry whose motion did not change keeps its numbers and its reason, so that the diff under
     review shows only the changes. An entry named by a pattern takes the given reason.
 
     Raises:
-        AcceptError: for a case that failed, or a file that changed meanwhile; nothing was written.
+        AcceptError: for a case that failed, a file that changed meanwhile, or, unless `untested`,
+            a file that every engine refuses; nothing was written.
         FolderError: for a pattern that matches nothing; nothing was written.
         OSError: from the file system; nothing was written.
     """
     ids = [change.id for change in _matching(result, patterns)]
-    return accept_each(result, dict.fromkeys(ids, reason), ids if patterns else (), baseline)
+    named = ids if patterns else ()
+    return accept_each(result, dict.fromkeys(ids, reason), named, baseline, untested=untested)
 
 
 def accept_each(
-    result: GateResult, reasons: Mapping[CaseId, str], named: Collection[CaseId], baseline: Path
+    result: GateResult,
+    reasons: Mapping[CaseId, str],
+    named: Collection[CaseId],
+    baseline: Path,
+    *,
+    untested: bool = False,
 ) -> Acceptance:
     """Write some cases, each with its reason, which replaces the old reason if `named`.
 
     Raises:
-        AcceptError: for a file that changed meanwhile; nothing was written.
+        AcceptError: for a file that changed meanwhile, or, unless `untested`, one that every engine
+            refuses; nothing was written.
         OSError: from the file system; nothing was written.
     """
     requested = [change for change in result.changes if change.id in reasons]
-    chosen = [change for change in requested if change.status is not Status.NOT_RUN]
+    chosen = [one for one in requested if one.status is not Status.NOT_RUN or _is_refused(one)]
+    if not untested:
+        _check_tested(result, chosen)
     systems = dict(result.baseline)
     rewritten: list[CaseId] = []
     for change in chosen:
@@ -108,7 +125,9 @@ def _matching(result: GateResult, patterns: Sequence[str]) -> list[Change]:
             examples = sorted({f"{c.id.path}/{c.id.scenario}" for c in result.changes})[:4]
             raise FolderError(f"no case matches {pattern!r}; cases are {', '.join(examples)}")
     matching = [c for c in result.changes if not patterns or any(_matches(c, p) for p in patterns)]
-    failed = [c for c in matching if c.status is Status.NOT_RUN and not _absent(c)]
+    failed = [
+        c for c in matching if c.status is Status.NOT_RUN and not (_is_refused(c) or _absent(c))
+    ]
     if failed:
         raise AcceptError(
             f"{failed[0].id} can't be accepted: {failed[0].messages[0]}; nothing was written"
@@ -117,12 +136,33 @@ def _matching(result: GateResult, patterns: Sequence[str]) -> list[Change]:
     return matching
 
 
+def _check_tested(result: GateResult, chosen: Sequence[Change]) -> None:
+    """Reject new results of a robot file that no engine loads.
+
+    Raises:
+        AcceptError: naming the file and the option that accepts it.
+    """
+    for system in {one.id.system for one in chosen if one.status not in _UNMOVED}:
+        mine = [one for one in result.changes if one.id.system == system]
+        entries = [one.now or one.entry for one in mine if one.status is not Status.GONE]
+        outcomes = {entry.outcome for entry in entries if entry is not None}
+        if outcomes == {Outcome.REFUSED}:
+            raise AcceptError(
+                f"{system}: every engine refuses it, so nothing is tested; correct the file, or"
+                " accept it with --untested; nothing was written"
+            )
+
+
 def _matches(change: Change, pattern: str) -> bool:
     """Return whether a pattern matches a case's id: `*` and `?` are wildcards, brackets are
     literal.
     """
     pattern, name = pattern.replace("[", "[[]"), str(change.id)
     return fnmatchcase(name, pattern) or fnmatchcase(name, f"{pattern} [[]*]")
+
+
+def _is_refused(change: Change) -> bool:
+    return change.now is not None and change.now.outcome is Outcome.REFUSED
 
 
 def _absent(change: Change) -> bool:
@@ -155,6 +195,7 @@ def _entry(change: Change, reason: str, named: bool) -> AcceptedCase | None:
             time_step=now.time_step,
             integrator=now.integrator,
             claimed_order=now.claimed_order,
+            content=now.content,
         )
     )
 

@@ -21,6 +21,11 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.baseline.classify import Change, classify, gone, unaccepted_findings
+from physics_crosscheck.harness.baseline.content import (
+    MOST_SHOWN,
+    changed_value,
+    element_changes,
+)
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import (
     OTHER_FILES,
@@ -38,16 +43,14 @@ from physics_crosscheck.harness.commands.gate.survey import (
     survey,
     was_left_alone,
 )
-from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.expanded import in_source
 from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.formats import is_robot
 from physics_crosscheck.harness.modelfiles.locations import find_in
-from physics_crosscheck.harness.modelfiles.numbers import numerals
 from physics_crosscheck.harness.modelfiles.parts import included
-from physics_crosscheck.harness.modelfiles.path_states import ABSENT
+from physics_crosscheck.harness.modelfiles.path_states import ABSENT, digest
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
@@ -63,8 +66,8 @@ from physics_crosscheck.harness.run import Options, Run, Selection, run
 MOST_LINES = 12
 """Maximum number of changed lines reported for a file; beyond it, a diff is more useful."""
 
-MOST_SHOWN = 100
-
+MOST_CHANGES = 200
+"""Maximum number of changed attributes and elements reported for a robot file."""
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 
@@ -122,6 +125,8 @@ def _file_diff(
     whole = _whole_change(file, name, accepted)
     old = None if whole else accepted_text(baseline, system, name, accepted)
     if old is None:
+        if not whole and scan.robot is not None and name not in scan.models[0].copies:
+            whole = f"its content changed, {accepted} -> {digest(file)}"
         whole = whole or "changed; the accepted text is not kept, so its lines are unknown"
         changes, more = [ChangedLine(line=1, message=whole)], 0
     else:
@@ -155,8 +160,10 @@ def _changed_lines(
     """Return the changed numbers and lines, and the number of lines that are not listed."""
     file = scan.base / name
     new = file.read_text(encoding="utf-8", errors="replace")
-    is_robot = scan.robot is not None
-    changed = _numbers(file, old, new) if is_robot else _literals(file, name, old, new, models)
+    if scan.robot is None:
+        changed = _literals(file, name, old, new, models)
+    elif changed := element_changes(file, old, new):
+        return changed[:MOST_CHANGES], max(0, len(changed) - MOST_CHANGES)
     changed_lines = {one.line for one in changed}
     lines = [one for one in _lines(old, new) if one.line not in changed_lines]
     return changed + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
@@ -181,43 +188,10 @@ def _literals(
             within = address.removeprefix("sidecar:")
             before, after = (_place(file, text, within) for text in (old, new))
             if before and after and before.value != after.value:
-                moved = f"{before.text} -> {after.text}"
-                message = f"{within} {moved}, bound to {expression}"
-                edit = f"{_spoken(within)} {moved}"
-                changed.append(
-                    ChangedLine(line=after.line, message=message, edit=edit, old=before.text)
-                )
+                moved = changed_value(after.line, within, before.text, after.text)
+                message = f"{moved.message}, bound to {expression}"
+                changed.append(msgspec.structs.replace(moved, message=message))
     return changed
-
-
-def _numbers(file: Path, old: str, new: str) -> list[ChangedLine]:
-    """Return the changed numbers of a robot file that have a name."""
-    try:
-        before, after = (numerals(Document(file, text.encode())) for text in (old, new))
-    except LocationError:
-        return []
-    accepted = {number.address: number for number in before if number.has_name}
-    changes = []
-    for number in after:
-        address, old_number = number.address, accepted.get(number.address)
-        if old_number is not None and old_number.value != number.value:
-            moved = f"{old_number.text} -> {number.text}"
-            edit = f"{_spoken(address)} {moved}"
-            message = f"{address} {moved}"
-            changes.append(
-                ChangedLine(line=number.line, message=message, edit=edit, old=old_number.text)
-            )
-    return changes
-
-
-def _spoken(address: str) -> str:
-    """Return a readable address of a literal: `joint[x]@damping` becomes `damping of joint x`."""
-    *_, name = re.split(r"[@/]", address.removesuffix("@value"))
-    owners = re.findall(r"(\w+)\[([^\]@/]*[^\]@/\d][^\]@/]*)\]", address)
-    if not owners or name.startswith(f"{owners[-1][0]}["):
-        return name
-    kind, owner = owners[-1]
-    return f"{name} of {kind} {owner}"
 
 
 def _place(file: Path, text: str, address: str) -> Location | None:

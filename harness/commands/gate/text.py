@@ -90,6 +90,8 @@ def _headline(result: GateResult, width: int) -> list[str]:
     if place := _sole_edit(result):
         edit = ", ".join(line.edit for line in place.changes)
         effect = "broke" if status is Status.NOT_RUN else "changed"
+        if all("untested" in change.kinds for change in bad):
+            effect = "is not tested in"
         where = _where(place, place.changes[0])
         if all(line.old for line in place.changes):
             return wrapped(f"{word}  {where} {edit} {effect} {what}", width)

@@ -31,7 +31,7 @@ def main(options: argparse.Namespace) -> int:
     with LateProgress() as progress:
         result = gate(targets, what, progress)
     try:
-        done = accept(result, patterns, reason, options.baseline)
+        done = accept(result, patterns, reason, options.baseline, untested=options.untested)
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL

@@ -392,6 +392,12 @@ COMMANDS: Mapping[str, Command] = {
                 help="Reason, stored in the baseline (required)",
             ),
             option(
+                "Baseline",
+                "--untested",
+                action="store_true",
+                help="Accept files that every engine refuses",
+            ),
+            option(
                 "Selection",
                 "--folder",
                 action=arguments.AppendAction,

@@ -382,20 +382,22 @@ def _print_stopped(results: Results, out: Path, done: Journal) -> None:
 def exit_code(results: Results, require_engines: bool) -> int:
     """Return the exit code of results.
 
-    Results without cases fail; accepted differences pass. An audit or linearization that
-    failed counts as a failure. A robot file that one engine rejects does not, if another engine has
-    a verdict.
+    Results without cases fail; accepted differences pass. An audit or linearization that failed
+    counts as a failure, and so does a robot file that every engine refuses. A refusal by one engine
+    differs, unless the engine is optional or the refusal is accepted.
     """
     refused = {(case.folder, case.id) for case in results.refusals}
     counting = [case for case in results.cases if (case.folder, case.id) not in refused]
     outcomes = {case.outcome for case in counting if not case.accepted}
-    if outcomes & {Outcome.FAILED, Outcome.REFUSED} or not results.cases or results.untested:
+    if Outcome.FAILED in outcomes or not results.cases or results.untested:
+        return FAIL
+    if any(case.outcome is Outcome.REFUSED and not results.judges(case) for case in counting):
         return FAIL
     if any(model.failures for model in results.models):
         return FAIL
     if require_engines and Outcome.ABSENT in outcomes:
         return FAIL
-    if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED}:
+    if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.REFUSED}:
         return DIFFER
     # An accepted difference includes the audit findings of its model.
     accepted = {(case.folder, case.id.of_model) for case in results.cases if case.accepted}

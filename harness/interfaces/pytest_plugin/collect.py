@@ -195,6 +195,10 @@ class CrosscheckItem(pytest.Item):
             demands=self._demands(record),
             judged_by=self._judged_by(record),
         )
+        if isinstance(record, Case) and self.model:
+            edit = self.config.stash[RUNNER].edit_of(record.id, self.target)
+            if edit and decision.status is not TestStatus.FAIL:
+                decision = Decision(TestStatus.FAIL, edit)
         if isinstance(record, Case):
             self.user_properties += [("case", str(record.id)), *properties(record).items()]
         codes = [record.code] if isinstance(record, Case) else [one.code for one in record.findings]
@@ -226,7 +230,7 @@ class CrosscheckItem(pytest.Item):
         return demands
 
     def _judged_by(self, record: Case | Model) -> list[str]:
-        """Return the engines that have a verdict on a robot file that this engine rejects."""
+        """Return the engines that have a verdict on a robot file that this optional one rejects."""
         if not isinstance(record, Case) or record.outcome is not Outcome.REFUSED:
             return []
         return self.config.stash[RUNNER].judged_by(record.id, self.target)

@@ -9,13 +9,21 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 from msgspec import structs
 
-from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known, mark_models
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.baseline.known import (
+    Accepted,
+    accepted,
+    change_of,
+    mark_known,
+    mark_models,
+)
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.checks.declared import Declared, declared
 from physics_crosscheck.harness.checks.not_run import (
@@ -24,6 +32,7 @@ from physics_crosscheck.harness.checks.not_run import (
     failed_case,
     not_of_a_tree,
 )
+from physics_crosscheck.harness.commands.gate.gate import file_diffs
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.api import CheckResults, Target, check, target_names
 from physics_crosscheck.harness.interfaces.cli import arguments
@@ -98,6 +107,7 @@ class CaseRunner:
         self._engines = engines()
         self._prepared: dict[Path, Preparation | Failure] = {}
         self._robot_cases: dict[tuple[Path, CaseId], Case] = {}
+        self._edits: dict[tuple[Path, CaseId], str] = {}
         self._diagnoses: dict[tuple[Path, str], Diagnosis] = {}
 
     def precondition(self, model: Sidecar | Path, engine: str) -> CannotRun | None:
@@ -106,13 +116,14 @@ class CaseRunner:
 
     def declared(self, target: Path) -> Declared | Failure:
         """Return the names of a declaration or robot file."""
-        return self._ask(declared, target)
+        return self._ask(partial(declared, **self._options(target)), target)
 
     def prepared(self, target: Path) -> Preparation | Failure:
         """Prepare a system folder or a robot file, once."""
         if target not in self._prepared:
             smooth = self._settings.smooth and target.is_file()
-            self._prepared[target] = self._ask(task_function("target", smooth=smooth), target)
+            reading = task_function("target", smooth=smooth, **self._options(target))
+            self._prepared[target] = self._ask(reading, target)
         return self._prepared[target]
 
     def case(self, case_id: CaseId, target: Path, model: Sidecar | Path) -> Case:
@@ -126,8 +137,20 @@ class CaseRunner:
             self._robot_cases[target, case_id] = self._run(case_id, target, model)
         return self._robot_cases[target, case_id]
 
+    def _options(self, target: Path) -> dict[str, Any]:
+        """Return the options with which a robot file was accepted; empty for a folder."""
+        before = self._before(target) if target.is_file() else None
+        robot = None if before is None else before.folders[str(target)][0].robot
+        return {} if robot is None else structs.asdict(robot)
+
+    def edit_of(self, case_id: CaseId, target: Path) -> str:
+        """Return how a case of a robot file changed since it was accepted, as for the gate."""
+        return self._edits.get((target, case_id), "")
+
     def judged_by(self, case_id: CaseId, file: Path) -> list[str]:
-        """Return the other engines that have a verdict on a robot file."""
+        """Return the other engines that have a verdict on a robot file; none if it must load it."""
+        if not self._engines[case_id.engine].extra:
+            return []
         others = [
             structs.replace(case_id, engine=engine)
             for engine in chosen_engines(file, ())
@@ -171,23 +194,36 @@ class CaseRunner:
         """Return a case with its outcome, and with the reason of its acceptance if there is one."""
         if isinstance(case, Failure):
             return failed_case(case_id, str(target), case)
-        if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
+        if target.is_dir() and case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
             return case
-        before = self._before(target)
+        before = None if target.is_file() and self._settings.smooth else self._before(target)
         snapshot = None if before is None else before.snapshot(case.folder, case.id)
-        if before is None or snapshot is None:
+        if before is None or (snapshot is None and case.outcome.is_run):
             return case
-        seen = {(case.folder, case.id): measured(snapshot)}
+        seen = {} if snapshot is None else {(case.folder, case.id): measured(snapshot)}
         (case,) = mark_known((case,), seen, before)
+        if target.is_file():
+            change = change_of(case, seen.get((case.folder, case.id)), before)
+            if change is not None and not change.status.passes:
+                self._edits[target, case_id] = self._described(change, before, target)
         return case
 
+    def _described(self, change: Change, before: Accepted, target: Path) -> str:
+        """Return a change of a robot file in words, with the edited lines."""
+        scans = {change.id.system: before.folders[str(target)][0]}
+        lines = [
+            f"{Path(diff.path).name}:{line.line}: {line.edit or line.message}"
+            for diff in file_diffs([change], scans, before.place)
+            for line in diff.changes
+        ]
+        remedy = f"undo it, or crosscheck accept {target.name} --reason WHY"
+        return "; ".join([f"{change.status} since the baseline", *lines, *change.messages, remedy])
+
     def _before(self, target: Path) -> Accepted | None:
-        """Return the accepted results of a folder, read once; a robot file has no baseline."""
+        """Return the accepted results of a target, read once."""
         if target not in self._accepted:
-            self._accepted[target] = (
-                accepted(self._settings.baseline, (target,), self._settings.resolution)
-                if target.is_dir()
-                else None
+            self._accepted[target] = accepted(
+                self._settings.baseline, (target,), self._settings.resolution, robot=None
             )
         return self._accepted[target]
 

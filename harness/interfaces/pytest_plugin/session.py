@@ -238,8 +238,8 @@ class Accepting:
             )
         if self._reason is not None and not folders:
             raise pytest.UsageError(
-                "--crosscheck-accept: the baseline has no robot files. Create a system folder with"
-                " `crosscheck new NAME --from FILE`."
+                "--crosscheck-accept: takes system folders. Accept a robot file with"
+                " `crosscheck accept FILE --reason WHY`."
             )
 
     def accept(self, config: pytest.Config) -> bool | None:
