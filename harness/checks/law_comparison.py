@@ -365,7 +365,9 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
                 damping = gains(softness.reference, softness.impedance[1], laws.step,
                                 safe=laws.safe)[1]  # fmt: skip
                 back = max(0.0, -outwards[place] * float(free[there]))
-                speed[place] = outwards[place] * min(MAX_OUTWARD, back / damping)
+                speed[place] = outwards[place] * min(
+                    MAX_OUTWARD, back / damping if damping else np.inf
+                )
         return speed
 
     def velocity_uncertainty(self, sample: Evaluated[LawSolution], unsure: Array) -> Array:
