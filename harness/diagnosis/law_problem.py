@@ -244,7 +244,8 @@ class LawProblem(Generic[M, S]):
             self.effect(index) if near else self._slope_near(faults, index) for index in indices
         ]
         nothing = np.zeros(self.compared.defect.size)
-        return np.array([nothing if row is None else row for row in rows])
+        slopes = [nothing if row is None else row for row in rows]
+        return np.array(slopes).reshape(len(rows), len(nothing))  # without numbers, (0, N)
 
     def _slope_near(self, faults: Faults, index: int) -> Array | None:
         """Return the slope at faults, (N,): other rows may act there."""
