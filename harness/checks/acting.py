@@ -189,7 +189,7 @@ class Acting:
             motion, subject = pressed(limits[0].softness, self.model.laws), f"limits of {names}"
             rule = "of solreflimit, at full depth"
             yield _quantity(subject, "rebound", motion.rebound, rule=rule)
-            if motion.damping:
+            if motion.rate * motion.damping:
                 yield _quantity(subject, "time constant", 1 / (motion.rate * motion.damping), "s")
             yield _quantity(subject, "damping ratio", motion.damping)
 

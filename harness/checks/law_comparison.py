@@ -487,7 +487,8 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
                 damping = gains(softness.reference, softness.impedance[1], laws.step,
                                 safe=laws.safe)[1]  # fmt: skip
                 back = max(0.0, -outwards[place] * float(free[there]))
-                speed[place] = outwards[place] * min(largest, back / damping)
+                outward = back / damping if damping else np.inf
+                speed[place] = outwards[place] * min(largest, outward)
         return speed
 
     def velocity_uncertainty(self, sample: Evaluated[LawSolution], unsure: Array) -> Array:

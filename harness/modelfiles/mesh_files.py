@@ -74,6 +74,8 @@ def read_mesh(file: Path) -> Mesh:
     try:
         import trimesh
 
+        if file.exists() and not file.is_file():  # opening a pipe waits for its writer
+            raise MeshError(f"{file}: not a regular file")
         if file.stat().st_size > MAX_MESH_BYTES:
             raise MeshError(f"{file}: larger than {MAX_MESH_BYTES / 1e6:.0f} MB")
         unit = _COLLADA_UNIT.search(_collada_head(file))

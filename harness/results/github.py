@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import os
-import stat
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -274,27 +273,17 @@ def print_commands(lines: Iterable[str]) -> None:
 def plain_logs() -> Iterator[None]:
     """Keep workflow commands in names out of the standard streams within this context.
 
-    A regular file is not a log and gets every character unchanged.
+    Regular files are quoted as well, since a later step may print them.
     """
     kept = sys.stdout, sys.stderr
     logs = [LogStream(stream) for stream in kept]
-    sys.stdout, sys.stderr = (
-        stream if _is_file(stream) else cast(TextIO, log)
-        for stream, log in zip(kept, logs, strict=True)
-    )
+    sys.stdout, sys.stderr = (cast(TextIO, log) for log in logs)
     try:
         yield
     finally:
         for log in logs:
             log.end()
         sys.stdout, sys.stderr = kept
-
-
-def _is_file(stream: TextIO) -> bool:
-    try:
-        return stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
-    except (OSError, ValueError):  # no file descriptor
-        return False
 
 
 def write_summary(text: str, environment: Mapping[str, str]) -> None:

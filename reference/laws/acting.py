@@ -38,6 +38,8 @@ class Oscillator:
         The contact ends where the force of spring and damper together is zero.
         """
         z = self.damping
+        if np.isinf(z):  # no spring
+            return 0.0
         if np.isclose(z, 1.0, rtol=1e-9):
             return float(np.exp(-2.0))
         s = np.sqrt(abs(1 - z**2))
@@ -70,7 +72,7 @@ class Rest:
 
     Attributes:
         depth: m.
-        creep: speed along a slope of `SLOPE` degrees on which it sticks, m/s.
+        creep: speed along a slope of `SLOPE` degrees on which it sticks, m/s; infinite undamped.
     """
 
     depth: float
@@ -93,7 +95,8 @@ def rest_on(contact: ContactParameters, laws: Laws, weight: float, force: float)
     friction = contact.friction[0]
     slope = 1.0 if laws.elliptic else 1 + friction**2
     along = force * np.sin(SLOPE) * weight / laws.friction_ratio
-    return Rest(depth=depth, creep=float((1 - d) / (d * b) * slope * along))
+    creep = (1 - d) / (d * b) * slope * along if b else np.inf
+    return Rest(depth=depth, creep=float(creep))
 
 
 def _normal_share(contact: ContactParameters, laws: Laws) -> float:

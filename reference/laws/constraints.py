@@ -56,17 +56,16 @@ def mix_surfaces(
     """Return the numbers of a contact of two surfaces."""
     if first.priority != other.priority:
         dominant = first if first.priority > other.priority else other
-        dimension, friction = dominant.dimension, dominant.friction
+        dimension, frictions = dominant.dimension, dominant.frictions
         softness = dominant.softness
     else:
         dimension = max(first.dimension, other.dimension)
-        pairs = zip(first.friction, other.friction, strict=True)
-        sliding, spinning, rolling = (mixed_friction(mixing, *pair) for pair in pairs)
-        friction, softness = (sliding, spinning, rolling), _mixed_softness(first, other)
-    sliding, spinning, rolling = friction
+        pairs = zip(first.frictions, other.frictions, strict=True)
+        frictions = tuple(mixed_friction(mixing, *pair) for pair in pairs)
+        softness = _mixed_softness(first, other)
     return ContactParameters(
         dimension=dimension,
-        friction=(sliding, sliding, spinning, rolling, rolling),
+        friction=frictions,
         margin=first.margin + other.margin,
         softness=softness,
     )

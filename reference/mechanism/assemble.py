@@ -163,7 +163,7 @@ def _link(joint: Joint, within: int, place: Place) -> TreeLink:
         center=np.zeros(3),
         inertia=np.zeros((3, 3)),
         armature=float(joint.armature),
-        damping=0.0 if joint.single and not linear else _only(powers(joint.damping)),
+        damping=_only(powers(joint.damping)),
         stiffness=_only(powers(joint.stiffness)) if linear else 0.0,
         rest=(float(joint.rest),),
     )
@@ -244,7 +244,8 @@ class _Builder:
         if joint.nonlinear and joint.single:
             self.pulls.append(
                 TreeForce(name=joint.name, joints=((index, 1.0),), stiffness=stiffness,
-                         damping=damping, rest=(joint.rest, joint.rest))
+                         damping=(0.0, *damping[1:]) if damping[1:] else (),
+                         rest=(joint.rest, joint.rest))
             )  # fmt: skip
         self._links.append(_link(joint, within, place))
         self._inertias.append(NO_INERTIA)

@@ -133,7 +133,7 @@ class Surface:
     Attributes:
         body: index of its body.
         dimension: of its contact force: 1, 3, 4 or 6.
-        friction: sliding, torsional (m), rolling (m).
+        friction: sliding, torsional (m), rolling (m); or of five directions, as of a contact.
         priority: a larger one determines the contact.
         mix: weight of its softness.
         margin: distance at which contact begins, m.
@@ -143,12 +143,20 @@ class Surface:
 
     body: int
     dimension: int
-    friction: tuple[float, float, float]
+    friction: Numbers
     priority: int
     mix: float
     margin: float
     softness: Softness
     masks: tuple[int, int] = (1, 1)
+
+    @property
+    def frictions(self) -> Numbers:
+        """Friction of five directions, as in `ContactParameters`."""
+        sliding, *others = self.friction
+        if len(others) > 2:
+            return self.friction
+        return (sliding, sliding, others[0], others[1], others[1])
 
 
 @dataclass(frozen=True, kw_only=True)

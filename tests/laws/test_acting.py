@@ -68,7 +68,7 @@ LIMIT = """<mujoco><option timestep="{step}" gravity="0 0 0"/><compiler angle="r
 </mujoco>"""
 
 
-@pytest.mark.parametrize("reference", ["0.02 1", "0.02 0.3", "0.02 2", "-2000 -30"])
+@pytest.mark.parametrize("reference", ["0.02 1", "0.02 0.3", "0.02 2", "-2000 -30", "-2000 0"])
 def test_rebound_at_a_limit_is_that_of_the_engine(reference: str, tmp_path: Path) -> None:
     text = LIMIT.format(step=1e-5, reference=reference)
     laws, model, data = loaded(tmp_path, text)

@@ -108,6 +108,13 @@ def test_file_states_what_it_compiles_to(tmp_path: Path, scene: str) -> None:
     assert not [one for one in check.unread if not any(word in one for word in named)]
 
 
+def test_drive_without_a_law_is_not_misread(tmp_path: Path) -> None:
+    text = DRIVES.format("").replace('<motor joint="a"', '<general gaintype="user" joint="a"')
+    check = reading(tmp_path, text)
+    assert check.misread == ()
+    assert any("drives" in one for one in check.unread)
+
+
 MISREAD = {
     "degrees": (CLASSES, "<compiler ", '<compiler angle="radian" ', "range of joint a"),
     "nested class": (CLASSES, 'solreflimit=".03"', 'solreflimit=".02"', "solreflimit of joint b"),

@@ -9,6 +9,7 @@ import pytest
 
 from campaigns.laws import plant_faults
 from campaigns.scenes import mujoco_result, mujoco_scene
+from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_comparison import LawComparison
@@ -18,6 +19,7 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.diagnosis.law_problem import law_problem
 from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.laws.scenes import (
@@ -79,6 +81,35 @@ def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options
     assert check.judgement.largest_discrepancy < 1e-11
     assert check.record.next_state
     assert check.record.acted
+
+
+PENDULUM = """<mujoco><option integrator="Euler"/><worldbody><body><joint name="j" axis="0 1 0"
+ stiffness="8 1" damping=".3"/><joint name="k" axis="1 0 0" damping=".1"/>
+<inertial pos=".1 0 -.2" mass="1" diaginertia=".02 .02 .01"/></body></worldbody></mujoco>"""
+OVERRIDE = 'o_friction=".5 .6 .01 .001 .002"><flag override="enable"/></option><option'
+RIGHT = {
+    "damper beside a polynomial spring": PENDULUM,
+    "the same, implicit": PENDULUM.replace("Euler", "implicitfast"),
+    "two sliding coefficients": TOUCH[6].format(OVERRIDE),
+    "undamped contact": TOUCH[3].replace("-3000 -60", "-3000 0"),
+    "undamped limit": LIMITS.replace("-800 -30", "-800 0"),
+    "limit without stiffness": LIMITS.replace("-800 -30", "0 -30"),
+    "controls that nothing limits": DRIVES.format("><flag clampctrl='disable'/></option><option"),
+}
+
+
+@use_few_states
+@pytest.mark.parametrize("name", RIGHT)
+def test_right_file_agrees(tmp_path: Path, name: str) -> None:
+    """Catch a law, a division or a reading that fails at numbers which are rare, but right."""
+    file = tmp_path / "scene.xml"
+    file.write_text(RIGHT[name].format(""))
+    check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
+    assert check is not None
+    assert check.record.outcome is Outcome.AGREES
+    assert not check.record.misread
+    compiled = engines()["mujoco"].compiled(file)
+    assert acting_quantities(compiled) or name.startswith(("damper", "the same"))
 
 
 @use_few_states

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TextIO, cast
@@ -28,6 +29,7 @@ from physics_crosscheck.harness.results.github import (
     commands,
     harmless_json,
     plain_line,
+    plain_logs,
     run_notes,
 )
 from physics_crosscheck.harness.results.sarif import sarif
@@ -212,3 +214,13 @@ def test_run_on_github_prints_no_command_from_robot_name(
     for line in (output.out + output.err).splitlines():
         assert not line.lstrip().startswith("::")
         assert "##[" not in line
+
+
+def test_regular_files_are_quoted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catch a command in a file that a later step prints."""
+    with (tmp_path / "log").open("w+") as file:
+        monkeypatch.setattr(sys, "stdout", file)
+        with plain_logs():
+            print("::error::x")
+        file.seek(0)
+        assert file.read() == "| ::error::x\n"

@@ -15,7 +15,7 @@ from typing import get_args
 import numpy as np
 
 from physics_crosscheck.harness.checks.acting import acting_quantities
-from physics_crosscheck.harness.checks.plausibility.facts import RobotFacts, WeldedBody
+from physics_crosscheck.harness.checks.plausibility.facts import COMPILED, RobotFacts, WeldedBody
 from physics_crosscheck.harness.checks.plausibility.hull import Hull
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.robot import HELD, LinkPart
@@ -39,11 +39,11 @@ NEGLIGIBLE_SHARE = 0.02
 MIN_OUTSIDE, OUTSIDE_SHARE = 0.005, 0.1
 """Smallest distance of a center of mass from the hull, m, and as a share of its diagonal."""
 
-MAX_DENSITY = 12000.0
-"""Density of lead and above, kg/m^3; a hull has at least the volume of its body."""
+MAX_DENSITY = 22600.0
+"""Density of osmium, the densest metal, kg/m^3; a hull has at least the volume of its body."""
 
-MIN_DENSITY, MIN_SKIN = 3.0, 0.08
-"""Density of a hull below that of foam, kg/m^3; mass per area of a hull of paper, kg/m^2."""
+MIN_DENSITY, MIN_SKIN = 3.0, 0.005
+"""Density of a hull below that of foam, kg/m^3; mass per area of half a balloon's, kg/m^2."""
 
 MARKER_MASS = 1e-6
 """Mass of a body that only marks a place, kg."""
@@ -191,9 +191,10 @@ def unlike_shapes(facts: RobotFacts) -> Iterator[Advice]:
 
 def _judged(judge: BodyJudge, facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
     """Judge a body by the shapes that collide, then by all: these are often more precise."""
-    if judge(facts, body, hull) is None:
+    # The hull is unknown if a shape can't be read, and may be larger.
+    if body.whole_hull is None or judge(facts, body, hull) is None:
         return None
-    return judge(facts, body, body.whole_hull or hull)
+    return judge(facts, body, body.whole_hull)
 
 
 def mesh_in_millimetres(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
@@ -244,7 +245,7 @@ def implausible_density(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advi
     light = density < MIN_DENSITY and body.inertia.mass < MIN_SKIN * hull.area
     if not (heavy or light) or body.inertia.mass < MARKER_MASS:
         return None
-    what = "more than lead" if heavy else "less than an empty box of paper"
+    what = "more than any metal" if heavy else "less than a balloon"
     return Advice(
         kind="density",
         subject=(body.name,),
@@ -275,8 +276,11 @@ def inertia_too_small(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice
     even = mass * float(np.trace(hull.moments_about(center))) / 2
     if stated * SMALL_RATIO >= even or _is_none(stated, even):  # which has its own kind
         return None
+    compact = 0.6 * mass * (3 * mass / (4 * np.pi * MAX_DENSITY)) ** (2 / 3)
+    if stated >= compact:  # a dense part in a large cover
+        return None
     ratio = even / stated
-    what = f"{ratio:.2g} times less than at uniform density"
+    what = f"{ratio:.2g} times less than at uniform density, and less than a ball of any metal"
     return _of_moments(facts, body, hull, "inertia too small", what, ratio / SMALL_RATIO)
 
 
@@ -418,8 +422,11 @@ def moving_without_inertia(facts: RobotFacts) -> Iterator[Advice]:
 
 
 def rest_outside_limits(facts: RobotFacts) -> Iterator[Advice]:
-    """Yield the joints whose limits exclude the drawn pose, in one finding."""
-    if facts.has_keyframes:
+    """Yield the joints whose limits exclude the stated pose, in one finding.
+
+    Other formats state no pose: their zero only fixes the frames, and knees often exclude it.
+    """
+    if facts.has_keyframes or facts.robot.file.suffix != COMPILED:
         return
     outside = {
         name: joint.limits

@@ -199,12 +199,10 @@ def _site(m: Any, i: int) -> Anchor:
 def _surface(m: Any, i: int, *, override: bool) -> Surface:
     """Return the surface of a geom; `override` replaces its numbers by those of the options."""
     o = m.opt
-    friction = o.o_friction[[0, 2, 3]] if override else m.geom_friction[i]
-    sliding, spinning, rolling = numbers_of(friction)
     return Surface(
         body=int(m.geom_bodyid[i]),
         dimension=int(m.geom_condim[i]),
-        friction=(sliding, spinning, rolling),
+        friction=numbers_of(o.o_friction if override else m.geom_friction[i]),
         priority=int(m.geom_priority[i]),
         mix=float(m.geom_solmix[i]),
         masks=(int(m.geom_contype[i]), int(m.geom_conaffinity[i])),

@@ -28,10 +28,12 @@ from physics_crosscheck.harness.modelfiles.mjcf.classes import (
     to_axis,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
+    KINDS,
     PARAMETER_KEYS,
     PARAMETERS,
     SHORTCUT_KEYS,
     SHORTCUTS,
+    WORDS,
     read_drive,
 )
 from physics_crosscheck.reference.mechanism.bodies import ZERO
@@ -393,7 +395,9 @@ class StatedLaws:
         return result
 
     def _is_read(self, drive: XmlElement) -> bool:
-        return all(one.tag in SHORTCUTS for one in self._drive_chain(drive).elements)
+        chain = self._drive_chain(drive)
+        kinds = {one.get(key, "none") for one in chain.elements for key in WORDS}
+        return kinds <= KINDS and all(one.tag in SHORTCUTS for one in chain.elements)
 
     def _drive_chain(self, element: XmlElement) -> Chain:
         tags = {*SHORTCUTS, *(one.tag for one in self._rows("actuator"))}
@@ -405,6 +409,8 @@ class StatedLaws:
                 continue
             chain = self._drive_chain(element)
             values = read_drive(chain, automatic=self._automatic, target=self._target(chain))
+            if self._source.disabled("clampctrl"):
+                values = {**values, "ctrlrange": ()}
             combination = self._driven(chain)
             if combination is not None:
                 gear = chain.number("gear", 1.0)

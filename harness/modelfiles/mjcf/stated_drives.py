@@ -183,6 +183,9 @@ _COUNTS = {"none": 0, "fixed": 1, "affine": 3, "muscle": 9}
 _CONSTANTS = {"filter": 1, "filterexact": 1, "muscle": 3}
 """Numbers that the dynamics of a state depend on, by their kind."""
 
+KINDS = frozenset({*_COUNTS, *_CONSTANTS, "integrator"})
+"""Dynamics, gains and biases that have a law."""
+
 
 def read_drive(
     chain: Chain, *, automatic: bool, target: tuple[float, float] | None

@@ -60,9 +60,9 @@ def test_nonlinear_spring_and_control_become_force_elements() -> None:
     )
     rod = RigidBody(name="rod", parent=None, joints=(joint,), mass=1.0)
     spring, drive = assembled([rod], DOWN, [servo]).tree.pulls
-    assert (spring.stiffness, spring.damping, spring.rest) == ((3.0, 2.0), (0.5,), (0.1, 0.1))
+    assert (spring.stiffness, spring.damping, spring.rest) == ((3.0, 2.0), (), (0.1, 0.1))
     assert (drive.constant, drive.stiffness, drive.damping) == (3.5, (5.0,), (0.2,))
-    assert assembled([rod], DOWN).tree.links[0].damping == 0.0
+    assert assembled([rod], DOWN).tree.links[0].damping == 0.5
     assert powers(0.0) == powers((0.0, 0.0)) == ()
 
 
