@@ -287,6 +287,16 @@ def test_full_standard_output_is_reported(tmp_path: Path) -> None:
     assert "standard output: No space left on device. The printed text is incomplete" in done.stderr
 
 
+def test_removed_working_folder_is_named(tmp_path: Path) -> None:
+    removes = f"rmdir '{tmp_path}'; {sys.executable} -m physics_crosscheck list"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        ["bash", "-c", removes], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 3
+    assert "the working folder was removed. Change to an existing folder" in done.stderr
+
+
 @pytest.mark.slow
 def test_run_with_closed_streams_writes_its_files(folder: Path, tmp_path: Path) -> None:
     run = f"{sys.executable} -m physics_crosscheck run 'my mass' --engine pymunk --out out"

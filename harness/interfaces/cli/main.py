@@ -118,6 +118,10 @@ def _check_first(parser: CommandParser, given: Sequence[str]) -> None:
 def _file_error(error: OSError) -> str:
     """Return the message about a file that can't be read or written."""
     if not error.filename:
+        try:
+            os.getcwd()
+        except OSError:
+            return "the working folder was removed. Change to an existing folder."
         return error.strerror or str(error)
     remedy = "Check the path, its permissions and the free disk space."
     return f"{error.filename}: cannot be read or written: {error.strerror}. {remedy}"
