@@ -352,3 +352,12 @@ def test_problem_in_an_included_file_is_located_in_that_file(
         robot_system(robot)
     (where,) = failure_of(error.value).locations
     assert (where.file, where.line) == (str(problem.file), 3)
+
+
+def test_missing_mesh_is_named_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    mesh = '<mujoco>\n<compiler meshdir="parts"/><asset>\n<mesh name="m" file="none.stl"/>\n'
+    body = '</asset><worldbody><body><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+    file.write_text(mesh + body)
+    with pytest.raises(EngineError, match=r"arm\.xml:3: .*none\.stl does not exist"):
+        engines()["mujoco"].compiled(file)

@@ -218,6 +218,20 @@ def _same(words: str, given: object) -> bool:
     return [value for _, value in _numbers(words)] == values
 
 
+def _missing_file(reason: str, path: Path, sources: Sequence[Document]) -> EngineError | None:
+    """Return the error about a file that MuJoCo can't open, at the element that names it."""
+    found = re.match(r"Error: Error opening file '([^']+)'", reason)
+    wanted = path.parent / found[1] if found else None
+    if wanted is None or wanted.is_file():
+        return None
+    for source in sources:
+        for element in source.root.iter(None):
+            if Path(element.get("file") or "").name == wanted.name:
+                sentence = f"{wanted} does not exist. Correct <{element.tag} file>, or add the file"
+                return EngineError(sentence, file=source.path, line=source.line(element))
+    return None
+
+
 def load_error(error: Exception, path: Path, xml_sources: Sequence[Document]) -> EngineError:
     """Return MuJoCo's message as one line, with the line number if it is in this file.
 
@@ -228,6 +242,8 @@ def load_error(error: Exception, path: Path, xml_sources: Sequence[Document]) ->
     if wrong := _not_a_number(_words(xml_sources)):
         return wrong
     reason = one_line(error)
+    if missing := _missing_file(reason, path, xml_sources):
+        return missing
     # MuJoCo reports the line in its text only.
     line = re.search(r",? line (\d+)", reason)
     is_only_file = len(xml_sources) == 1 and not any(
