@@ -35,6 +35,10 @@ class MeshError(ValueError):
     """A mesh that can't be read; the message names the file and the reason."""
 
 
+class MissingReaderError(MeshError):
+    """A mesh of a format whose reader is not installed; the message names the module."""
+
+
 def unread_meshes(shapes: Iterable[PlacedShape]) -> tuple[UnreadMesh, ...]:
     """Return the meshes of shapes whose files are missing, empty or can't be read, each once."""
     problems = {
@@ -50,6 +54,8 @@ def _problem(file: Path | None) -> MeshProblem | None:
         return "missing"
     try:
         read_mesh(file)
+    except MissingReaderError:
+        return "without a reader"
     except MeshError:
         return "unreadable" if file.stat().st_size else "empty"
     return None
@@ -84,6 +90,8 @@ def read_mesh(file: Path) -> Mesh:
         parts = [_used(one, scale) for one in scene.dump() if hasattr(one, "faces")]
     except MeshError:
         raise
+    except ImportError as error:
+        raise MissingReaderError(f"{file}: {error}; install this module") from None
     except Exception as error:  # each format's parser has its own errors
         raise MeshError(f"{file}: {type(error).__name__}: {error}") from None
     starts = np.cumsum([0, *(len(one.points) for one in parts)])

@@ -1,5 +1,6 @@
 """Xacro sources and robots by name: their files, and the lines of the sources."""
 
+import sys
 from pathlib import Path
 from shutil import copytree
 
@@ -8,11 +9,11 @@ import pytest
 from physics_crosscheck.harness.audits import audits
 from physics_crosscheck.harness.documents.expanded import (
     expand,
-    in_source,
     locate_file,
 )
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, read_mesh
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from tests.compare.asking import compared, result
@@ -106,10 +107,9 @@ def test_packages_beside_the_source_come_before_the_environment(
         (tmp_path / place / "urdf").mkdir(parents=True)
         (tmp_path / place / "package.xml").write_text("<package><name>rods</name></package>")
         macros = tmp_path / place / "urdf" / "macros.xacro"
-        macros.write_text(MACROS)
-        read = expand(source)
-        line = read.read_text()[: read.read_text().index("<inertial>")].count("\n") + 1
-        assert in_source(str(read), line) == (str(macros), 4)
+        mass = f'<mass value="{len(place)}"/>'
+        macros.write_text(MACROS.replace('<mass value="2"/>', mass))
+        assert mass in expand(source).read_text()
 
 
 def test_arguments_reach_the_source_and_a_missing_one_is_named(
@@ -214,3 +214,17 @@ def test_robot_comes_from_the_cache_without_network(
 def test_plain_path_has_no_source(tmp_path: Path) -> None:
     assert source_file(str(tmp_path / "arm.urdf")) is None
     assert source_file("simple_pendulum") is None
+
+
+def test_mesh_without_a_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catch a missing module that makes a robot's picture a ball without a word."""
+    file = tmp_path / "part.obj"
+    (tmp_path / "part.mtl").write_text("newmtl a\n")
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"
+    file.write_text(f"mtllib part.mtl\n{corners}")
+    assert len(read_mesh(file).faces) == 1
+    read_mesh.cache_clear()
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    monkeypatch.setitem(sys.modules, "PIL.Image", None)
+    with pytest.raises(MeshError, match=r"part\.obj: .*PIL.*install"):
+        read_mesh(file)

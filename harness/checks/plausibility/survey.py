@@ -14,6 +14,8 @@ from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.results.status import unread_words
 
+_UNREAD = ("unreadable", "without a reader")
+
 
 def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     """Return advice about a file with a tree, and a note if its meshes are not read."""
@@ -44,7 +46,7 @@ def _uncompared(facts: RobotFacts) -> Iterator[AuditFinding]:
         return
     unread = unread_meshes(shape for body in bodies for shape in body.shapes)
     why = unread_words(unread) or "some have no volume, or axes that some programs turn"
-    collada = any(one.problem == "unreadable" and one.name.endswith(".dae") for one in unread)
+    collada = any(one.problem in _UNREAD and one.name.endswith(".dae") for one in unread)
     hint = ". COLLADA files need `pip install 'physics-crosscheck[meshes]'`" if collada else ""
     message = f"meshes are not compared with masses and inertias: {why}{hint}"
     yield finding("unresolved", ("meshes",), message, severity="note")

@@ -220,8 +220,8 @@ def _same(words: str, given: object) -> bool:
 
 def _missing_file(reason: str, path: Path, sources: Sequence[Document]) -> EngineError | None:
     """Return the error about a file that MuJoCo can't open, at the element that names it."""
-    found = re.match(r"Error: Error opening file '([^']+)'", reason)
-    wanted = path.parent / found[1] if found else None
+    named = re.match(r"Error: Error opening file '([^']+)'", reason)
+    wanted = path.parent / named[1] if named else None
     if wanted is None or wanted.is_file():
         return None
     for source in sources:
