@@ -13,6 +13,7 @@ import pybullet_data
 import pytest
 from msgspec import structs
 
+from physics_crosscheck import check
 from physics_crosscheck.harness.checks.case import follow, judge, run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
@@ -20,7 +21,6 @@ from physics_crosscheck.harness.documents import elements
 from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
-from physics_crosscheck.harness.interfaces.api import check
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
