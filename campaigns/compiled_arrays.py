@@ -154,8 +154,8 @@ def run_with(task: TreeTask, plant: Plant | None) -> Outcome:
         return run_case(task).outcome
 
 
-class Robot:
-    """A file that agrees, with its steps and what its coverage says of each attribute."""
+class PlantedRobot:
+    """A file that agrees, with its steps and the coverage of each attribute."""
 
     def __init__(self, file: Path, rng: np.random.Generator) -> None:
         self.engine, spec = spec_of(file)
@@ -230,7 +230,7 @@ def plant_in(paths: Sequence[Path], seed: int, only: str = "") -> dict[str, Coun
     table: dict[str, Counter[str]] = {}
     for path in paths:
         rng = np.random.default_rng(seed)
-        robot = Robot(path, rng)
+        robot = PlantedRobot(path, rng)
         if not robot.agrees:
             print(f"{path.name}: skipped, since it does not agree", flush=True)
             continue

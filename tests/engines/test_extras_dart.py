@@ -17,6 +17,7 @@ from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
+from tests.engines.extras import need
 from tests.engines.whole_steps import checked, problem_of
 from tests.laws.scenes import URDF_ARM
 
@@ -78,6 +79,7 @@ CRATE = """<sdf version="1.9"><model name="crate"><pose>0 0 0.6 0 0 0</pose><lin
 
 def test_turns_that_some_steps_lose_are_in_the_uncertainty(tmp_path: Path) -> None:
     """Cover a floating root, whose steps below 1e-3 rad lose a cubic term: no difference."""
+    need("dart")
     file = tmp_path / "r.urdf"
     file.write_text(TUMBLING)
     task = model_task(prepare_tree(file, floating=True), "dart")
@@ -88,6 +90,7 @@ def test_turns_that_some_steps_lose_are_in_the_uncertainty(tmp_path: Path) -> No
 
 
 def test_audit_takes_lost_turns_for_no_difference(tmp_path: Path) -> None:
+    need("dart")
     file = tmp_path / "crate.sdf"
     file.write_text(CRATE)
     findings = audit_terms(model_task(prepare_tree(file), "dart")).findings
@@ -110,6 +113,7 @@ FOLLOWS = """<joint name="k" type="continuous"><parent link="a"/><child link="b"
     ("drake", GEARED, "rotor inertia times gear ratio^2 (line 5)"),
 ])  # fmt: skip
 def test_own_behaviour_is_named(tmp_path: Path, engine: str, more: str, cause: str) -> None:
+    need(engine)
     file = tmp_path / "r.urdf"
     file.write_text(ROTOR.format(link=LINK.format("a"), more=more))
     task = model_task(prepare_tree(file, states=8), engine)

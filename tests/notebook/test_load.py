@@ -173,22 +173,27 @@ def test_causes_name_wrong_number_and_line(tmp_path: Path) -> None:
     assert (tmp_path / "page.html").read_text() == page.html
 
 
+KNEE = """<mujoco><compiler angle="radian"/><worldbody><body><joint name="knee" axis="0 1 0"
+ limited="true" range="{} 2"/><geom size="0.1" pos="0 0 -0.5"/></body></worldbody></mujoco>"""
+
+
 def test_advice_stays_accepted_until_its_number_changes(
-    pendulum: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(pendulum.parent)
+    monkeypatch.chdir(tmp_path)
+    pendulum = tmp_path / "pendulum.xml"
     monkeypatch.delenv("CI", raising=False)
-    pendulum.write_text(PENDULUM.replace('lower="-1"', 'lower="0.5"'))
-    before = check("pendulum.urdf", engines=["mujoco"], baseline="accepted")
+    pendulum.write_text(KNEE.format(0.5))
+    before = check("pendulum.xml", engines=["mujoco"], baseline="accepted")
     assert [one.kind for one in before.advice] == ["rest outside limits"]
     assert before.agree, "advice changes no verdict"
-    words = ["accept", "pendulum.urdf", "--engine", "mujoco", "--baseline", "accepted"]
+    words = ["accept", "pendulum.xml", "--engine", "mujoco", "--baseline", "accepted"]
     assert main([*words, "--reason", "the rod hangs on a hook"]) == 0, capsys.readouterr().err
-    after = check("pendulum.urdf", engines=["mujoco"], baseline="accepted")
+    after = check("pendulum.xml", engines=["mujoco"], baseline="accepted")
     assert after.advice == ()
     (model,) = after.models
     reasons = {one.accepted for one in model.audit or () if one.severity == "advice"}
     assert reasons == {"the rod hangs on a hook"}
-    pendulum.write_text(PENDULUM.replace('lower="-1"', 'lower="0.6"'))
-    changed = check("pendulum.urdf", engines=["mujoco"], baseline="accepted")
+    pendulum.write_text(KNEE.format(0.6))
+    changed = check("pendulum.xml", engines=["mujoco"], baseline="accepted")
     assert [one.kind for one in changed.advice] == ["rest outside limits"]

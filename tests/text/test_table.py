@@ -297,7 +297,9 @@ def test_whole_steps_that_differ_or_are_unresolved_are_listed() -> None:
     numbers: dict[str, Any] = {"component": "knee_ddot", "uncertainty": 2e-9, "states": 19}
     step = WholeStep(outcome=Outcome.UNRESOLVED, discrepancy=1e-9, **numbers)
     wrong = WholeStep(outcome=Outcome.DIFFERS, discrepancy=1.1, **numbers)
-    good = WholeStep(outcome=Outcome.AGREES, discrepancy=3e-12, **{**numbers, "unresolved": 5})
+    good = WholeStep(
+        outcome=Outcome.AGREES, discrepancy=3e-12, next_state=True, **{**numbers, "unresolved": 5}
+    )
     cases = [
         case(engine="drake", whole_step=good),
         case(engine="dart", whole_step=step),
