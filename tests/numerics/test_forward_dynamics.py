@@ -74,7 +74,7 @@ def test_robot_accelerations_match_the_equations(file: Path, engine: str, floati
 def test_mimic_joints_are_compared_only_if_held_exactly(
     engine: str, settings: Mapping[str, object]
 ) -> None:
-    """Soft constraints and constraint solvers within a step give no accelerations."""
+    """Soft constraints give none; Drake's come from a continuous plant that holds them."""
     need(engine)
     system = physics("drum_pendulum")
     sidecars = (one for one in model_files(builtin() / "drum_pendulum") if isinstance(one, Sidecar))
@@ -86,7 +86,7 @@ def test_mimic_joints_are_compared_only_if_held_exactly(
     result = forward_dynamics(
         model, coordinates, system.stepped, motion.start, motion.inputs(motion.t), 1e-9
     )
-    if "hold_mimics" not in settings:
+    if "hold_mimics" not in settings and engine != "drake":
         assert result is None
         return
     assert result is not None
