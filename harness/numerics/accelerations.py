@@ -170,9 +170,9 @@ class Accelerations:
         count = len(observed.speed)
         size = observed.rounding_scale
         rounded = size[count:] + observed.speed * LADDER_PERIODS + size[:count] * fastest
-        rates = spread(*(self.model.turning_rates(z, one * w) for one in (0.9, 1.1)))
 
         def lost(rung: int) -> Array:
+            rates = spread(*(self.model.turning_rates(z, one * w) for one in (0.9, 1.1)))
             h = longest / rung
             missing: Array = lost_turns(self.model, rates, h) * np.maximum(rates, 1.0) / h
             return missing
