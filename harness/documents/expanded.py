@@ -151,8 +151,8 @@ def package_folders(package: str, file: Path) -> Iterator[Path]:
     for folder in above:
         yield folder / package
     for folder in above[1:]:
-        neighbors = sorted(folder.iterdir())[:MAX_SOURCES] if folder != Path(folder.root) else []
-        yield from (one / package for one in neighbors if (one / package / "package.xml").is_file())
+        neighbors = sorted(folder.glob("*"))[:MAX_SOURCES] if folder != Path(folder.root) else []
+        yield from (p for one in neighbors if os.path.isfile((p := one / package) / "package.xml"))
         yield from (one for one in neighbors if _package_name(one) == package)
     for variable in _PREFIX_PATHS:
         for name in filter(None, os.environ.get(variable, "").split(os.pathsep)):

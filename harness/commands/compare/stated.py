@@ -132,7 +132,7 @@ def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
     links = {row.b: (row.a, row.moved) for row in rows}
     of_a = _placed(a, {row.a: (row.a, IDENTITY) for row in rows})
     of_b = _placed(b, links)
-    if a.file.suffix != b.file.suffix:  # only an MJCF states what stands beside a robot
+    if a.file.suffix != b.file.suffix:  # only an MJCF states the surroundings of a robot
         of_a, of_b = ([x for x in one if x.link != WORLD] for one in (of_a, of_b))
     size = max(a.placed.size, b.placed.size)
     touching_a, touching_b = ([x for x in one if _touches(x)] for one in (of_a, of_b))
