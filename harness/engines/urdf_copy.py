@@ -21,6 +21,9 @@ from physics_crosscheck.harness.engines.source import shortened, temporary_file
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""
 
+NO_INERTIAL = "without <inertial>"
+"""Words of a cause that is an engine's own mass for such links."""
+
 DEEP = 100.0
 """Depth at which every shape of a robot is below a floor, m."""
 
@@ -58,7 +61,7 @@ def bare_cause(links: Sequence[XmlElement], given: str) -> str:
     names = [f"{link.get('name', '')}, line {link.place[1]}" for link in links]
     shown = shortened(names, separator="; ")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
-    return f"{given} of {count} without <inertial> ({shown})"
+    return f"{given} of {count} {NO_INERTIAL} ({shown})"
 
 
 Change = Callable[[XmlElement], None]
