@@ -6,9 +6,10 @@ import hashlib
 import os
 import re
 import shlex
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 from unittest.mock import patch
@@ -41,6 +42,9 @@ LEVELS = 4
 
 MAX_SOURCES = 500
 """Number of files or folders of one search."""
+
+SEARCH_SECONDS = 10.0
+"""Time after which a package is looked for again."""
 
 T = TypeVar("T")
 
@@ -161,6 +165,12 @@ def package_folders(package: str, file: Path) -> Iterator[Path]:
         yield from (Path(name, package), *([Path(name)] * (Path(name).name == package)))
 
 
+@lru_cache(maxsize=64)
+def _existing_folders(package: str, model: Path, _period: int) -> tuple[Path, ...]:
+    """Return the folders of a package; many meshes of a file ask for the same one."""
+    return tuple(filter(Path.is_dir, package_folders(package, model)))
+
+
 def _package_name(folder: Path) -> str:
     with suppress(OSError):
         name = re.search(rb"<name>\s*(.*?)\s*</name>", (folder / "package.xml").read_bytes())
@@ -184,8 +194,9 @@ def _places(model: Path, name: str) -> Iterator[Path]:
     if scheme == "file":
         yield Path(unquote(urlsplit(name).path))
         return
-    package, _, inner = rest.partition("/")
-    for folder in package_folders(package, model):
+    # Engines read `package:///arm` as `package://arm`.
+    package, _, inner = rest.lstrip("/").partition("/")
+    for folder in _existing_folders(package, model, int(time.monotonic() / SEARCH_SECONDS)):
         yield folder / inner
     for above in list(model.absolute().parents)[:6]:  # a copy of the package under another name
         yield above / inner

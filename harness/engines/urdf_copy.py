@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.source import shortened, temporary_file
 
@@ -74,29 +75,23 @@ def temporary_urdf(
 ) -> Iterator[Path]:
     """Yield a temporary copy of a URDF with changes, or the file itself without changes.
 
-    Relative file names become absolute; those in a package count from the folders above the file.
+    File names become absolute, those of packages too; shapes whose files are missing are left out.
     """
     if robot is None or not changes:
         yield path
         return
     robot = with_changes(robot, changes)
-    for element in robot.iter():
-        name = element.get("filename", "")
-        if name and (shape := _shape_file(name, path)) is not None:
-            element.set("filename", str(shape))
+    for link in robot.findall("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            mesh = shape.find("geometry/mesh")
+            if mesh is None or not (name := mesh.get("filename", "")):
+                continue
+            if (file := locate_file(path, name)) is not None:
+                mesh.set("filename", str(file.resolve()))
+            else:
+                link.remove(shape)
     with temporary_file(robot, path) as file:
         yield file
-
-
-def _shape_file(name: str, path: Path) -> Path | None:
-    """Return the file that a name refers to, or None."""
-    prefix, separator, rest = name.rpartition("://")
-    folders = (path.parent, *path.resolve().parent.parents) if separator else (path.parent,)
-    if prefix not in ("", "package", "model"):
-        return None
-    rest = rest.lstrip("/") if separator else rest  # engines read package:///arm as package://arm
-    shapes = (folder / rest for folder in folders)
-    return next((shape.resolve() for shape in shapes if shape.is_file()), None)
 
 
 def with_changes(robot: XmlElement, changes: Sequence[Change]) -> XmlElement:

@@ -1,15 +1,18 @@
 """Xacro sources and robots by name: their files, and the lines of the sources."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
 
 import pytest
 
 from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.documents import expanded
 from physics_crosscheck.harness.documents.expanded import (
     expand,
     locate_file,
+    package_folders,
 )
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
@@ -195,6 +198,22 @@ def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
     assert locate_file(model, "package://palm/meshes/rod.stl") == other
     assert locate_file(model, "package://arm/meshes/absent.stl") is None
+
+
+def test_many_missing_meshes_search_their_package_once(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched: list[str] = []
+
+    def folders(name: str, file: Path) -> Iterator[Path]:
+        searched.append(name)
+        return package_folders(name, file)
+
+    monkeypatch.setattr(expanded, "package_folders", folders)
+    monkeypatch.setattr(expanded, "SEARCH_SECONDS", 1e9)
+    for i in range(20):
+        assert locate_file(package / "urdf" / "b.urdf", f"package://gone/{i}.stl") is None
+    assert searched == ["gone"]
 
 
 def test_robot_comes_from_the_cache_without_network(

@@ -40,6 +40,7 @@ from physics_crosscheck.harness.results.status import (
     counted,
     duration,
     percent,
+    unread_words,
     unsettled_steps,
 )
 from physics_crosscheck.harness.results.visible import visible
@@ -275,6 +276,11 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         print_wrapped(console, f"{line}; --details lists the rest")
         for line in _acting_lines(results):
             print_wrapped(console, line, indent=2)
+    for system in results.systems:
+        meshes = () if system.scene is None else system.scene.unread
+        missing = [one for one in meshes if one.problem == "missing"]
+        if missing:
+            print_wrapped(console, f"{unread_words(missing)}; these shapes are left out")
     lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
     for line in lines:
         print_wrapped(console, line)
