@@ -39,6 +39,7 @@ from physics_crosscheck.harness.checks.verdict import (
     with_lost_contact,
     with_spread,
 )
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
@@ -64,6 +65,10 @@ from physics_crosscheck.reference.solving.segments import Motion
 
 MAX_LOSS = 1e-5
 """Largest relative difference that an engine's documented loss of precision excuses."""
+
+
+POSES_ONLY = "poses only: no link has an <inertial>; 1 kg and 1 kg m^2 stand for each"
+"""Reason of a case that tests no masses."""
 
 
 class StepError(ValueError):
@@ -186,6 +191,9 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         skipped=() if task.thorough else tuple(_skipped(judged, study)),
         accepted=_precision_limit(task, model, verdict) if outcome is Outcome.DIFFERS else "",
     )
+    if has_stand_ins(task.file) and case.outcome is Outcome.AGREES and case.verdict is not None:
+        judged_by = structs.replace(case.verdict, decided_by="poses")
+        case = structs.replace(case, verdict=judged_by, reason=POSES_ONLY)
     return structs.replace(case, seconds=time.perf_counter() - began)
 
 

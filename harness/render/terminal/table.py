@@ -166,6 +166,8 @@ def _reservations(results: Results) -> list[str]:
         parts.append(f"{counted(accepted, 'difference')} accepted")
     if refused := len(results.refusals):
         parts.append(f"{counted(refused, 'refusal')} ignored without --strict")
+    if by_poses := sum(map(_by_poses, results.cases)):
+        parts.append(f"{by_poses} by poses only")
     if results.stopped:
         parts.append(f"stopped by {results.stopped}, {len(results.not_run)} not run")
     if results.cached:
@@ -257,6 +259,7 @@ def _print_engines(console: Console, cases: Sequence[Case]) -> None:
         digits = finite_values(one.digits for one in agreeing if not one.accepted)
         parts = [f"{min(digits):.1f} digits"] if digits else []
         parts += dict.fromkeys(one.accepted for one in agreeing if one.accepted)
+        parts += ["poses only"] if any(map(_by_poses, agreeing)) else []
         if len(cases) > len(by_engine):
             parts.insert(0, f"{counted(len(agreeing), 'case'):<8}")
         if chaotic := sum(map(is_chaotic, agreeing)):
@@ -264,6 +267,12 @@ def _print_engines(console: Console, cases: Sequence[Case]) -> None:
         style, word = STYLES[Outcome.AGREES], WORDS[Outcome.AGREES]
         text = f"{engine:<{width}}  {'  '.join(parts)}"
         print_wrapped(console, text, lead=f"  {word:<5} ", style=style, indent=8)
+
+
+def _by_poses(case: Case) -> bool:
+    """Return whether a case agrees by its poses, since its file has no inertias."""
+    verdict = case.verdict
+    return case.outcome is Outcome.AGREES and verdict is not None and verdict.decided_by == "poses"
 
 
 def _print_notes(console: Console, results: Results, details: bool) -> None:
@@ -284,7 +293,10 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
     lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
     for line in lines:
         print_wrapped(console, line)
-    if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
+    for reason in dict.fromkeys(case.reason for case in results.cases if _by_poses(case)):
+        print_wrapped(console, reason)
+    agreeing = [c for c in results.cases if c.outcome is Outcome.AGREES and not _by_poses(c)]
+    if reserved := [case for case in agreeing if case.reason]:
         verb = _verb(len(reserved), "agrees", "agree")
         text = f"{counted(len(reserved), 'case')} {verb} with a reservation"
         print_wrapped(console, f"{text}; --details lists {_verb(len(reserved), 'it', 'them')}")
