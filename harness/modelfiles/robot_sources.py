@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import shlex
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.expanded import (
@@ -27,8 +29,8 @@ _ATTRIBUTES = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
 def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
-    `robot:panda` is a robot of robot_descriptions, from its cache. A `.xacro` file is expanded.
-    A URDF without any inertia becomes a copy with stand-ins.
+    `robot:panda` is a robot of robot_descriptions, from its cache. A `.xacro` file is expanded, and
+    so is a URDF with elements of xacro. A URDF without any inertia becomes a copy with stand-ins.
 
     Raises:
         FolderError: naming the problem and the remedy.
@@ -37,8 +39,14 @@ def source_file(name: str) -> Path | None:
         file: Path | None = _plain(_known_robot(name))
     else:
         path = Path(name)
-        file = _plain(path) if path.suffix == XACRO and path.is_file() else None
+        file = _plain(path) if path.is_file() and _is_source(path) else None
     return with_stand_ins(file or Path(name)) or file
+
+
+def _is_source(file: Path) -> bool:
+    if file.suffix == ".urdf" and find_spec("xacro") is not None:
+        return re.search(rb"<xacro:|\$\(optenv ", file.read_bytes()) is not None
+    return file.suffix == XACRO
 
 
 def _plain(file: Path) -> Path:
@@ -47,7 +55,7 @@ def _plain(file: Path) -> Path:
     Raises:
         FolderError: naming the problem and the remedy.
     """
-    if file.suffix != XACRO:
+    if not _is_source(file):
         return file
     try:
         return expand(file)

@@ -227,6 +227,25 @@ def test_urdf_without_inertia_is_compared_by_poses(
     assert str(package / "cache") not in shown
 
 
+@pytest.mark.parametrize("part", [
+    '<xacro:property name="unused" value="1"/>',
+    '<joint name="k" type="fixed"><parent link="a"/><child link="b"/>'
+    '<origin xyz="$(optenv UNSET_HERE 0.19 0 0.149)"/></joint>',
+])  # fmt: skip
+def test_urdf_with_elements_of_xacro_is_expanded(package: Path, part: str) -> None:
+    pytest.importorskip("xacro")
+    file = package / "arm.urdf"
+    inertial = '<inertial><mass value="1"/></inertial>'
+    links = f'<link name="a">{inertial}</link><link name="b"/>'
+    root = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    file.write_text(f"{root}{links}{part}</robot>")
+    expanded_file = source_file(str(file))
+    assert expanded_file is not None
+    text = expanded_file.read_text()
+    assert "unused" not in text
+    assert ("0.19 0 0.149" in text) is ("optenv" in part)
+
+
 def test_many_missing_meshes_search_their_package_once(
     package: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
