@@ -90,7 +90,7 @@ def test_step_and_integrator_of_a_sidecar_are_differences_that_move_nothing(
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
     comparison = compared(path, other, "mujoco", "mujoco")
     assert comparison.outcome is Outcome.DIFFERS
-    assert "sidecar:settings.step: 0.002 in A, 0.001 in B" in comparison.reason
+    assert comparison.reason.startswith("sidecar:settings.")
     moved = {
         t.edits[0].what: (str(t.edits[0].where_a).rpartition("/")[2], t.moved)
         for t in result(comparison).differences

@@ -361,8 +361,8 @@ def unknown_edits(
     """Return differences of the texts that no motion shows and that nothing else compares."""
     suffix = prepared.models[0].sidecar.model.suffix
     pattern = UNCOMPARED.get(suffix, ".*") if files.sides is not None else ".*"
-    if prepared.models[0].engine == prepared.models[1].engine:
-        pattern += "|sidecar:.*"
+    shared = prepared.models[0].engine == prepared.models[1].engine
+    pattern = f"{pattern}|sidecar:.*" if shared else f"(?!sidecar:)({pattern})"
     lines = {str(where) for row in compared.laws or () for where in (row.where_a, row.where_b)}
     return [
         structs.replace(
