@@ -11,7 +11,6 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
-from unittest.mock import patch
 from urllib.parse import unquote, urlsplit
 from xml.dom import Node, expatbuilder
 
@@ -79,7 +78,9 @@ def expand(source: Path) -> Path:
         with (
             _marked_parser(xacro),
             replaced(substitution_args, "_eval_find", find),
-            patch.dict(substitution_args._eval_dict, find=find),
+            replaced(
+                substitution_args, "_eval_dict", {**substitution_args._eval_dict, "find": find}
+            ),
         ):
             given = dict(word.split(":=", 1) for word in words)
             tree = xacro.process_file(str(whole), mappings=given)
@@ -222,10 +223,10 @@ def _marked_parser(xacro: Any) -> Iterator[None]:
 
 
 @contextmanager
-def replaced(module: Any, name: str, function: object) -> Iterator[None]:
-    """Replace a function of a library that has no parameter for it; not for several threads."""
+def replaced(module: Any, name: str, value: object) -> Iterator[None]:
+    """Replace an attribute of a library that has no parameter for it; not for several threads."""
     original = getattr(module, name)
-    setattr(module, name, function)
+    setattr(module, name, value)
     try:
         yield
     finally:
