@@ -146,9 +146,7 @@ def test_locked_joint_is_rejected_by_name() -> None:
         robot.links[1], mass=1e-14, inertia=1e-14 * np.eye(3), armature=0.0, damping=1.0
     )
     bad = dataclasses.replace(robot, links=(robot.links[0], light))
-    with pytest.raises(
-        LockedError, match="damping 1 stops joint 'j1', of inertia .*, within 1e-14 s"
-    ):
+    with pytest.raises(LockedError, match=r"damping 1 stops joint 'j1', .*, within 1e-14 s"):
         samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)
 
 
