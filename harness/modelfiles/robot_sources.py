@@ -14,6 +14,7 @@ from physics_crosscheck.harness.documents.expanded import (
     expand,
     expanded_name,
     replaced,
+    with_stand_ins,
 )
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 
@@ -27,14 +28,17 @@ def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
     `robot:panda` is a robot of robot_descriptions, from its cache. A `.xacro` file is expanded.
+    A URDF without any inertia becomes a copy with stand-ins.
 
     Raises:
         FolderError: naming the problem and the remedy.
     """
     if name.startswith(ROBOT):
-        return _plain(_known_robot(name))
-    path = Path(name)
-    return _plain(path) if path.suffix == XACRO and path.is_file() else None
+        file: Path | None = _plain(_known_robot(name))
+    else:
+        path = Path(name)
+        file = _plain(path) if path.suffix == XACRO and path.is_file() else None
+    return with_stand_ins(file or Path(name)) or file
 
 
 def _plain(file: Path) -> Path:
