@@ -73,15 +73,17 @@ def expand(source: Path) -> Path:
 
     whole = source.absolute()
     words = shlex.split(os.environ.get(ARGUMENTS, ""))
+    absent: list[ExpansionError] = []  # xacro wraps an error within an expression
 
     def find(package: str) -> str:
         folder = next((one for one in package_folders(package, whole) if one.is_dir()), None)
         if folder is None:
-            raise ExpansionError(
+            absent.append(ExpansionError(
                 f"{source}: needs the ROS package {package}, neither beside its own package"
                 " nor in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH. Put its folder beside"
                 f" {package_root(whole)}, or source the setup file of its workspace"
-            )
+            ))  # fmt: skip
+            raise absent[0]
         return str(folder)
 
     try:
@@ -94,10 +96,10 @@ def expand(source: Path) -> Path:
         ):
             given = dict(word.split(":=", 1) for word in words)
             tree = xacro.process_file(str(whole), mappings=given)
-    except ExpansionError:
-        raise
     except Exception as error:  # macros evaluate any Python expression
-        raise ExpansionError(f"{source}: xacro: {_reason(error)}") from None
+        raise (
+            absent[0] if absent else ExpansionError(f"{source}: xacro: {_reason(error)}")
+        ) from None
     if not tree.getElementsByTagName("link") and b"xacro:macro" in whole.read_bytes():
         raise ExpansionError(f"{source}: it defines macros, not a robot. {_users(whole)}")
     for mesh in tree.getElementsByTagName("mesh"):
