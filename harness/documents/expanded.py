@@ -12,7 +12,6 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
-from unittest.mock import patch
 from urllib.parse import unquote, urlsplit
 from xml.dom import Node, expatbuilder
 
@@ -74,29 +73,33 @@ def expand(source: Path) -> Path:
 
     whole = source.absolute()
     words = shlex.split(os.environ.get(ARGUMENTS, ""))
+    absent: list[ExpansionError] = []  # xacro wraps an error within an expression
 
     def find(package: str) -> str:
         folder = next((one for one in package_folders(package, whole) if one.is_dir()), None)
         if folder is None:
-            raise ExpansionError(
+            absent.append(ExpansionError(
                 f"{source}: needs the ROS package {package}, neither beside its own package"
                 " nor in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH. Put its folder beside"
                 f" {package_root(whole)}, or source the setup file of its workspace"
-            )
+            ))  # fmt: skip
+            raise absent[0]
         return str(folder)
 
     try:
         with (
             _marked_parser(xacro),
             replaced(substitution_args, "_eval_find", find),
-            patch.dict(substitution_args._eval_dict, find=find),
+            replaced(
+                substitution_args, "_eval_dict", {**substitution_args._eval_dict, "find": find}
+            ),
         ):
             given = dict(word.split(":=", 1) for word in words)
             tree = xacro.process_file(str(whole), mappings=given)
-    except ExpansionError:
-        raise
     except Exception as error:  # macros evaluate any Python expression
-        raise ExpansionError(f"{source}: xacro: {_reason(error)}") from None
+        raise (
+            absent[0] if absent else ExpansionError(f"{source}: xacro: {_reason(error)}")
+        ) from None
     if not tree.getElementsByTagName("link") and b"xacro:macro" in whole.read_bytes():
         raise ExpansionError(f"{source}: it defines macros, not a robot. {_users(whole)}")
     for mesh in tree.getElementsByTagName("mesh"):
@@ -279,10 +282,10 @@ def _marked_parser(xacro: Any) -> Iterator[None]:
 
 
 @contextmanager
-def replaced(module: Any, name: str, function: object) -> Iterator[None]:
-    """Replace a function of a library that has no parameter for it; not for several threads."""
+def replaced(module: Any, name: str, value: object) -> Iterator[None]:
+    """Replace an attribute of a library that has no parameter for it; not for several threads."""
     original = getattr(module, name)
-    setattr(module, name, function)
+    setattr(module, name, value)
     try:
         yield
     finally:

@@ -7,7 +7,6 @@ import os
 import re
 import shlex
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.expanded import (
@@ -18,6 +17,7 @@ from physics_crosscheck.harness.documents.expanded import (
     replaced,
     with_stand_ins,
 )
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 
 ROBOT = "robot:"
@@ -29,8 +29,8 @@ _ATTRIBUTES = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
 def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
-    `robot:panda` is a robot of robot_descriptions, from its cache. A `.xacro` file is expanded, and
-    so is a URDF with elements of xacro. A URDF without any inertia becomes a copy with stand-ins.
+    `robot:panda` is a robot of robot_descriptions, from its cache. A source for xacro is expanded,
+    also one of the suffix `.urdf`. A URDF without any inertia becomes a copy with stand-ins.
 
     Raises:
         FolderError: naming the problem and the remedy.
@@ -39,14 +39,19 @@ def source_file(name: str) -> Path | None:
         file: Path | None = _plain(_known_robot(name))
     else:
         path = Path(name)
-        file = _plain(path) if path.is_file() and _is_source(path) else None
+        file = _plain(path) if path.is_file() and is_source(path) else None
     return with_stand_ins(file or Path(name)) or file
 
 
-def _is_source(file: Path) -> bool:
-    if file.suffix == ".urdf" and find_spec("xacro") is not None:
-        return re.search(rb"<xacro:|\$\(optenv ", file.read_bytes()) is not None
-    return file.suffix == XACRO
+def is_source(file: Path) -> bool:
+    """Return whether a file is a source for xacro, by its suffix or its elements."""
+    if file.suffix != ".urdf":
+        return file.suffix == XACRO
+    try:
+        text = re.sub(rb"(?s)<!--.*?-->", b"", read_regular(file, MAX_MODEL_BYTES))
+        return re.search(rb"<xacro:|\$\(optenv ", text) is not None
+    except OSError:
+        return False
 
 
 def _plain(file: Path) -> Path:
@@ -55,7 +60,7 @@ def _plain(file: Path) -> Path:
     Raises:
         FolderError: naming the problem and the remedy.
     """
-    if not _is_source(file):
+    if not is_source(file):
         return file
     try:
         return expand(file)

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.documents.reading import read_regular
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job
-from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.model_files import model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.model_checks import (

@@ -117,6 +117,17 @@ def test_packages_beside_the_source_come_before_the_environment(
         assert mass in expand(source).read_text()
 
 
+@pytest.mark.parametrize("file", ["arm.urdf.xacro", "macros.xacro"])
+def test_absent_package_is_named_with_its_remedy(package: Path, file: str) -> None:
+    text = (package / "urdf" / file).read_text()
+    include = (
+        '<xacro:if value="1"><xacro:include filename="$(find none)/a.xacro"/></xacro:if></robot>'
+    )
+    (package / "urdf" / file).write_text(text.replace("</robot>", include))
+    with pytest.raises(FolderError, match=r"^\S+arm.urdf.xacro: needs the ROS package none, nei"):
+        source_file(str(package / "urdf" / "arm.urdf.xacro"))
+
+
 def test_arguments_reach_the_source_and_a_missing_one_is_named(
     package: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,23 +238,16 @@ def test_urdf_without_inertia_is_compared_by_poses(
     assert str(package / "cache") not in shown
 
 
-@pytest.mark.parametrize("part", [
-    '<xacro:property name="unused" value="1"/>',
-    '<joint name="k" type="fixed"><parent link="a"/><child link="b"/>'
-    '<origin xyz="$(optenv UNSET_HERE 0.19 0 0.149)"/></joint>',
-])  # fmt: skip
-def test_urdf_with_elements_of_xacro_is_expanded(package: Path, part: str) -> None:
+def test_urdf_with_substitutions_of_xacro_is_expanded(package: Path) -> None:
     pytest.importorskip("xacro")
     file = package / "arm.urdf"
-    inertial = '<inertial><mass value="1"/></inertial>'
-    links = f'<link name="a">{inertial}</link><link name="b"/>'
-    root = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    file.write_text(f"{root}{links}{part}</robot>")
+    joint = '<joint name="k" type="fixed"><parent link="a"/><child link="b"/><origin xyz="{}"/>'
+    links = '<link name="a"><inertial><mass value="1"/></inertial></link><link name="b"/>'
+    place = "$(optenv UNSET_HERE 0.19 0 0.149)"
+    file.write_text(f'<robot name="arm">{links}{joint.format(place)}</joint></robot>')
     expanded_file = source_file(str(file))
     assert expanded_file is not None
-    text = expanded_file.read_text()
-    assert "unused" not in text
-    assert ("0.19 0 0.149" in text) is ("optenv" in part)
+    assert 'xyz="0.19 0 0.149"' in expanded_file.read_text()
 
 
 def test_many_missing_meshes_search_their_package_once(
@@ -275,6 +279,16 @@ def test_robot_comes_from_the_cache_without_network(
     assert source_file("robot:panda") == file
     with pytest.raises(FolderError, match="no such robot; similar: robot:panda"):
         source_file("robot:pandda")
+
+
+def test_source_of_the_suffix_urdf_is_expanded(package: Path) -> None:
+    source = (package / "urdf" / "arm.urdf.xacro").rename(package / "urdf" / "arm.urdf")
+    expanded = source_file(str(source))
+    assert expanded is not None
+    assert read_robot(expanded).tree is not None
+    comment = "<robot><!-- <xacro:include filename='a'/> --><link name='l'/></robot>"
+    (package / "plain.urdf").write_text(comment)
+    assert source_file(str(package / "plain.urdf")) is None
 
 
 def test_plain_path_has_no_source(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ import pytest
 from physics_crosscheck.harness.checks.declared import Declared
 from physics_crosscheck.harness.checks.not_run import CannotRun, failed_case, skipped_case
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
