@@ -189,7 +189,9 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         stepping=judged.stepping_record(task.target.components),
         forward_dynamics=dynamics_record(judged.dynamics, tuple(judged.model.coordinates)),
         skipped=() if task.thorough else tuple(_skipped(judged, study)),
-        accepted=_precision_limit(task, model, verdict) if outcome is Outcome.DIFFERS else "",
+        accepted=""
+        if outcome is not verdict.outcome
+        else _precision_limit(task, model, verdict, parts),
     )
     if has_stand_ins(task.file) and case.outcome is Outcome.AGREES and case.verdict is not None:
         judged_by = structs.replace(case.verdict, decided_by="poses")
@@ -197,14 +199,21 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     return structs.replace(case, seconds=time.perf_counter() - began)
 
 
-def _precision_limit(task: ModelTask[Prepared], model: LoadedModel, verdict: CaseJudgement) -> str:
-    """Return the documented loss of precision that causes a difference entirely, or ""."""
+def _precision_limit(
+    task: ModelTask[Prepared],
+    model: LoadedModel,
+    verdict: CaseJudgement,
+    parts: Mapping[str, CasePart | None],
+) -> str:
+    """Return the documented loss of precision that causes a motion's whole difference, or ""."""
     limits, off = model.precision_limits, verdict.largest_discrepancy
-    if not limits or not off <= MAX_LOSS:
+    if verdict.outcome is not Outcome.DIFFERS or not limits or not off <= MAX_LOSS:
+        return ""
+    if any(getattr(part.record, "differs", False) for part in parts.values() if part is not None):
         return ""
     settings = {key: value for each in limits.values() for key, value in each.items()}
     try:
-        exact = run_case(task.with_settings(**settings))
+        exact = judge(task.with_settings(**settings))
     except (EngineError, BlownUpError):
         return ""
     if exact.outcome is not Outcome.AGREES:

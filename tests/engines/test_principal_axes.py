@@ -6,9 +6,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from physics_crosscheck.harness.checks import case as cases
 from physics_crosscheck.harness.checks.audit import audit_declared
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system, prepare_tree
@@ -20,6 +22,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.records.case import WholeStep
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.audit.models import messages, severe
@@ -118,6 +121,17 @@ def test_only_a_correct_file_differs_within_the_engines_own_precision(
         assert not within or re.match(
             r"within PyBullet's own \d\.\de-\d+: principal axes of body", case.accepted
         )
+
+
+def test_precision_excuses_no_other_difference(
+    hinge: PreparedSystem, right: Sidecar, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catch a whole step that differs beside a motion within the engine's own precision."""
+    record = WholeStep(outcome=Outcome.DIFFERS)
+    part = SimpleNamespace(record=record, kind="whole step", combined=lambda verdict: verdict)
+    monkeypatch.setitem(cases.PARTS, "whole_step", lambda *_: part)
+    task = model_task(hinge, "pybullet", right, scenario="free", resolution=1e-11)
+    assert run_case(task).accepted == ""
 
 
 @pytest.mark.parametrize(("options", "code"), [
