@@ -81,11 +81,11 @@ def read_source(path: Path) -> str:
 
 
 @contextmanager
-def temporary_file(root: XmlElement, path: Path) -> Iterator[Path]:
-    """Yield a temporary file of an element, with the name of another file."""
+def temporary_file(data: bytes, path: Path) -> Iterator[Path]:
+    """Yield a temporary file with some bytes, and the name of another file."""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         file = Path(folder) / path.name
-        file.write_bytes(root.written())
+        file.write_bytes(data)
         try:
             yield file
         except Exception as error:

@@ -71,16 +71,28 @@ Change = Callable[[XmlElement], None]
 
 @contextmanager
 def temporary_urdf(
-    robot: XmlElement | None, path: Path, changes: Sequence[Change]
+    robot: XmlElement | None,
+    path: Path,
+    changes: Sequence[Change],
+    kept: dict[tuple[Change, ...], bytes] | None = None,
 ) -> Iterator[Path]:
     """Yield a temporary copy of a URDF with changes, or the file itself without changes.
 
     File names become absolute, those of packages too; shapes whose files are missing are left out.
+    The copy's bytes are kept for the next call with the same changes, if `kept` is given.
     """
     if robot is None or not changes:
         yield path
         return
-    robot = with_changes(robot, changes)
+    kept, key = {} if kept is None else kept, tuple(changes)
+    if key not in kept:
+        kept[key] = urdf_with_files(with_changes(robot, changes), path).written()
+    with temporary_file(kept[key], path) as file:
+        yield file
+
+
+def urdf_with_files(robot: XmlElement, path: Path) -> XmlElement:
+    """Name the files of meshes by their whole paths, and remove shapes whose files are missing."""
     for link in robot.findall("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
             mesh = shape.find("geometry/mesh")
@@ -90,8 +102,7 @@ def temporary_urdf(
                 mesh.set("filename", str(file.resolve()))
             else:
                 link.remove(shape)
-    with temporary_file(robot, path) as file:
-        yield file
+    return robot
 
 
 def with_changes(robot: XmlElement, changes: Sequence[Change]) -> XmlElement:

@@ -244,6 +244,6 @@ def test_mimic_with_multiplier_zero_is_rejected(tmp_path: Path) -> None:
 def test_errors_of_a_rewritten_copy_name_the_original_file(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     root = XmlElement("robot")
-    with pytest.raises(RuntimeError) as error, temporary_file(root, path) as copy:
+    with pytest.raises(RuntimeError) as error, temporary_file(root.written(), path) as copy:
         raise RuntimeError(f"{copy}:3: no mass")
     assert str(error.value) == f"{path}:3: no mass"

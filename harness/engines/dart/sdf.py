@@ -35,7 +35,7 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
         _axes_in_model(root)
     if root.get("version") not in _PARSED_VERSIONS:
         root.set("version", VERSION)
-    with temporary_file(root, path) as file:
+    with temporary_file(root.written(), path) as file:
         skeleton = parser.readSkeleton(dart.common.Uri(file.as_uri()), options)
     if skeleton is not None:
         _restore_root_and_masses(skeleton, root, floats)

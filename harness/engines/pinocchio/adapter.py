@@ -99,7 +99,7 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
         )
 
     def _read(self, root: XmlElement) -> Any:
-        with temporary_file(root, self.path) as path:
+        with temporary_file(root.written(), self.path) as path:
             return read_mjcf(path, self.path)
 
     def _differs_from_defaults(self, model: Any) -> bool:

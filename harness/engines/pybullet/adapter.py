@@ -308,6 +308,7 @@ class PybulletModel(LoadedModel):
             if joint.element.get("type") == "floating":
                 raise refused(joint.element, f"PyBullet welds the floating joint {joint.name!r}")
         self._declared = spec, file, springs
+        self._texts: dict[tuple[Change, ...], bytes] = {}
         self._changes = (*changes_of(spec), *changes)
         self._load()
 
@@ -361,7 +362,7 @@ class PybulletModel(LoadedModel):
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
         try:
             with (
-                temporary_urdf(file.document.root, spec.path, changes) as path,
+                temporary_urdf(file.document.root, spec.path, changes, self._texts) as path,
                 collect_printed_errors() as messages,
             ):
                 fixed = int(not self._setting("floating"))

@@ -34,29 +34,28 @@ def link_poses(
     import pybullet as p
 
     by_place = link_places(body)
+    links = [by_place[place] for place in places]
+    indices = sorted({*links} - {BASE})
     origins = np.empty((len(z), len(places), 3))
     turns = np.empty((*origins.shape, 3))
     for k, row in enumerate(z.tolist()):
         for joint, value in zip(joints, row, strict=True):
             p.resetJointState(body, joint, value, 0.0)
+        # Each request computes and sends the whole body, so one asks for all links.
+        answers = p.getLinkStates(body, indices, computeForwardKinematics=1) if indices else ()
+        states = dict(zip(indices, answers, strict=True))
+        states[BASE] = p.getBasePositionAndOrientation(body) + p.getDynamicsInfo(body, BASE)[3:5]
         for f, place in enumerate(places):
-            origins[k, f], turns[k, f] = _pose(body, by_place[place], place.startswith("centre:"))
+            origins[k, f], turns[k, f] = _pose(states[links[f]], place.startswith("centre:"))
     return origins, turns
 
 
-def _pose(body: int, link: int, centre: bool) -> tuple[Array, Array]:
-    """Return a link's frame, or its centre of mass with the link's axes, at the current joint
-    positions.
+def _pose(state: Sequence[Any], centre: bool) -> tuple[Array, Array]:
+    """Return a link's frame, or its centre of mass with the link's axes, of its state.
 
     PyBullet returns a link's frame with seven digits, but the frame of its principal axes with all,
     in the world and in the link.
     """
-    import pybullet as p
-
-    if link == BASE:
-        state = p.getBasePositionAndOrientation(body) + p.getDynamicsInfo(body, BASE)[3:5]
-    else:
-        state = p.getLinkState(body, link, computeForwardKinematics=1)
     middle, inward = np.array(state[0]), np.array(state[2])
     turn = from_quaternion(real_first(state[1])) @ from_quaternion(real_first(state[3])).T
     return middle if centre else middle - turn @ inward, turn
