@@ -16,7 +16,6 @@ from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.cache import (
     Reading,
@@ -203,6 +202,8 @@ class TargetPlan:
                 )
                 if journal_key is not None:
                     self.results.store(journal_key, value)
+                seen = self.results.reads[str(self.place)]
+                self.results.reads[str(self.place)] = {**seen, **reads}
                 self._store(cache_key, value, reads)
                 return done(value)
 
@@ -249,7 +250,7 @@ class TargetPlan:
     def _store(self, key: CacheKey | None, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value, with the files that it read in addition to those of `system.py`."""
         if key is not None and self._cache is not None:
-            self._cache.store(key, value, merged(self.facts.reads, reads))
+            self._cache.store(key, value, {**self.facts.reads, **reads})
 
     def _inputs(self, key: ModelKey, snapshot: Snapshot | None) -> str:
         """Return a hash of the dependencies of a model in an engine; "" if unknown."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, folder_files
+from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, always_lines, folder_files
 from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
@@ -40,7 +40,7 @@ from physics_crosscheck.harness.modelfiles.folders import (
 )
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines, unread_lines
 from physics_crosscheck.harness.modelfiles.parts import named_files
-from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, states_now
+from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, states_now
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.journal import Journal, journal
@@ -111,9 +111,10 @@ def watch(wanted: Targets, run: Run) -> int:
     reads = dict(ran.reads)
     before = _with_reads(before, reads)  # states at the time of reading
     while not ran.stopped:
-        files_watched = counted(len(_stamps(wanted, before)), "file")
+        stamps = _stamps(wanted, before)
+        files_watched = counted(len(stamps), "file")
         _print_line(f"watching {files_watched} for changes; press Ctrl-C to end")
-        before, again, files = _wait(wanted, before, reads)
+        before, again, files = _wait(wanted, before, reads, stamps)
         part = _part(wanted, again)
         if not (part.folders or part.robots):
             continue
@@ -163,26 +164,30 @@ def _part(wanted: Targets, again: set[Place]) -> Targets:
 
 
 def _wait(
-    wanted: Targets, before: Hashes, reads: Reads
+    wanted: Targets, before: Hashes, reads: Reads, stamps: Stamps
 ) -> tuple[Hashes, set[Place], Sequence[str]]:
     """Wait until the content of a file changes; return the new hashes, changed places and files.
 
     A file must stay unchanged for a moment, so that a partly written one is not used.
     """
-    stamps: Stamps = {}  # the first scan finds changes during the run
+    is_first = True  # the first scan finds changes during the run
     while True:
         time.sleep(POLL)
         now = _stamps(wanted, before)
-        if now == stamps:
+        if now == stamps and not is_first:
             continue
         time.sleep(POLL)
         if now != _stamps(wanted, before):
             continue
         hashes_now = _with_reads(_hashes(wanted), _now(reads))
         again = {key for key in {*before, *hashes_now} if before.get(key) != hashes_now.get(key)}
+        if now != stamps or again:  # a change may concern a folder whose inputs are unknown
+            again |= {key for key, files in hashes_now.items() if UNKNOWN in files.values()}
         if again:
-            return hashes_now, again, list(dict.fromkeys(_changed(before, hashes_now, again)))
-        before, stamps = hashes_now, now
+            files = dict.fromkeys(_changed(before, hashes_now, again))
+            moved = [os.path.relpath(p) for p in {**stamps, **now} if now.get(p) != stamps.get(p)]
+            return hashes_now, again, list(files) or moved
+        before, stamps, is_first = hashes_now, now, False
 
 
 def _changed(before: Hashes, now: Hashes, again: set[Place]) -> Iterator[str]:
@@ -200,7 +205,7 @@ def _hashes(wanted: Targets) -> Hashes:
         try:
             scan = folder_files(folder)
         except OSError as error:  # being written, or deleted
-            hashes[whole] = {str(error.filename or folder): UNREADABLE}
+            hashes[whole] = {str(error.filename or folder): UNKNOWN}
             continue
         for model_files in scan.models:
             hashes[str(folder), model_files.model] = {
@@ -321,6 +326,8 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         if not stop.requested:
             done.remove()
     _print(results, options)
+    for line in always_lines(ran.reads):
+        print(f"crosscheck: {line}", file=sys.stderr)
     _print_stopped(results, options.out, done)
     if cache is not None and cache.problem:
         print(f"crosscheck: {cache.problem}", file=sys.stderr)
