@@ -244,19 +244,6 @@ def model_hashes(folder: Path, resolution: float, apart: Path | None) -> dict[Mo
     }
 
 
-def with_reads_of_system(model_hash: str, key: ModelKey, reads: Mapping[str, str]) -> str:
-    """Add the files that `system.py` read or looked for to the hash of a model; "" if unknown.
-
-    Args:
-        model_hash: hash of the model.
-        key: key of the model. A model that is code may read any file while it runs.
-        reads: states of the files that were read, by name relative to the folder.
-    """
-    if not model_hash or Path(key[1]).suffix == ".py" or UNKNOWN in reads.values():
-        return ""
-    return digest_of(msgspec.json.encode([model_hash, reads], order="sorted"))
-
-
 def always_lines(reads: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
     """Yield a sentence on each folder that always runs again, with what its code has opened.
 

@@ -33,7 +33,6 @@ from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.paths import SOURCES, is_own
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import Snapshot
-from physics_crosscheck.harness.records.journal import CacheKey
 from physics_crosscheck.harness.records.write import write_whole
 
 LIBRARIES = ("numpy", "scipy", "sympy", "mpmath")
@@ -43,6 +42,26 @@ DAYS = 30
 """Days after which an unused entry is removed."""
 
 SECONDS_A_DAY = 86_400.0
+
+
+class CacheKey(Record, frozen=True, kw_only=True):
+    """The key of a stored result: a task, and the hash of its dependencies.
+
+    Attributes:
+        kind: Kind of the task.
+        folder: System folder, or the robot file.
+        model: Name of the model file; empty for the whole folder.
+        engine: Name of the engine; empty for the whole folder.
+        scenario: Name of the scenario; empty for tasks other than cases.
+        inputs: Hash of all inputs that are known in advance; empty if unknown.
+    """
+
+    kind: str
+    folder: str
+    model: str = ""
+    engine: str = ""
+    scenario: str = ""
+    inputs: str
 
 
 class _Entry(Record, frozen=True, kw_only=True):

@@ -20,9 +20,8 @@ from physics_crosscheck.harness.baseline.fingerprint import (
 from physics_crosscheck.harness.modelfiles import code_reads
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.path_states import ABSENT, UNKNOWN
-from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.planning.cache import Cache, CacheKey
 from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.journal import CacheKey
 from physics_crosscheck.reference.load import load_system
 from tests.faults.known_folder import SYSTEM
 
