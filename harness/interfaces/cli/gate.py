@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from physics_crosscheck.harness.baseline.fingerprint import always_lines
 from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
@@ -45,6 +46,8 @@ def main(options: argparse.Namespace) -> int:
     lines = gate_lines(result, console.width, _accept_options(options))
     print_status_lines(console, lines)
     print_hint(console, code_hint(result))
+    for line in always_lines({one.id.system: one.files for one in result.changes}):
+        print(f"crosscheck: {line}", file=sys.stderr)
     print_commands(commands(notes(result), os.environ))
     sys.stdout.flush()
     text = summary(result)
