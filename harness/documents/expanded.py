@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -96,16 +96,23 @@ def expand(source: Path) -> Path:
         if file is not None:
             mesh.setAttribute("filename", str(file.resolve()))
     marks = list(_marks(tree.documentElement))
-    target = _target(whole, words)
+    target = cached_copy(whole, words, expanded_name(source))
+    write_copy(source, target, tree.toprettyxml(indent="  ").encode(), marks)
+    return target
+
+
+def write_copy(
+    source: Path, target: Path, data: bytes, marks: Sequence[tuple[str, int] | None]
+) -> None:
+    """Write a copy of a source, and note the source's file and line of each of its elements."""
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.name}.{os.getpid()}")
-    temporary.write_text(tree.toprettyxml(indent="  "), encoding="utf-8")
+    temporary.write_bytes(data)
     os.replace(temporary, target)  # another process may read it
     document = Document(target)
     lines = {document.line(one): mark for one, mark in zip(document.elements, marks, strict=True)}
     _LINES[str(target)] = {line: mark for line, mark in lines.items() if mark is not None}
     _SOURCES[str(target)] = str(source)
-    return target
 
 
 def _reason(error: BaseException) -> str:
@@ -198,10 +205,11 @@ def expanded_name(source: Path) -> str:
     return f"{source.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
 
 
-def _target(source: Path, words: list[str]) -> Path:
+def cached_copy(source: Path, words: Sequence[str], name: str) -> Path:
+    """Return the path of a source's copy in the cache, by words that it depends on."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = hashlib.sha256("\0".join([str(source), *words]).encode()).hexdigest()[:12]
-    return cache / "physics-crosscheck" / "xacro" / folder / expanded_name(source)
+    return cache / "physics-crosscheck" / "xacro" / folder / name
 
 
 @contextmanager
