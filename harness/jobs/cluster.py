@@ -299,7 +299,7 @@ class Cluster(Executor):
         except distributed.CancelledError:
             raise ClusterError(
                 f"--scheduler {self._address}: the scheduler stopped or dropped the "
-                "run's tasks; finished cases are kept, and --resume continues"
+                "run's tasks; with --cache DIR, the next run reuses finished cases"
             ) from None
         except ImportError as error:
             raise self._without("a new worker", error) from None

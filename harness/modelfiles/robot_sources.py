@@ -15,6 +15,7 @@ from physics_crosscheck.harness.documents.expanded import (
     expand,
     expanded_name,
     replaced,
+    with_stand_ins,
 )
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.sdf.expand import sdf_models
@@ -30,17 +31,18 @@ def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
     `robot:panda` is a robot of robot_descriptions, from its cache. A source for xacro is expanded,
-    also one of the suffix `.urdf`.
+    also one of the suffix `.urdf`. A URDF without any inertia becomes a copy with stand-ins.
 
     Raises:
         FolderError: naming the problem and the remedy.
     """
     if name.startswith(ROBOT):
-        return _plain(_known_robot(name))
-    path = Path(name)
-    if path.suffix == ".sdf":
+        file: Path | None = _plain(_known_robot(name))
+    elif (path := Path(name)).suffix == ".sdf":
         return next((one for one in source_files(name, None) if one != path), None)
-    return _plain(path) if path.is_file() and is_source(path) else None
+    else:
+        file = _plain(path) if path.is_file() and is_source(path) else None
+    return with_stand_ins(file or Path(name)) or file
 
 
 def source_files(name: str, model: str | None = "") -> list[Path]:

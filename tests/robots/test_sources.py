@@ -1,15 +1,19 @@
 """Xacro sources and robots by name: their files, and the lines of the sources."""
 
+import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
 
 import pytest
 
 from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.documents import expanded
 from physics_crosscheck.harness.documents.expanded import (
     expand,
     locate_file,
+    package_folders,
 )
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
@@ -206,6 +210,48 @@ def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
     assert locate_file(model, "package://palm/meshes/rod.stl") == other
     assert locate_file(model, "package://arm/meshes/absent.stl") is None
+
+
+PLANNED = """<robot name="planned"><link name="base"/>
+<link name="a"/><link name="b"/>
+<joint name="j" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="5" velocity="1"/></joint>
+<joint name="k" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/>
+<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="5" velocity="1"/></joint></robot>
+"""
+
+
+def test_urdf_without_inertia_is_compared_by_poses(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Catch a robot for planning that no engine checks, and lines of the copy that it runs."""
+    file = package / "urdf" / "planned.urdf"
+    file.write_text(PLANNED)
+    assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
+    shown = capsys.readouterr().out
+    assert "3 links in 2 bodies, without masses" in shown
+    assert "digits  poses only" in shown
+    assert re.search(r"with \d+ limits", shown)
+    file.write_text(PLANNED.replace('lower="0"', 'lower="zero"'))
+    main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")])
+    assert "planned.urdf:6" in (shown := capsys.readouterr().out)
+    assert str(package / "cache") not in shown
+
+
+def test_many_missing_meshes_search_their_package_once(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched: list[str] = []
+
+    def folders(name: str, file: Path) -> Iterator[Path]:
+        searched.append(name)
+        return package_folders(name, file)
+
+    monkeypatch.setattr(expanded, "package_folders", folders)
+    monkeypatch.setattr(expanded, "SEARCH_SECONDS", 1e9)
+    for i in range(20):
+        assert locate_file(package / "urdf" / "b.urdf", f"package://gone/{i}.stl") is None
+    assert searched == ["gone"]
 
 
 def test_robot_comes_from_the_cache_without_network(

@@ -72,7 +72,7 @@ def sdf_models(source: Path) -> dict[str, Path]:
         name = model.get("name")
         word = f".{_ODD.sub('_', name)}" if len(moving) > 1 else ""
         copy = _single_model(root, holder, model, versions)
-        files[name] = cached_copy(source, [name], f"{source.stem}{word}.sdf")
+        files[name] = cached_copy(source, [name], f"{source.stem}{word}.sdf", "sdf")
         marks = list(_marks(copy, (str(source), 1)))
         write_copy(source, files[name], "\n".join(_lines(copy)).encode(), marks)
     return files

@@ -9,6 +9,7 @@ import argparse
 import platform
 import shlex
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -57,7 +58,7 @@ from physics_crosscheck.harness.modelfiles.choice import NamedModel
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import digest_of
+from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, digest_of
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -174,10 +175,13 @@ def plan_record(whole: CasePlan) -> SweepPlan:
 
 
 def _content_seen(survey: SourceSurvey) -> str:
-    """Hash the content of a folder and of other files that its code read or looked for."""
+    """Hash the content of a folder; rows of one whose code reads elsewhere are never of the
+    same plan.
+    """
     if not survey.reads:
         return survey.content
-    return digest_of(repr((survey.content, sorted(survey.reads.items()))).encode())
+    once = time.time_ns() if UNKNOWN in survey.reads.values() else 0
+    return digest_of(repr((survey.content, sorted(survey.reads.items()), once)).encode())
 
 
 def content_of(place: Path) -> str:

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.paths import IMPORT_ROOT
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.versions import Measured, VersionRun, VersionTask

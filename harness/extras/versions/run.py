@@ -13,6 +13,7 @@ Changes of models beyond their cases: linearizations, remarks and failures.
 from __future__ import annotations
 
 import datetime
+import os
 import sys
 import tempfile
 import time
@@ -35,7 +36,6 @@ from physics_crosscheck.harness.extras.versions.environments import (
     interpreter,
 )
 from physics_crosscheck.harness.extras.versions.launch import launch
-from physics_crosscheck.harness.modelfiles.code_reads import user_cache
 from physics_crosscheck.harness.records.base import Rows
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
@@ -458,4 +458,10 @@ def _run(version: EngineVersion, task: VersionTask) -> VersionRun:
 
 def default_cache() -> Path:
     """Return the default folder of environments, in the user's cache."""
-    return user_cache() / "physics-crosscheck" / "environments"
+    if os.name == "nt":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "physics-crosscheck" / "environments"

@@ -95,7 +95,6 @@ def _demo_defaults(command: argparse.ArgumentParser) -> None:
     command.set_defaults(
         last_failed=False,
         standalone=False,
-        resume=False,
         watch=False,
         strict=False,
         floating=False,
@@ -164,13 +163,7 @@ COMMANDS: Mapping[str, Command] = {
                 "Output",
                 "--watch",
                 action="store_true",
-                help="Rerun affected models when a file is saved; Ctrl-C ends",
-            ),
-            option(
-                "Caching",
-                "--resume",
-                action="store_true",
-                help="Resume an interrupted run; cases whose files changed run again",
+                help="Run again when a file is saved, with a cache; Ctrl-C ends",
             ),
         ),
         function=f"{_CLI}.run:main",
