@@ -448,7 +448,7 @@ COMMANDS: Mapping[str, Command] = {
                 help="Model file to start from: URDF, SDFormat or MJCF",
             ),
             arguments.floating,
-            arguments.chosen_model,
+            partial(arguments.chosen_model, default="the only movable one"),
         ),
         function=f"{_CLI}.new:main",
     ),

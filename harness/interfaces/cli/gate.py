@@ -114,7 +114,7 @@ def _named(names: Sequence[str], baseline: Path) -> list[Path]:
     rest = [name for name in names if not (name and robots_below(Path(name)))]
     if not rest:
         return list(dict.fromkeys(below))
-    targets = resolve_targets(rest, standalone=False)
+    targets = resolve_targets(rest, standalone=False, model=None)
     models = [
         *(one.folder / one.model for models in targets.choice.models.values() for one in models),
         *(file for file in targets.robots if (file.parent / "system.py").is_file()),
