@@ -29,7 +29,6 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.system import SystemResult
-from physics_crosscheck.harness.records.versions import Versions
 from physics_crosscheck.harness.records.write import write_whole
 
 HOME = "results"
@@ -178,7 +177,6 @@ SCHEMAS: dict[str, type[Record]] = {
     "baseline": BaselineFile,
     "comparison": ComparisonResult,
     "mutations": Mutations,
-    "versions": Versions,
 }
 """Records by the name of their schema file, `<name>.schema.json`."""
 
@@ -246,15 +244,6 @@ PAGES = (
         written="`crosscheck mutate --json FILE` writes the file.",
         records=(Mutations,),
         schema="mutations",
-    ),
-    FilePage(
-        name="versions",
-        title="Version comparison files",
-        reader="Scripts that track engine upgrades need this page. It describes every field of the"
-        " comparison of versions.",
-        written="`crosscheck versions --json FILE` writes the file.",
-        records=(Versions,),
-        schema="versions",
     ),
     FilePage(
         name="sweep",
