@@ -5,7 +5,7 @@ Lines of shapes and sites in an MJCF and its includes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -34,7 +34,6 @@ from physics_crosscheck.harness.modelfiles.robot import (
     Robot,
     home_of,
 )
-from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,
     Coupling,
@@ -169,7 +168,7 @@ def compiled_robot(
     """
     controls = held_controls(compiled) if controls is None else tuple(controls)
     body_model = _body_model(compiled, controls)
-    whole = _assembled(body_model)
+    whole = body_model.assembled()
     return Robot(
         name=compiled.name or path.stem,
         file=path,
@@ -211,13 +210,15 @@ def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
         )
 
 
-def compiled_tree(compiled: CompiledTree, controls: Sequence[float]) -> Tree:
-    """Return the tree under held controls.
+def compiled_tree(
+    compiled: CompiledTree, controls: Sequence[float], held: Collection[str] = ()
+) -> Tree:
+    """Return the tree under held controls, with some joints fixed.
 
     Raises:
         TreeError: naming the joint that is not covered.
     """
-    return _assembled(_body_model(compiled, controls)).tree
+    return _body_model(compiled, controls).without(held).assembled().tree
 
 
 def _body_model(compiled: CompiledTree, controls: Sequence[float]) -> BodyModel:
@@ -236,16 +237,6 @@ def _fluid(compiled: CompiledTree) -> Fluid | None:
     if fluid is None:
         return None
     return Fluid(density=fluid.density, viscosity=fluid.viscosity, wind=fluid.wind)
-
-
-def _assembled(body_model: BodyModel) -> Assembled:
-    return assembled(
-        body_model.bodies,
-        body_model.gravity,
-        body_model.pulls,
-        body_model.couplings,
-        body_model.fluid,
-    )
 
 
 def compiled_bodies(compiled: CompiledTree) -> tuple[RigidBody, ...]:
