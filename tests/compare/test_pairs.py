@@ -45,28 +45,18 @@ URDF = """<robot name="r"><link name="base"/>
 <inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
 </robot>"""
 
-SDF = """<sdf version="1.9"><model name="m">
-<joint name="root" type="fixed"><parent>world</parent><child>base</child></joint>
-<link name="base"/>
-<joint name="q" type="revolute"><parent>base</parent><child>rod</child>
-<axis><xyz>0 1 0</xyz><limit><lower>-1</lower><upper>1</upper><effort>20</effort></limit>
-<dynamics><damping>0.1</damping><friction>0.2</friction></dynamics></axis></joint>
-<link name="rod"><pose>0 0 0.5 0 0 0</pose><inertial><pose>0 0 0.2 0 0 0</pose><mass>0.7</mass>
-<inertia><ixx>0.02</ixx><iyy>0.02</iyy><izz>0.001</izz></inertia></inertial>
-<collision name="c"><pose>0 0 0.1 0 0 0</pose>
-<geometry><box><size>0.1 0.1 0.4</size></box></geometry>
-<surface><friction><ode><mu>0.9</mu></ode></friction></surface></collision></link>
-</model></sdf>"""
+SDF = (Path(__file__).parents[2] / "docs/cases/flap.sdf").read_text()
 
 OF_SDF = (
-    ("<mass>0.7<", "<mass>0.71<", "mass", 7),
-    ("<upper>1<", "<upper>1.1<", "range", 5),
-    ("<effort>20<", "<effort>21<", "effort", 5),
-    ("<friction>0.2<", "<friction>0.3<", "friction", 6),
-    ("<xyz>0 1 0<", "<xyz>1 0 0<", "axis", 5),
-    ("<size>0.1 0.1 0.4<", "<size>0.1 0.1 0.5<", "size of shape", 10),
-    ("<pose>0 0 0.1 0 0 0<", "<pose>0 0 0.11 0 0 0<", "place of shape", 9),
-    ("<mu>0.9<", "<mu>0.8<", "mu", 11),
+    ("<mass>0.7<", "<mass>0.71<", "mass", 10),
+    ("<upper>1<", "<upper>1.1<", "range", 8),
+    ("<effort>20<", "<effort>21<", "effort", 8),
+    ("<friction>0.2<", "<friction>0.3<", "friction", 9),
+    ("<xyz>0 1 0<", "<xyz>1 0 0<", "axis", 8),
+    ("<size>0.1 0.1 0.4<", "<size>0.1 0.1 0.5<", "size of shape", 13),
+    ("<pose>0 0 0.1 0 0 0<", "<pose>0 0 0.11 0 0 0<", "place of shape", 12),
+    ("<mu>0.9<", "<mu>0.8<", "mu", 14),
+    ("<max_step_size>0.002<", "<max_step_size>0.004<", "max_step_size", 3),
     ("<mass>0.7<", "<mass>7e-1<", "", 0),
     ('name="m"', 'name="n"', "", 0),
 )  # fmt: skip
