@@ -17,8 +17,9 @@ import numpy as np
 from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.plausibility.facts import COMPILED, RobotFacts, WeldedBody
 from physics_crosscheck.harness.checks.plausibility.hull import Hull
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.robot import HELD, LinkPart
+from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
@@ -391,18 +392,29 @@ def _mirrored(name: str) -> str:
     return "".join(_OTHER_SIDE.get(word, word) for word in words)
 
 
+_HELD: Mapping[str, tuple[PlausibilityKind, str]] = {
+    HELD: (
+        "moving without inertia",
+        "moves links without mass: engines hold it, refuse it, or invent a mass. Give a link an"
+        " <inertial>, or fix the joint",
+    ),
+    LOCKED: (
+        "damping ratio",
+        "is locked by its damping, so it is held still. Lower the damping, or fix the joint",
+    ),
+}
+"""Kind and message by the reason for which joints are held."""
+
+
 def moving_without_inertia(facts: RobotFacts) -> Iterator[Advice]:
-    """Yield joints that move links without mass, or with mass but without moments."""
+    """Yield joints that are held, and links that move with mass but without moments."""
     for omission in facts.robot.left_out:
-        if omission.what == HELD:
-            for name in omission.where:
-                yield Advice(
-                    kind="moving without inertia",
-                    subject=(name,),
-                    message=f"joint {quote(name)} moves links without mass: engines hold it, "
-                    "refuse it, or invent a mass. Give a link an <inertial>, or fix the joint",
-                    line=facts.line("joint", name),
-                )
+        for name in omission.where if omission.what in _HELD else ():
+            kind, message = _HELD[omission.what]
+            line = facts.line("joint", name)
+            yield Advice(
+                kind=kind, subject=(name,), message=f"joint {quote(name)} {message}", line=line
+            )
     for body in facts.bodies:
         if not (body.joint and body.shapes):
             continue
@@ -474,6 +486,24 @@ def weak_drives(facts: RobotFacts) -> Iterator[Advice]:
             actual=effort,
             excess=force / effort,
         )
+
+
+def negative_limits(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield efforts and velocities of a URDF's joints below zero."""
+    for document in () if facts.robot.file.suffix == COMPILED else facts.documents:
+        for joint in document.root.findall("joint"):
+            name, limit = joint.get("name"), joint.find("limit") or joint
+            for key in ("effort", "velocity"):
+                for value in finite_numbers(limit.get(key)) or ():
+                    if value < 0:
+                        yield Advice(
+                            kind="negative limit",
+                            subject=(name, key),
+                            message=f"the {key} of joint {quote(name)} is {value:g}: engines "
+                            "refuse the file, or ignore the limit. Write a positive number",
+                            line=SourceLine(file=str(document.path), line=document.line(limit)),
+                            actual=value,
+                        )
 
 
 def _named(body: WeldedBody) -> str:
@@ -562,6 +592,7 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     rest_outside_limits,
     weak_drives,
     damping_ratios,
+    negative_limits,
 )
 """Functions that yield advice about a file."""
 

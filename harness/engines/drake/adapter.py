@@ -167,6 +167,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
             no_friction="Drake",
             no_stops="Drake" if self.stepping == CONTINUOUS else "",
             stops_turns="Drake",
+            positive_limits="Drake",
         )
         changes = _changes(spec, self.stepping, touches=touches)
         UrdfModel.__init__(self, spec, "Drake", reader, defaults, changes)
@@ -245,6 +246,10 @@ class DrakeMjcf(DrakeModel, MjcfModel):
     ) -> None:
         self.stepping = str(spec.settings.get("stepping", SAP))
         MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
+        if (free := self.declared.root) and free.armature:
+            raise self.declared.source.unsupported(
+                free.element, "armature of a free joint, which Drake's adapter does not support"
+            )
         smooth, resolved = bool(self.settings["smooth"]), self.resolved
         root = copy_mjcf(self.declared, limits=not smooth, touches=False, resolved=resolved)
         heavy = [joint for joint in self.declared.singles if joint.armature]
