@@ -47,8 +47,8 @@ LEAST_GAIN = 1e-6
 DEEPEST = 0.02
 """Largest violation of a limit, as a share of its range."""
 
-NEWTON_STEPS = 6
-"""Iterations that put a tendon or an equality at a violation."""
+NEWTON_STEPS, LARGEST_STEP = 10, 0.3
+"""Iterations that put a tendon or an equality at a violation, and the largest one, rad or m."""
 
 MAX_OUTWARD = 50.0
 """Half of the largest speed of a joint beyond its limit, rad/s or m/s."""
@@ -514,7 +514,9 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         for _ in range(NEWTON_STEPS):
             row, error = miss(next(self.postures([state])))
             state = state._replace(z=state.z.copy(), m=state.m.copy())
-            state.z[self.order] -= np.linalg.pinv(row) @ error
+            moved = np.linalg.pinv(row) @ error
+            largest = max(float(np.max(np.abs(moved))), np.finfo(float).tiny)
+            state.z[self.order] -= min(1.0, LARGEST_STEP / largest) * moved
         return state
 
     def held(self, states: Sequence[WholeState]) -> Iterator[WholeState]:

@@ -182,7 +182,7 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
             states.append(_close(rng, state))
     for part in limits:
         elsewhere = starts[0]._replace(z=_anywhere(comparison, rng, starts[0].z))
-        for start, forced in ((starts[0], False), (elsewhere, True)):
+        for start, forced in ((_close(rng, starts[0]), False), (elsewhere, True)):
             share, speed = 10 ** rng.uniform(-2, 0), MAX_OUTWARD ** rng.uniform(-1, 1)
             held.append(len(states))
             states.append(comparison.at_limit(start, part, share, speed, forced=forced))
