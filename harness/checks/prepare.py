@@ -492,9 +492,9 @@ def prepare(
         declared = load_declaration(place)
     if isinstance(declared, MultibodySystem):
         bodies = _from_bodies(place, declared, motion, states)
-        return _finished(bodies, began, reads.states())
+        return _finished(bodies, began, reads.states)
     energies = replace(_from_energies(place, declared, described=described), ideal=ideal)
-    return _finished(energies, began, reads.states())
+    return _finished(energies, began, reads.states)
 
 
 def prepare_system(folder: Path, *, described: bool = True) -> PreparedSystem:
@@ -507,7 +507,7 @@ def prepare_system(folder: Path, *, described: bool = True) -> PreparedSystem:
     with record_reads(folder) as reads:
         system = load_system(folder)
     prepared = _from_energies(folder, system, described=described)
-    return _finished(prepared, began, reads.states())
+    return _finished(prepared, began, reads.states)
 
 
 def prepare_tree(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import shlex
 from importlib import import_module
 from pathlib import Path
@@ -11,10 +12,13 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.expanded import (
     XACRO,
     ExpansionError,
+    completed,
     expand,
     expanded_name,
     replaced,
 )
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
+from physics_crosscheck.harness.documents.sdf.expand import sdf_models
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 
 ROBOT = "robot:"
@@ -26,15 +30,50 @@ _ATTRIBUTES = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
 def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
-    `robot:panda` is a robot of robot_descriptions, from its cache. A `.xacro` file is expanded.
+    `robot:panda` is a robot of robot_descriptions, from its cache. A source for xacro is expanded,
+    also one of the suffix `.urdf`. A URDF that lacks its `world` or every inertia is copied.
 
     Raises:
         FolderError: naming the problem and the remedy.
     """
     if name.startswith(ROBOT):
-        return _plain(_known_robot(name))
+        file: Path | None = _plain(_known_robot(name))
+    elif (path := Path(name)).suffix == ".sdf":
+        return next((one for one in source_files(name, None) if one != path), None)
+    else:
+        file = _plain(path) if path.is_file() and is_source(path) else None
+    return completed(file or Path(name)) or file
+
+
+def source_files(name: str, model: str | None = "") -> list[Path]:
+    """Return the model files that a name stands for.
+
+    Args:
+        name: as in `source_file`.
+        model: the one to read from an SDFormat file of several; empty: each as a file; None: the
+            file itself.
+
+    Raises:
+        FolderError: naming the problem and the remedy.
+    """
     path = Path(name)
-    return _plain(path) if path.suffix == XACRO and path.is_file() else None
+    if path.suffix != ".sdf" or not path.is_file():
+        return [source_file(name) or path]
+    models = sdf_models(path)
+    if model is None and len(models) > 1:
+        return [path]
+    return [file for key, file in models.items() if not model or key == model] or [path]
+
+
+def is_source(file: Path) -> bool:
+    """Return whether a file is a source for xacro, by its suffix or its elements."""
+    if file.suffix != ".urdf":
+        return file.suffix == XACRO
+    try:
+        text = re.sub(rb"(?s)<!--.*?-->", b"", read_regular(file, MAX_MODEL_BYTES))
+        return re.search(rb"<xacro:|\$\(optenv ", text) is not None
+    except OSError:
+        return False
 
 
 def _plain(file: Path) -> Path:
@@ -43,7 +82,7 @@ def _plain(file: Path) -> Path:
     Raises:
         FolderError: naming the problem and the remedy.
     """
-    if file.suffix != XACRO:
+    if not is_source(file):
         return file
     try:
         return expand(file)

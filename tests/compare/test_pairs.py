@@ -13,12 +13,12 @@ MJCF = """<mujoco>
 <compiler angle="radian"/>
 <option timestep="0.002" integrator="Euler"><flag energy="disable"/></option>
 <default><geom friction="0.7 0.1 0.1"/><default class="light"><joint damping="0.2"/></default>
-</default>
+</default><asset><hfield name="hill" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 2 3"/></asset>
 <worldbody><geom name="floor" type="plane" size="5 5 1"/>
 <body name="box" pos="0 0 0.3"><freejoint name="root"/>
 <geom name="trunk" type="box" size="0.1 0.12 0.05" mass="3"/><site name="tip" pos="0.1 0 0"/>
-<body name="leg" pos="0 -0.1 -0.1"><joint name="hip" axis="0 1 0" range="-0.5 0.5" damping="0.2"
- frictionloss="0.1"/>
+<body name="leg" pos="0 -0.1 -0.1" euler="0 0.3 0"><joint name="hip" axis="0 1 0" range="-0.5 0.5"
+ damping="0.2" frictionloss="0.1"/>
 <geom name="foot" type="sphere" size="0.05" pos="0 0 -0.2" mass="0.5" friction="0.9"/></body>
 <body name="arm" pos="0 0.1 -0.1"><joint name="elbow" axis="1 0 0" damping="0.2"/>
 <geom name="hand" type="capsule" size="0.04 0.1" mass="0.4" contype="1"/></body>
@@ -45,6 +45,32 @@ URDF = """<robot name="r"><link name="base"/>
 <inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
 </robot>"""
 
+SDF = """<sdf version="1.9"><model name="m">
+<joint name="root" type="fixed"><parent>world</parent><child>base</child></joint>
+<link name="base"/>
+<joint name="q" type="revolute"><parent>base</parent><child>rod</child>
+<axis><xyz>0 1 0</xyz><limit><lower>-1</lower><upper>1</upper><effort>20</effort></limit>
+<dynamics><damping>0.1</damping><friction>0.2</friction></dynamics></axis></joint>
+<link name="rod"><pose>0 0 0.5 0 0 0</pose><inertial><pose>0 0 0.2 0 0 0</pose><mass>0.7</mass>
+<inertia><ixx>0.02</ixx><iyy>0.02</iyy><izz>0.001</izz></inertia></inertial>
+<collision name="c"><pose>0 0 0.1 0 0 0</pose>
+<geometry><box><size>0.1 0.1 0.4</size></box></geometry>
+<surface><friction><ode><mu>0.9</mu></ode></friction></surface></collision></link>
+</model></sdf>"""
+
+OF_SDF = (
+    ("<mass>0.7<", "<mass>0.71<", "mass", 7),
+    ("<upper>1<", "<upper>1.1<", "range", 5),
+    ("<effort>20<", "<effort>21<", "effort", 5),
+    ("<friction>0.2<", "<friction>0.3<", "friction", 6),
+    ("<xyz>0 1 0<", "<xyz>1 0 0<", "axis", 5),
+    ("<size>0.1 0.1 0.4<", "<size>0.1 0.1 0.5<", "size of shape", 10),
+    ("<pose>0 0 0.1 0 0 0<", "<pose>0 0 0.11 0 0 0<", "place of shape", 9),
+    ("<mu>0.9<", "<mu>0.8<", "mu", 11),
+    ("<mass>0.7<", "<mass>7e-1<", "", 0),
+    ('name="m"', 'name="n"', "", 0),
+)  # fmt: skip
+
 RED = (
     ('timestep="0.002"', 'timestep="0.004"', "timestep", 3),
     ('integrator="Euler"', 'integrator="RK4"', "integrator", 3),
@@ -57,6 +83,9 @@ RED = (
     ('type="plane"', 'type="plane" pos="0 0 0.01"', "floor", 6),
     ('size="0.1 0.12 0.05" mass', 'size="0.1 0.12 0.06" mass', "trunk", 8),
     ('size="0.05" pos="0 0 -0.2"', 'size="0.05" pos="0 0 -0.21"', "foot", 11),
+    ('pos="0 0 -0.2" mass', '\npos="0 0 -0.21" mass', "foot", 12),
+    ("0 1 2 3", "0 1 2 4", "elevation of hfield hill: other heights", 5),
+    ('size="1 1 1 1"', 'size="1 1 2 1"', "size of hfield hill", 5),
     ('contype="1"', 'contype="2" conaffinity="2"', "hand", 13),
     ('contype="1"', 'contype="1" gap="0.01"', "gap", 13),
     ('contype="1"', 'contype="1" surfacevel="0.1 0 0 0 0 0"', "surfacevel", 13),
@@ -88,7 +117,8 @@ GREEN = (
     (' damping="0.2"/>\n<geom name="hand"', ' class="light"/>\n<geom name="hand"'),
     ('type="capsule" size="0.04 0.1"', 'type="capsule" size="0.04" fromto="0 0 0.1 0 0 -0.1"'),
     ('friction="0.9"', 'friction="0.9 0.1 0.1"'),
-    ('<body name="leg" pos="0 -0.1 -0.1">', '<body name="leg" pos="0 -0.10 -1e-1" euler="0 0 0">'),
+    ('<body name="leg" pos="0 -0.1 -0.1"', '<body name="leg" pos="0 -0.10 -1e-1"'),
+    ('euler="0 0.3 0"', 'quat="0.988771 0 0.149438 0"'),  # six digits
     ('body1="leg" body2="arm"', 'body1="arm" body2="leg"'),
     ('name="foot"', 'name="sole"'),
     ('size="0.1 0.12 0.05" mass', 'size="0.12 0.1 0.05" euler="0 0 1.5707963267948966" mass'),
@@ -101,8 +131,11 @@ GREEN = (
 )
 
 
+FORMATS = ((URDF, "urdf"), (MJCF, "xml"), (SDF, "sdf"))
+
+
 def edited(folder: Path, old: str, new: str) -> tuple[Path, Path]:
-    text, name = next((t, n) for t, n in ((URDF, "urdf"), (MJCF, "xml")) if old in t)
+    text, name = next((t, n) for t, n in FORMATS if old in t)
     a = written(folder, f"a.{name}", text)
     return a, written(folder, f"b.{name}", text.replace(old, new, 1))
 
@@ -118,6 +151,18 @@ def test_edit_that_a_run_judges_is_red_and_named(
     row = comparison.compared.decisive if comparison.compared else None
     if line and row is not None:
         assert line in {where.line for where in (row.where_a, row.where_b) if where}
+
+
+@pytest.mark.parametrize(("old", "new", "named", "line"), OF_SDF)
+def test_edit_of_an_sdf_is_red_if_a_run_judges_it(
+    old: str, new: str, named: str, line: int, tmp_path: Path
+) -> None:
+    """Catch an edit of an SDF that compare takes for none, or a spelling that it fails."""
+    pytest.importorskip("pydrake")
+    if named:
+        test_edit_that_a_run_judges_is_red_and_named(old, new, named, line, tmp_path)
+    else:
+        test_edit_of_a_spelling_is_green(old, new, tmp_path)
 
 
 @pytest.mark.parametrize(("old", "new"), GREEN)

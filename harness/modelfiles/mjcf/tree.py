@@ -23,7 +23,7 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledLength,
     CompiledTree,
 )
-from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, read_source_mjcf
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.classes import StatedClasses
 from physics_crosscheck.harness.modelfiles.robot import (
@@ -93,10 +93,15 @@ def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, ShapeLines]:
 
 def _lines(classes: StatedClasses, path: Path, element: XmlElement, inherited: str) -> ShapeLines:
     chain = classes.chain(element, inherited, (element.tag,)).elements
-    stated = (one.attribute_place("size") for one in reversed(chain) if "size" in one.attributes)
-    size_file, size_line = next(stated, element.place)
-    file, line = element.place
-    return ShapeLines(file=file or path, line=line or 0, size=(size_file or path, size_line or 0))
+
+    def place(*keys: str) -> tuple[Path, int]:
+        """Return the place of the first of these attributes that is stated, or of the element."""
+        stated = (e.attribute_place(k) for k in keys for e in chain[::-1] if k in e.attributes)
+        file, line = next(stated, element.place)
+        return file or path, line or 0
+
+    file, line = place("pos", "fromto", *ORIENTATIONS)
+    return ShapeLines(file=file, line=line, size=place("size"))
 
 
 def _fits(row: _Inherited, place: str) -> bool:
