@@ -112,6 +112,10 @@ class EngineError(FileError, RuntimeError):
     """
 
 
+class ShapeError(EngineError):
+    """A shape of the file with which an engine does not simulate its body."""
+
+
 class UnsupportedError(EngineError):
     """A valid model file that this engine or its adapter does not support.
 

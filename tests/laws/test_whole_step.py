@@ -333,6 +333,34 @@ def test_wrong_gap_agrees(tmp_path: Path) -> None:
     assert [(fault.acts, fault.outcome) for fault in faults] == [(0.0, "AGREES")] * 2
 
 
+TETRAHEDRON = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ('mesh filename="bad.obj"', "bad.obj"),
+        ('box size="2e6 1 1"', "its collision geometry"),
+    ],
+)
+def test_shape_that_stops_its_link_is_the_cause(tmp_path: Path, form: str, name: str) -> None:
+    """Catch a lost limit as the cause: PyBullet stops links whose boxes are not finite."""
+    file = tmp_path / "arm.urdf"
+    (tmp_path / "bad.obj").write_text(TETRAHEDRON.replace("v 0 .1 0", "v 1e20 .1 0"))
+    link = '<link name="arm"><inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1"/>'
+    file.write_text(
+        f'<robot name="r"><link name="base"/>\n{link}</inertial><collision><geometry>\n<{form}/>'
+        '</geometry></collision></link><joint name="j" type="revolute"><parent link="base"/>'
+        '<child link="arm"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1"/></joint>'
+        "</robot>"
+    )
+    case = run_case(model_task(prepare(file), "pybullet"))
+    assert (case.outcome, case.kind) == (Outcome.DIFFERS, "compiled number")
+    line = 2 if name.startswith("its") else 3
+    assert case.reason.startswith(f"arm.urdf:{line}: the shape of link 'arm' is larger than")
+    assert f"check {name};" in case.reason
+
+
 MESHED = """<mujoco><asset><mesh file="absent.stl"/></asset><worldbody><body>
 <joint name="hinge" axis="0 1 0" range="-60 60"/><inertial pos="0 0 -.5" mass="2"
  diaginertia=".1 .06 .05"/><geom type="mesh" mesh="absent"/></body></worldbody></mujoco>"""
