@@ -18,6 +18,7 @@ from xml.dom import Node, expatbuilder
 import msgspec
 
 from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
 
 XACRO = ".xacro"
@@ -42,6 +43,9 @@ LEVELS = 4
 
 MAX_SOURCES = 500
 """Number of files or folders of one search."""
+
+RENAMED = {".mjcf": ".xml", ".world": ".sdf"}
+"""Suffixes by those that engines know."""
 
 STAND_INS = "stand-ins"
 """Folder in the user's cache of copies with inertias that their files lack."""
@@ -152,8 +156,40 @@ def completed(file: Path) -> Path | None:
     for mesh in robot.iter("mesh"):
         if (shape := locate_file(file, mesh.get("filename", ""))) is not None:
             mesh.set("filename", str(shape.resolve()))
-    kind = STAND_INS if lacks_inertia else "completed"
-    data, target = robot.written(), cached_copy(file.absolute(), [], file.name, kind)
+    return _copied(file, robot, STAND_INS if lacks_inertia else "completed", file.name)
+
+
+def renamed(file: Path) -> Path | None:
+    """Return a copy with the suffix that engines know, of a file with one of `RENAMED`, or None.
+
+    Lines stay. Names of files are those of the file's folder.
+    """
+    suffix = RENAMED.get(file.suffix)
+    if suffix is None or not file.is_file():
+        return None
+    try:
+        root = Document(file).root.copy()
+    except LocationError:
+        return None
+    folder = file.absolute().parent
+    if suffix == ".xml":
+        compiler = next(root.iter("compiler"), None) or root.add("compiler")
+        for key in ("meshdir", "texturedir"):
+            inner = compiler.get(key) or compiler.get("assetdir", "")
+            compiler.set(key, str(folder / inner))
+        for part in (*root.iter("include"), *root.findall("asset/model")):
+            part.set("file", str(folder / part.get("file", "")))
+    for uri in list(root.iter("uri")):
+        place = next((one for one in _places(file, uri.text.strip()) if one.exists()), None)
+        if place is not None and uri.parent is not None:
+            uri.parent.remove(uri)
+            uri.parent.add("uri", text=str(place.resolve()))
+    return _copied(file, root, "renamed", f"{file.stem}{suffix}")
+
+
+def _copied(file: Path, root: XmlElement, kind: str, name: str) -> Path:
+    """Write a changed copy with the lines of a file into the user's cache."""
+    data, target = root.written(), cached_copy(file.absolute(), [], name, kind)
     _write(target, data)
     source = str(source_of(file))
     lines = {line: (source, line) for line in range(1, data.count(b"\n") + 2)}

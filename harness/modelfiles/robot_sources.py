@@ -15,6 +15,7 @@ from physics_crosscheck.harness.documents.expanded import (
     completed,
     expand,
     expanded_name,
+    renamed,
     replaced,
 )
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
@@ -31,7 +32,8 @@ def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
     `robot:panda` is a robot of robot_descriptions, from its cache. A source for xacro is expanded,
-    also one of the suffix `.urdf`. A URDF that lacks its `world` or every inertia is copied.
+    also one of the suffix `.urdf`. A URDF that lacks its `world` or every inertia is copied,
+    and so is a file of another suffix for MJCF or SDF.
 
     Raises:
         FolderError: naming the problem and the remedy.
@@ -42,7 +44,7 @@ def source_file(name: str) -> Path | None:
         return next((one for one in source_files(name, None) if one != path), None)
     else:
         file = _plain(path) if path.is_file() and is_source(path) else None
-    return completed(file or Path(name)) or file
+    return completed(file or Path(name)) or renamed(Path(name)) or file
 
 
 def source_files(name: str, model: str | None = "") -> list[Path]:

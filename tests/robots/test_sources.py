@@ -14,12 +14,14 @@ from physics_crosscheck.harness.documents.expanded import (
     expand,
     locate_file,
     package_folders,
+    source_of,
 )
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, read_mesh
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from tests.compare.asking import compared, result
 
 MACROS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -266,6 +268,27 @@ def test_urdf_with_substitutions_of_xacro_is_expanded(package: Path) -> None:
     expanded_file = source_file(str(file))
     assert expanded_file is not None
     assert 'xyz="0.19 0 0.149"' in expanded_file.read_text()
+
+
+MJCF = """<mujoco><compiler meshdir="meshes"/>
+<asset><mesh file="rod.obj"/></asset><include file="parts/leg.xml"/></mujoco>"""
+LEG = """<mujoco><worldbody><body><joint axis="0 1 0"/>
+<geom type="mesh" mesh="rod" mass="1"/></body></worldbody></mujoco>"""
+ROD = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+WORLD = """<sdf version="1.9"><world name="w"><model name="arm"><link name="a"><inertial><mass>1
+</mass></inertial></link><joint name="j" type="revolute"><parent>world</parent><child>a</child>
+<axis><xyz>0 1 0</xyz></axis></joint></model></world></sdf>"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("arm.mjcf", MJCF), ("arm.world", WORLD)])
+def test_other_suffixes_of_a_format_are_read(package: Path, name: str, text: str) -> None:
+    for part, content in (("parts/leg.xml", LEG), ("meshes/rod.obj", ROD), (name, text)):
+        (package / part).parent.mkdir(exist_ok=True)
+        (package / part).write_text(content)
+    file = source_file(str(package / name))
+    assert file is not None
+    assert len(robot_system(read_robot(file)).coordinates) == 1
+    assert source_of(file) == package / name
 
 
 def test_many_missing_meshes_search_their_package_once(
