@@ -362,6 +362,7 @@ def _check(
         contacts=contacts.judged,
         contact_faults=tuple(one.sentence for one in contacts.faults),
         unjudged=tuple(f"{count} {what}" for what, count in contacts.unjudged.items()),
+        contact_counts=contacts.counts,
     )
     return replace(check, contacts=contacts.faults)
 

@@ -123,21 +123,28 @@ def write_copy(
     _SOURCES[str(target)] = str(source)
 
 
-def with_stand_ins(file: Path) -> Path | None:
-    """Return a copy of a URDF in which 1 kg and 1 kg m^2 stand for the inertias of its links.
+def completed(file: Path) -> Path | None:
+    """Return a copy of a URDF with a link `world` that only its joints name, and stand-ins.
 
-    Lines stay. Return None if the file states an inertia or has a sidecar, or isn't XML.
+    If no link has an inertia, 1 kg and 1 kg m^2 stand for each. Lines stay. Return None if the file
+    lacks neither or has a sidecar, or isn't XML.
     """
     is_urdf = file.suffix == ".urdf" and file.is_file() and not Path(f"{file}.toml").exists()
-    if not is_urdf or b"<inertial" in file.read_bytes():
+    data = file.read_bytes() if is_urdf else b"<inertial"
+    if b"<inertial" in data and not re.search(rb"""["']world["']""", data):
         return None
     try:
         robot = Document(file).root.copy()
     except LocationError:
         return None  # reading it reports the error
-    if robot.find("joint") is None:
+    parents = {one.get("link") for one in robot.findall("joint/parent")}
+    lacks_world = "world" in parents - {one.get("name") for one in robot.findall("link")}
+    lacks_inertia = b"<inertial" not in data
+    if not parents or not (lacks_world or lacks_inertia):
         return None
-    for link in robot.findall("link"):
+    if lacks_world:
+        robot.add("link", {"name": "world"})
+    for link in robot.findall("link") if lacks_inertia else ():
         if link.get("name") != "world":
             inertial = link.add("inertial")
             inertial.add("mass", {"value": "1"})
@@ -145,7 +152,8 @@ def with_stand_ins(file: Path) -> Path | None:
     for mesh in robot.iter("mesh"):
         if (shape := locate_file(file, mesh.get("filename", ""))) is not None:
             mesh.set("filename", str(shape.resolve()))
-    data, target = robot.written(), cached_copy(file.absolute(), [], file.name, STAND_INS)
+    kind = STAND_INS if lacks_inertia else "completed"
+    data, target = robot.written(), cached_copy(file.absolute(), [], file.name, kind)
     _write(target, data)
     source = str(source_of(file))
     lines = {line: (source, line) for line in range(1, data.count(b"\n") + 2)}

@@ -419,6 +419,7 @@ class WholeModel(ABC):
             None if that depends on other numbers.
         frame_errors: largest errors of places of shapes that the engine knows of, m and rad.
         shape_error: by which contacts that it does not compute by a closed form are early, m.
+        peer: name of an engine that finds contacts of the same file, as `peer_contacts`.
     """
 
     coordinates: tuple[str, ...]
@@ -433,6 +434,11 @@ class WholeModel(ABC):
     point_share: float | None = None
     frame_errors: tuple[float, float] = (0.0, 0.0)
     shape_error: float = 0.0
+    peer: str = ""
+
+    def peer_contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
+        """Return the contacts that the other engine finds."""
+        return ()
 
     def finds_exactly(self, first: str, other: str) -> bool:
         """Return whether it computes contacts of two kinds of shapes by a closed form."""

@@ -124,6 +124,7 @@ class UrdfModel(TreeModel):
     ) -> None:
         declare = declared_sdf if spec.path.suffix == SDF else declared_urdf
         self.declared: Declarations = declare(spec, further)
+        reader.refuse_limits(self.declared.file)
         super().__init__(spec, title, {**defaults, **spec.settings})
         self._reader = replace(reader, stops_turns="") if self.settings.get("smooth") else reader
         self.floats = bool(self.settings["floating"])

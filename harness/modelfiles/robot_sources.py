@@ -12,10 +12,10 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.expanded import (
     XACRO,
     ExpansionError,
+    completed,
     expand,
     expanded_name,
     replaced,
-    with_stand_ins,
 )
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.sdf.expand import sdf_models
@@ -31,7 +31,7 @@ def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
     `robot:panda` is a robot of robot_descriptions, from its cache. A source for xacro is expanded,
-    also one of the suffix `.urdf`. A URDF without any inertia becomes a copy with stand-ins.
+    also one of the suffix `.urdf`. A URDF that lacks its `world` or every inertia is copied.
 
     Raises:
         FolderError: naming the problem and the remedy.
@@ -42,7 +42,7 @@ def source_file(name: str) -> Path | None:
         return next((one for one in source_files(name, None) if one != path), None)
     else:
         file = _plain(path) if path.is_file() and is_source(path) else None
-    return with_stand_ins(file or Path(name)) or file
+    return completed(file or Path(name)) or file
 
 
 def source_files(name: str, model: str | None = "") -> list[Path]:
@@ -70,7 +70,8 @@ def is_source(file: Path) -> bool:
     if file.suffix != ".urdf":
         return file.suffix == XACRO
     try:
-        return b"<xacro:" in re.sub(rb"(?s)<!--.*?-->", b"", read_regular(file, MAX_MODEL_BYTES))
+        text = re.sub(rb"(?s)<!--.*?-->", b"", read_regular(file, MAX_MODEL_BYTES))
+        return re.search(rb"<xacro:|\$\(optenv ", text) is not None
     except OSError:
         return False
 

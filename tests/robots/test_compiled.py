@@ -16,6 +16,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
+from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.robots.planted import PreparedFile, prepare_file
@@ -361,3 +362,19 @@ def test_missing_mesh_is_named_with_its_line(tmp_path: Path) -> None:
     file.write_text(mesh + body)
     with pytest.raises(EngineError, match=r"arm\.xml:3: .*none\.stl does not exist"):
         engines()["mujoco"].compiled(file)
+
+
+@pytest.mark.parametrize("part", [
+    "<mujocoinclude><geom size='1'/></mujocoinclude>",
+    "<mujoco><worldbody><light pos='0 0 3'/></worldbody></mujoco>",
+])  # fmt: skip
+def test_part_names_the_file_that_includes_it(part: str, tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    file = tmp_path / "parts" / "part.xml"
+    file.write_text(part)
+    (problem,) = read_robot(file).obstacles
+    assert "which includes it" not in problem.remedy
+    whole = tmp_path / "whole.xml"
+    whole.write_text('<mujoco><include file="parts/part.xml"/></mujoco>')
+    (problem,) = read_robot(file).obstacles
+    assert problem.remedy == f"open {whole}, which includes it"

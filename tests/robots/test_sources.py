@@ -238,6 +238,36 @@ def test_urdf_without_inertia_is_compared_by_poses(
     assert str(package / "cache") not in shown
 
 
+def test_world_that_only_a_joint_names_is_declared(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Catch a file that one engine reads, and that no engine runs."""
+    products = 'ixy="0" ixz="0" iyz="0"'
+    inertia = f'<inertia ixx="1" iyy="1" izz="1" {products}/>'
+    inertial = f'<inertial><mass value="1"/>{inertia}</inertial>'
+    held = '<joint name="w" type="fixed"><parent link="world"/><child link="base"/></joint>'
+    text = PLANNED.replace('"/>\n<joint name="j"', f'"/>{held}\n<joint name="j"')
+    for name in "ab":
+        text = text.replace(f'<link name="{name}"/>', f'<link name="{name}">{inertial}</link>')
+    file = package / "held.urdf"
+    file.write_text(text)
+    assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
+    assert "2 joints, 4 links in" in capsys.readouterr().out
+    assert source_file(str(file)) != file
+
+
+def test_urdf_with_substitutions_of_xacro_is_expanded(package: Path) -> None:
+    pytest.importorskip("xacro")
+    file = package / "arm.urdf"
+    joint = '<joint name="k" type="fixed"><parent link="a"/><child link="b"/><origin xyz="{}"/>'
+    links = '<link name="a"><inertial><mass value="1"/></inertial></link><link name="b"/>'
+    place = "$(optenv UNSET_HERE 0.19 0 0.149)"
+    file.write_text(f'<robot name="arm">{links}{joint.format(place)}</joint></robot>')
+    expanded_file = source_file(str(file))
+    assert expanded_file is not None
+    assert 'xyz="0.19 0 0.149"' in expanded_file.read_text()
+
+
 def test_many_missing_meshes_search_their_package_once(
     package: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

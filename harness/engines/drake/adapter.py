@@ -207,6 +207,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
             no_friction="Drake",
             no_stops="Drake" if self.stepping == CONTINUOUS else "",
             stops_turns="Drake",
+            positive_limits="Drake",
         )
         changes = _changes(spec, self.stepping, touches=touches)
         UrdfModel.__init__(self, spec, "Drake", reader, defaults, changes)

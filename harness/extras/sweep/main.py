@@ -38,7 +38,6 @@ from physics_crosscheck.harness.extras.sweep.store import (
 )
 from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.extras.sweep.survey import SourceSurvey, SurveyTask, survey
-from physics_crosscheck.harness.extras.sweep.versions import under_versions
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     AGREE,
@@ -285,8 +284,6 @@ def main(options: argparse.Namespace) -> int:
     try:
         if options.summary is not None:
             return _summary(options.summary)
-        if options.versions:
-            return under_versions(options, _command(options))
         return _sweep(options)
     except SweepError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
@@ -363,8 +360,6 @@ def _command(options: argparse.Namespace) -> list[str]:
     if options.resolution != 1e-9:
         words += ["--resolution", f"{options.resolution!r}"]
     words += ["--thorough"] if options.thorough else []
-    if options.under:
-        words += ["--versions", *options.under]
     return words
 
 

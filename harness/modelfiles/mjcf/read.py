@@ -14,7 +14,9 @@ from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quo
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.harness.modelfiles.formats import is_robot
 from physics_crosscheck.harness.modelfiles.mjcf.tree import KINDS, compiled_robot, compiled_tree
+from physics_crosscheck.harness.modelfiles.parts import included
 from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, refused
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 
@@ -23,6 +25,10 @@ def compiler(suffix: str) -> Engine | None:
     """Return an installed engine that compiles files with this suffix, or None."""
     able = (engine for engine in engines_reading(suffix) if suffix in engine.compiles)
     return next((engine for engine in able if engine.version() is not None), None)
+
+
+MAX_USERS = 100
+"""Number of files of a folder that may include a part."""
 
 
 def parts_of(path: Path) -> tuple[Path, ...]:
@@ -103,7 +109,18 @@ def _refused(
     """Return a robot without a tree, with these problems."""
     compare = "`crosscheck compare` compares it with another file, without equations"
     remedy = "correct the file" if kind == "file" else compare
+    if user := _user_of(path):
+        remedy = f"open {user}, which includes it"
     obstacles = [
         ReadError(sentence=one, file=path, line=line, remedy=remedy, kind=kind) for one in sentences
     ]
     return refused(path, name or path.stem, obstacles, left_out=left_out)
+
+
+def _user_of(part: Path) -> Path | None:
+    """Return a file in the folder of a part, or in the one above, that includes it."""
+    above = (part.parent, part.parent.parent)
+    files = [one for folder in above for one in sorted(folder.glob("*.xml"))[:MAX_USERS]]
+    whole = part.resolve()
+    users = [one for one in files if whole in map(Path.resolve, included(one))]
+    return next((one for one in users if is_robot(one)), None)
