@@ -191,6 +191,10 @@ def clip_ranges(free: Array, limits: Array) -> Array:
     return np.where((bounded[:, 0] < bounded[:, 1])[:, None], bounded, limits)
 
 
+ARMATURES = "armatures"
+"""The setting with `Engine.armatures`."""
+
+
 def held_joints(spec: ModelSpec) -> tuple[str, ...]:
     """Return the setting `held`: joints to fix at their drawn positions.
 
@@ -606,6 +610,12 @@ class Engine(ABC):
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return settings that files of a format can't state and a run needs, at ordinary
         values.
+        """
+        return {}
+
+    def armatures(self, path: Path) -> Mapping[str, float]:
+        """Return inertias that a file adds to its joints' own motions in this engine alone, by
+        joint, kg or kg m^2.
         """
         return {}
 
