@@ -1,4 +1,4 @@
-"""Paths of this package, in a checkout and where it is installed."""
+"""Paths of this package, in a checkout and where it is installed, and shared defaults."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ IMPORT_ROOT = PACKAGE.parent
 
 DEFAULT_FOLDER = Path("reports/baseline")
 """Default folder of the baseline."""
+
+RESOLUTION = 1e-9
+"""Relative discrepancy to resolve, unless another is requested."""
 
 SOURCES = (HARNESS, PACKAGE / "reference")
 """Folders of the code that results depend on."""

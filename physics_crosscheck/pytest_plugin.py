@@ -37,7 +37,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--crosscheck-resolution",
         metavar="R",
-        default="1e-9",
         help="relative difference to resolve [1e-9]",
     )
     group.addoption(

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     dependencies,
     with_reads,
 )
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.baseline import (
     AcceptedAudit,

@@ -28,7 +28,7 @@ from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, version
 from physics_crosscheck.harness.baseline.stale import robot_options, scan_target, stale_models
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import absent_extras
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     Measurement,

@@ -39,7 +39,9 @@ from physics_crosscheck.harness.checks.verdict import (
     with_lost_contact,
     with_spread,
 )
-from physics_crosscheck.harness.engines.protocol import LoadedModel
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
@@ -58,8 +60,15 @@ from physics_crosscheck.harness.records.base import Record, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseKind, SkippedCheck, Stepping
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import EngineInertia, StateErrors
-from physics_crosscheck.harness.results.status import counted
+from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.reference.solving.segments import Motion
+
+MAX_LOSS = 1e-5
+"""Largest relative difference that an engine's documented loss of precision excuses."""
+
+
+POSES_ONLY = "poses only: no link has an <inertial>; 1 kg and 1 kg m^2 stand for each"
+"""Reason of a case that tests no masses."""
 
 
 class StepError(ValueError):
@@ -168,7 +177,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
                 components=task.target.components,
             )
     reason = "; ".join(filter(None, (reason, *judged.model.reservations)))
-    return structs.replace(
+    case = structs.replace(
         _case(task, outcome, reason),
         kind=kind,
         locations=next((p.locations for p in parts.values() if p and p.kind == kind), ()),
@@ -180,8 +189,28 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         stepping=judged.stepping_record(task.target.components),
         forward_dynamics=dynamics_record(judged.dynamics, tuple(judged.model.coordinates)),
         skipped=() if task.thorough else tuple(_skipped(judged, study)),
-        seconds=time.perf_counter() - began,
+        accepted=_precision_limit(task, model, verdict) if outcome is Outcome.DIFFERS else "",
     )
+    if has_stand_ins(task.file) and case.outcome is Outcome.AGREES and case.verdict is not None:
+        judged_by = structs.replace(case.verdict, decided_by="poses")
+        case = structs.replace(case, verdict=judged_by, reason=POSES_ONLY)
+    return structs.replace(case, seconds=time.perf_counter() - began)
+
+
+def _precision_limit(task: ModelTask[Prepared], model: LoadedModel, verdict: CaseJudgement) -> str:
+    """Return the documented loss of precision that causes a difference entirely, or ""."""
+    limits, off = model.precision_limits, verdict.largest_discrepancy
+    if not limits or not off <= MAX_LOSS:
+        return ""
+    settings = {key: value for each in limits.values() for key, value in each.items()}
+    try:
+        exact = run_case(task.with_settings(**settings))
+    except (EngineError, BlownUpError):
+        return ""
+    if exact.outcome is not Outcome.AGREES:
+        return ""
+    whose = f"{engines()[task.engine].title}'s own {percent(off)}"
+    return f"within {whose}: {'; '.join(limits)}"
 
 
 def _inertias(target: Prepared, model: LoadedModel) -> tuple[EngineInertia, ...]:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import install_command
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case, CaseId, CaseKind
 from physics_crosscheck.harness.records.outcome import Outcome

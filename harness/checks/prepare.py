@@ -34,7 +34,7 @@ from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.inertias import impossible_links
-from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.readers import hold_joints, read_robot
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape, Robot, home_of
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
@@ -69,7 +69,7 @@ from physics_crosscheck.reference.solving.next_state import (
     SteppedEquations,
     stepped_equations,
 )
-from physics_crosscheck.reference.solving.samples import samples
+from physics_crosscheck.reference.solving.samples import LockedError, samples
 from physics_crosscheck.reference.solving.segments import Motion, Segments, even_indices
 from physics_crosscheck.reference.solving.solve import solve
 from physics_crosscheck.reference.solving.variants import Variants, variants
@@ -525,13 +525,7 @@ def prepare_tree(
     """
     began = time.perf_counter()
     robot = read_robot(file, floating=floating, model=model)
-    system = robot_system(robot)
-    try:
-        prepared = _solved(file, system, robot.limits, scenario_of(robot), motion, states)
-    except ReferenceError as error:
-        impossible = impossible_links(robot)
-        message = "; ".join([*map(str, impossible), f"{file}: {error}"])
-        raise RobotError(message, impossible) from None
+    robot, prepared = _solved_robot(robot, motion, states)
     left_out = (*(format_omission(one) for one in robot.left_out), *sidecar_beside(file))
     links = (part.link for part in robot.parts)
     prepared = replace(
@@ -544,6 +538,20 @@ def prepare_tree(
         placed=robot.placed,
     )
     return _finished(prepared, began, {})
+
+
+def _solved_robot(robot: Robot, motion: float, states: int) -> tuple[Robot, PreparedTree]:
+    """Return a robot, with joints held that their dampers lock, and its solved equations."""
+    system, file = robot_system(robot), robot.file
+    try:
+        scenario = scenario_of(robot)
+        return robot, _solved(file, system, robot.limits, scenario, motion, states)
+    except LockedError as error:
+        return _solved_robot(hold_joints(robot, error.joints), motion, states)
+    except ReferenceError as error:
+        impossible = impossible_links(robot)
+        message = "; ".join([*map(str, impossible), f"{file}: {error}"])
+        raise RobotError(message, impossible) from None
 
 
 def scenario_of(robot: Robot) -> str:

@@ -313,14 +313,25 @@ def _inertia_record(tree: Tree, body: int, name: str, inertia: SpatialInertia) -
 
 def inertia_difference(first: SpatialInertia, second: SpatialInertia) -> float:
     """Return the largest relative difference of mass, center and moments of inertia."""
-    size = float(np.sqrt(np.trace(second.inertia) / max(second.mass, 1e-300)))
-    off = (
-        abs(first.mass - second.mass) / max(second.mass, 1e-300),
-        float(np.linalg.norm(first.center - second.center)) / (size or 1.0),
-        float(np.linalg.norm(first.inertia - second.inertia))
-        / (float(np.linalg.norm(second.inertia)) or 1.0),
-    )
-    return max(off)
+    return max(off for *_, off in inertia_differences(second, first))
+
+
+def inertia_differences(
+    stated: SpatialInertia, other: SpatialInertia
+) -> Iterator[tuple[str, float, float, float]]:
+    """Yield the number of mass, center and inertia that differs most: its name, both values, and
+    the difference of all, relative to the stated size.
+    """
+    size = float(np.sqrt(np.trace(stated.inertia) / max(stated.mass, 1e-300)))
+    for what, first, second, scale in (
+        ("mass", np.array([stated.mass]), np.array([other.mass]), stated.mass),
+        ("center", stated.center, other.center, size),
+        ("inertia", stated.inertia, other.inertia, float(np.linalg.norm(stated.inertia))),
+    ):
+        index = int(np.argmax(np.abs(second - first)))
+        axes = "".join("xyz"[k] for k in np.unravel_index(index, first.shape) if first.size > 1)
+        off = float(np.linalg.norm(second - first)) / (scale if scale > 0 else 1.0)
+        yield f"{what} {axes}".strip(), float(first.flat[index]), float(second.flat[index]), off
 
 
 def acting_state(

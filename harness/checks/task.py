@@ -11,12 +11,10 @@ from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.reference.mechanism.system import System
-
-RESOLUTION = 1e-9
-"""Relative discrepancy to resolve, unless another is requested."""
 
 P = TypeVar("P", bound=Prepared, covariant=True)
 Q = TypeVar("Q", bound=Prepared)
@@ -81,13 +79,13 @@ class ModelTask(Generic[P]):
         """
         try:
             model = engines()[self.engine].load(self.spec)
+            return model, self.map(model)
         except EngineError as error:
             if self.sidecar is not None:
                 raise
             refused = RefusedError(error.sentence, file=error.file, line=error.line)
             refused.kind = error.kind
             raise refused from error
-        return model, self.map(model)
 
     def map(self, model: LoadedModel) -> CoordinateMap:
         """Build the map from the equations' coordinates to those of a loaded model."""

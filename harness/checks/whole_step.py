@@ -7,7 +7,7 @@ are those of the file.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,11 @@ from physics_crosscheck.harness.checks.law_comparison import (
 )
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
-from physics_crosscheck.harness.checks.scene import acting_state
+from physics_crosscheck.harness.checks.scene import (
+    acting_state,
+    compiled_inertias,
+    inertia_differences,
+)
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, decided, motions_in_words
 from physics_crosscheck.harness.engines.protocol import (
@@ -62,6 +66,7 @@ from physics_crosscheck.harness.records.scene import ActingState
 from physics_crosscheck.harness.results.status import counted, listed
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules, Rules, SoftRules
+from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import TreeError
 
 
@@ -184,7 +189,7 @@ class WholeStepCheck:
 
 
 def case_whole_step(
-    task: ModelTask[Prepared], _model: LoadedModel, _coordinates: CoordinateMap
+    task: ModelTask[Prepared], model: LoadedModel, _coordinates: CoordinateMap
 ) -> WholeStepCheck | None:
     """Compare whole steps of a robot file, unless only its smooth forces are asked for."""
     target = task.target
@@ -195,7 +200,37 @@ def case_whole_step(
     if set(task.spec.settings) - usual:
         return None  # the laws are those of the file as it is shipped
     steps = target.steps if task.spec.path == target.place else None
-    return check_whole_step(target.place, task.spec, task.engine, task.resolution, steps)
+    check = check_whole_step(target.place, task.spec, task.engine, task.resolution, steps)
+    if not (misread := tuple(_misread_inertias(target, model, task.resolution))):
+        return check
+    check = check or WholeStepCheck.skipped()
+    sentences = (*check.record.misread, *(one.sentence for one in misread))
+    record = replace_fields(check.record, misread=sentences)
+    return replace(check, record=record, misread=(*check.misread, *misread))
+
+
+PRINCIPAL_AXES = 1e-5
+"""Relative difference of tensors that an engine's own principal axes leave."""
+
+
+def _misread_inertias(
+    target: PreparedTree, model: LoadedModel, resolution: float
+) -> Iterator[MisreadNumber]:
+    """Yield numbers of moving links that the engine holds otherwise: no motion may show them."""
+    names = {link: name for name, (link, _) in [*target.tree.frames.items()][::-1]}
+    for i, body in compiled_inertias(target.tree, model.inertias).items():
+        link, name = target.tree.links[i], names[i]
+        stated = SpatialInertia(link.mass, link.center, link.inertia)
+        for what, first, other, off in inertia_differences(stated, body):
+            if off > (PRINCIPAL_AXES if what.startswith("inertia") else resolution):
+                yield MisreadNumber(
+                    subject=name,
+                    sentence=f"{what} of {name} is {first:.12g} by the file, and {other:.12g} as"
+                    " compiled",
+                    discrepancy=off,
+                    file=target.place,
+                    line=target.lines.get(name, 0),
+                )
 
 
 def check_whole_step(

@@ -10,7 +10,11 @@ import numpy as np
 from msgspec import structs
 
 from physics_crosscheck.harness.checks.findings import place_of
-from physics_crosscheck.harness.checks.scene import compiled_inertias, inertia_difference
+from physics_crosscheck.harness.checks.scene import (
+    compiled_inertias,
+    inertia_difference,
+    inertia_differences,
+)
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose, largest_remaining
 from physics_crosscheck.harness.diagnosis.fit import Fit
@@ -247,20 +251,13 @@ def _explained_by_compiled_bodies(run: FollowersRun) -> tuple[Explanation, ...]:
 
 
 def _read_causes(name: str, stated: SpatialInertia, body: SpatialInertia) -> Iterator[Cause]:
-    for what, first, other in (
-        ("mass", np.array([stated.mass]), np.array([body.mass])),
-        ("center", stated.center, body.center),
-        ("inertia", stated.inertia, body.inertia),
-    ):
-        off = np.abs(other - first)
-        index = int(np.argmax(off))
-        if off.flat[index] > SAME_INERTIA * np.max(np.abs(first)):
-            axes = "".join("xyz"[k] for k in np.unravel_index(index, off.shape) if off.size > 1)
+    for what, first, other, off in inertia_differences(stated, body):
+        if off > SAME_INERTIA:
             yield Cause(
                 kind="taken",
-                subject=(f"{what} {axes}".strip() + f" of {name}",),
-                nominal=number(float(first.flat[index])),
-                estimate=number(float(other.flat[index])),
+                subject=(f"{what} of {name}",),
+                nominal=number(first),
+                estimate=number(other),
                 standard_error=number(0.0),
                 is_read=True,
             )

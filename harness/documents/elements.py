@@ -16,7 +16,6 @@ from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from xml.parsers import expat
-from xml.sax.saxutils import escape, quoteattr
 
 from physics_crosscheck.harness.documents.errors import (
     EncodingError,
@@ -161,6 +160,8 @@ class XmlElement:
 
     def written(self) -> bytes:
         """Return it as XML: the file's bytes with the changes of this copy."""
+        from xml.sax.saxutils import escape, quoteattr  # it loads urllib.request
+
         element = self.original
         if element is None or element.source is None:
             attributes = "".join(f" {key}={quoteattr(one)}" for key, one in self.attributes.items())
@@ -172,6 +173,8 @@ class XmlElement:
 
     def _edits(self, element: XmlElement, source: SourceFile) -> Iterator[tuple[int, int, bytes]]:
         """Yield the changes of a file's element: ranges of bytes, and their replacements."""
+        from xml.sax.saxutils import quoteattr
+
         spans, inner = attribute_spans(element, source)
         for key, (outer, _) in spans.items():
             given = self.attributes.get(key)

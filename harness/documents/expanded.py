@@ -6,18 +6,19 @@ import hashlib
 import os
 import re
 import shlex
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
-from unittest.mock import patch
 from urllib.parse import unquote, urlsplit
 from xml.dom import Node, expatbuilder
 
 import msgspec
 
 from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.errors import LocationError
 
 XACRO = ".xacro"
 
@@ -42,6 +43,14 @@ LEVELS = 4
 MAX_SOURCES = 500
 """Number of files or folders of one search."""
 
+STAND_INS = "stand-ins"
+"""Folder in the user's cache of copies with inertias that their files lack."""
+
+_NO_PRODUCTS = {"ixy": "0", "ixz": "0", "iyz": "0"}
+
+SEARCH_SECONDS = 10.0
+"""Time after which a package is looked for again."""
+
 T = TypeVar("T")
 
 
@@ -64,29 +73,33 @@ def expand(source: Path) -> Path:
 
     whole = source.absolute()
     words = shlex.split(os.environ.get(ARGUMENTS, ""))
+    absent: list[ExpansionError] = []  # xacro wraps an error within an expression
 
     def find(package: str) -> str:
         folder = next((one for one in package_folders(package, whole) if one.is_dir()), None)
         if folder is None:
-            raise ExpansionError(
+            absent.append(ExpansionError(
                 f"{source}: needs the ROS package {package}, neither beside its own package"
                 " nor in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH. Put its folder beside"
                 f" {package_root(whole)}, or source the setup file of its workspace"
-            )
+            ))  # fmt: skip
+            raise absent[0]
         return str(folder)
 
     try:
         with (
             _marked_parser(xacro),
             replaced(substitution_args, "_eval_find", find),
-            patch.dict(substitution_args._eval_dict, find=find),
+            replaced(
+                substitution_args, "_eval_dict", {**substitution_args._eval_dict, "find": find}
+            ),
         ):
             given = dict(word.split(":=", 1) for word in words)
             tree = xacro.process_file(str(whole), mappings=given)
-    except ExpansionError:
-        raise
     except Exception as error:  # macros evaluate any Python expression
-        raise ExpansionError(f"{source}: xacro: {_reason(error)}") from None
+        raise (
+            absent[0] if absent else ExpansionError(f"{source}: xacro: {_reason(error)}")
+        ) from None
     if not tree.getElementsByTagName("link") and b"xacro:macro" in whole.read_bytes():
         raise ExpansionError(f"{source}: it defines macros, not a robot. {_users(whole)}")
     for mesh in tree.getElementsByTagName("mesh"):
@@ -95,15 +108,55 @@ def expand(source: Path) -> Path:
             mesh.setAttribute("filename", str(file.resolve()))
     marks = list(_marks(tree.documentElement))
     target = _target(whole, words)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}")
-    temporary.write_text(tree.toprettyxml(indent="  "), encoding="utf-8")
-    os.replace(temporary, target)  # another process may read it
+    _write(target, tree.toprettyxml(indent="  ").encode())
     document = Document(target)
     lines = {document.line(one): mark for one, mark in zip(document.elements, marks, strict=True)}
     _LINES[str(target)] = {line: mark for line, mark in lines.items() if mark is not None}
     _SOURCES[str(target)] = str(source)
     return target
+
+
+def with_stand_ins(file: Path) -> Path | None:
+    """Return a copy of a URDF in which 1 kg and 1 kg m^2 stand for the inertias of its links.
+
+    Lines stay. Return None if the file states an inertia or has a sidecar, or isn't XML.
+    """
+    is_urdf = file.suffix == ".urdf" and file.is_file() and not Path(f"{file}.toml").exists()
+    if not is_urdf or b"<inertial" in file.read_bytes():
+        return None
+    try:
+        robot = Document(file).root.copy()
+    except LocationError:
+        return None  # reading it reports the error
+    if robot.find("joint") is None:
+        return None
+    for link in robot.findall("link"):
+        if link.get("name") != "world":
+            inertial = link.add("inertial")
+            inertial.add("mass", {"value": "1"})
+            inertial.add("inertia", {"ixx": "1", "iyy": "1", "izz": "1", **_NO_PRODUCTS})
+    for mesh in robot.iter("mesh"):
+        if (shape := locate_file(file, mesh.get("filename", ""))) is not None:
+            mesh.set("filename", str(shape.resolve()))
+    data, target = robot.written(), _target(file.absolute(), [], STAND_INS)
+    _write(target, data)
+    source = str(source_of(file))
+    lines = {line: (source, line) for line in range(1, data.count(b"\n") + 2)}
+    _LINES[str(target)] = _LINES.get(str(file), lines)
+    _SOURCES[str(target)] = source
+    return target
+
+
+def has_stand_ins(file: Path) -> bool:
+    """Return whether a file is such a copy."""
+    return file.parent.parent.name == STAND_INS
+
+
+def _write(target: Path, data: bytes) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+    temporary.write_bytes(data)
+    os.replace(temporary, target)  # another process may read it
 
 
 def _reason(error: BaseException) -> str:
@@ -161,6 +214,12 @@ def package_folders(package: str, file: Path) -> Iterator[Path]:
         yield from (Path(name, package), *([Path(name)] * (Path(name).name == package)))
 
 
+@lru_cache(maxsize=64)
+def _existing_folders(package: str, model: Path, _period: int) -> tuple[Path, ...]:
+    """Return the folders of a package; many meshes of a file ask for the same one."""
+    return tuple(filter(Path.is_dir, package_folders(package, model)))
+
+
 def _package_name(folder: Path) -> str:
     with suppress(OSError):
         name = re.search(rb"<name>\s*(.*?)\s*</name>", (folder / "package.xml").read_bytes())
@@ -184,8 +243,9 @@ def _places(model: Path, name: str) -> Iterator[Path]:
     if scheme == "file":
         yield Path(unquote(urlsplit(name).path))
         return
-    package, _, inner = rest.partition("/")
-    for folder in package_folders(package, model):
+    # Engines read `package:///arm` as `package://arm`.
+    package, _, inner = rest.lstrip("/").partition("/")
+    for folder in _existing_folders(package, model, int(time.monotonic() / SEARCH_SECONDS)):
         yield folder / inner
     for above in list(model.absolute().parents)[:6]:  # a copy of the package under another name
         yield above / inner
@@ -196,10 +256,10 @@ def expanded_name(source: Path) -> str:
     return f"{source.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
 
 
-def _target(source: Path, words: list[str]) -> Path:
+def _target(source: Path, words: list[str], kind: str = "xacro") -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = hashlib.sha256("\0".join([str(source), *words]).encode()).hexdigest()[:12]
-    return cache / "physics-crosscheck" / "xacro" / folder / expanded_name(source)
+    return cache / "physics-crosscheck" / kind / folder / expanded_name(source)
 
 
 @contextmanager
@@ -222,10 +282,10 @@ def _marked_parser(xacro: Any) -> Iterator[None]:
 
 
 @contextmanager
-def replaced(module: Any, name: str, function: object) -> Iterator[None]:
-    """Replace a function of a library that has no parameter for it; not for several threads."""
+def replaced(module: Any, name: str, value: object) -> Iterator[None]:
+    """Replace an attribute of a library that has no parameter for it; not for several threads."""
     original = getattr(module, name)
-    setattr(module, name, function)
+    setattr(module, name, value)
     try:
         yield
     finally:

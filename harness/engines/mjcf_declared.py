@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.tree import Mimic
-from physics_crosscheck.harness.engines.compiled import CompiledBody
+from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledBody, Numbers
 from physics_crosscheck.harness.engines.mjcf_defaults import (
-    MOTORS,
     Attributes,
     Defaults,
     number_of,
@@ -35,6 +34,9 @@ from physics_crosscheck.harness.engines.protocol import (
     held_joints,
 )
 from physics_crosscheck.harness.engines.urdf_copy import followers_of
+
+_PARAMETERS = 10
+"""Numbers of a compiled gain, and of a bias."""
 
 AUTOMATIC = -1.0
 """MuJoCo's exact value for an automatic length; other negative lengths are lengths."""
@@ -135,8 +137,14 @@ class JointForces:
         moving = {name: share for name, share in shares.items() if name not in self.refs}
         return Spring(moving, k, c, rest - still)
 
-    def actuators(self, controls: Sequence[float]) -> Iterator[HeldActuator]:
+    def actuators(
+        self, controls: Sequence[float], compiled: Sequence[CompiledActuator]
+    ) -> Iterator[HeldActuator]:
         """Yield actuators with an affine law, at these controls, one for each.
+
+        Args:
+            controls: one for each actuator.
+            compiled: their laws, which depend on classes and, for `dampratio`, on inertias.
 
         Raises:
             EngineError: for actuators of other laws, and for a wrong number of controls.
@@ -146,12 +154,13 @@ class JointForces:
             wanted = "1 number" if len(rows) == 1 else f"{len(rows)} numbers"
             sentence = f"[settings] controls is {list(controls)}; expected {wanted}"
             raise self.source.refused(rows[0], sentence)
-        for element, control in zip(rows, controls, strict=True):
-            attributes = self._checked_attributes(element)
-            length, gear = self._length(element, attributes)
+        for element, control, law in zip(rows, controls, compiled, strict=True):
+            numbers = self._affine(element, law)
+            length, gear = self._length(element), numbers["gear"][0]
             if not {name for name in length if name in self.joints}:
                 continue  # the joint is held, so its actuator has no effect
-            gain, bias = self._law(element, attributes)
+            gain, bias = numbers["gain and bias"][0], numbers["gain and bias"][-_PARAMETERS:]
+            bias = bias if "bias affine" in law.kind else (0.0, 0.0, 0.0)
             still = sum(by * self.refs[name] for name, by in length.items() if name in self.refs)
             yield HeldActuator(
                 joints={k: gear * by for k, by in length.items() if k not in self.refs},
@@ -160,64 +169,30 @@ class JointForces:
                 damping=-bias[2],
             )
 
-    def _checked_attributes(self, element: XmlElement) -> Attributes:
-        if element.tag not in MOTORS or self.defaults.mixed(element, MOTORS):
-            raise self.source.unsupported(
-                element, f"an actuator <{element.tag}> of these defaults or laws"
-            )
-        attributes = self.defaults.attributes(element)
-        if (
-            attributes.get("gaintype", "fixed") != "fixed"
-            or attributes.get("dyntype", "none") != "none"
+    def _affine(self, element: XmlElement, law: CompiledActuator) -> Mapping[str, Numbers]:
+        """Return the numbers of an actuator without a state, whose force is affine."""
+        if not {"gain fixed", "dynamics none"} <= {*law.kind} or not (
+            {"bias none", "bias affine"} & {*law.kind}
         ):
             raise self.source.unsupported(element, "an actuator with a state or a gain of a law")
-        for key in ("armature", "damping", "delay", "timeconst"):
-            if any(numbers_of(self.source, element, attributes, key, "0")):
+        numbers = {**dict(law.numbers), **dict(law.ranges)}
+        for key in ("armature", "damping", "delay"):
+            if any(numbers.get(key, ())):
                 raise self.source.unsupported(element, f"an actuator with {key} is not added here")
-        return attributes
+        return numbers
 
-    def _length(
-        self, element: XmlElement, attributes: Attributes
-    ) -> tuple[Mapping[str, float], float]:
-        """Return the combination of joints that it acts on, and its gear."""
-        gear = numbers_of(self.source, element, attributes, "gear", "1")[0]
-        joint, tendon = (
-            attributes.get("joint", attributes.get("jointinparent", "")),
-            attributes.get("tendon", ""),
-        )
+    def _length(self, element: XmlElement) -> Mapping[str, float]:
+        """Return the combination of joints that it acts on."""
+        joint = element.get("joint", element.get("jointinparent", ""))
         if joint in self.refs or (
             joint in self.joints and self.joints[joint].kind in (SLIDE, HINGE)
         ):
-            return {joint: 1.0}, gear
+            return {joint: 1.0}
+        tendon = element.get("tendon", "")
         for fixed in self.source.root.findall("tendon/fixed") if tendon else ():
             if fixed.get("name") == tendon:
-                return self.shares(fixed), gear
+                return self.shares(fixed)
         raise self.source.unsupported(element, "an actuator on no slide, hinge or fixed tendon")
-
-    def _law(
-        self, element: XmlElement, attributes: Attributes
-    ) -> tuple[float, tuple[float, float, float]]:
-        """Return the gain, and the bias coefficients (constant, length, rate)."""
-
-        def parameter(key: str, otherwise: str) -> float:
-            return numbers_of(self.source, element, attributes, key, otherwise)[0]
-
-        if element.tag == "motor":
-            return 1.0, (0.0, 0.0, 0.0)
-        if element.tag == "position" and not parameter("dampratio", "0"):
-            return parameter("kp", "1"), (0.0, -parameter("kp", "1"), -parameter("kv", "0"))
-        if element.tag == "velocity":
-            return parameter("kv", "1"), (0.0, 0.0, -parameter("kv", "1"))
-        affine = attributes.get("biastype", "none") in ("none", "affine")
-        if element.tag != "general" or not affine:
-            raise self.source.unsupported(
-                element, f"an actuator <{element.tag}> of this law is not added here"
-            )
-        if attributes.get("biastype", "none") == "none":
-            return parameter("gainprm", "1"), (0.0, 0.0, 0.0)
-        given = numbers_of(self.source, element, attributes, "biasprm", "0")
-        zero, length, rate = (*given, 0.0, 0.0, 0.0)[:3]
-        return parameter("gainprm", "1"), (zero, length, rate)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,14 +269,16 @@ def declared_mjcf(
         held=still,
         springs=tuple(pulls.springs()),
         tendons=tuple(pulls.tendons()),
-        actuators=tuple(_actuators(source, pulls, spec)),
+        actuators=tuple(_actuators(source, pulls, spec, compiler)),
         mimics=tuple(_mimics(source, joints, refs, followers)),
         inertias=inertias,
         lifts=tuple(lifts_of(source, inertias)),
     )
 
 
-def _actuators(source: MjcfSource, pulls: JointForces, spec: ModelSpec) -> Iterator[HeldActuator]:
+def _actuators(
+    source: MjcfSource, pulls: JointForces, spec: ModelSpec, compiler: Engine | None
+) -> Iterator[HeldActuator]:
     """Yield actuators at held controls; the setting `smooth` is required."""
     rows, controls = source.root.findall("actuator/*"), spec.settings.get("controls")
     if rows and not spec.settings.get("smooth", False):
@@ -314,7 +291,10 @@ def _actuators(source: MjcfSource, pulls: JointForces, spec: ModelSpec) -> Itera
         raise EngineError(f"{spec.path}.toml: {problem}")
     if rows and spec.settings.get("actuators", True) and not source.disabled("actuation"):
         given = controls if isinstance(controls, list) else [0.0] * len(rows)
-        yield from pulls.actuators(given)
+        if compiler is None or compiler.version() is None:
+            lacking = "an installed engine that compiles MJCFs"
+            raise source.unsupported(rows[0], f"the law of an actuator needs {lacking}")
+        yield from pulls.actuators(given, compiler.compiled(source.path).actuators)
 
 
 def _numbers(given: object) -> bool:

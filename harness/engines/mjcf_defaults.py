@@ -10,12 +10,6 @@ from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 
 MAIN = "main"
 
-MOTORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder")
-"""Actuators that share one set of defaults in MuJoCo."""
-
-BOUNDS = frozenset({"ctrllimited", "ctrlrange", "forcelimited", "forcerange", "group"})
-"""Attributes of actuators that exert no force."""
-
 Attributes = Mapping[str, str]
 
 
@@ -59,13 +53,6 @@ class Defaults:
             raise self._source.refused(element, f"its class {name!r} is not among the defaults")
         return _overwritten(self._classes[name].get(tag or element.tag, {}), element)
 
-    def mixed(self, element: XmlElement, tags: tuple[str, ...]) -> bool:
-        """Return whether the defaults of its class also state something for other tags."""
-        name = element.get("class") or self._main
-        defaults = self._classes.get(name, {})
-        others = {key for tag in tags if tag != element.tag for key in defaults.get(tag, {})}
-        return bool(others - BOUNDS)
-
 
 def _overwritten(above: Attributes, element: XmlElement) -> Attributes:
     """Return the attributes of an element, which overwrites the first numbers of its class."""
@@ -86,7 +73,7 @@ def bodies_of(source: MjcfSource) -> Iterator[tuple[XmlElement, str]]:
 def body_names(source: MjcfSource) -> dict[XmlElement, str]:
     """Return each body's name in a copy: its own, or one by its index."""
     bodies = (body for body, _ in bodies_of(source))
-    return {body: body.get("name") or f"body_{i}" for i, body in enumerate(bodies)}
+    return {body: body.get("name") or f"body_{i}" for i, body in enumerate(bodies, 1)}
 
 
 def _below(parent: XmlElement, inherited: str) -> Iterator[tuple[XmlElement, str]]:

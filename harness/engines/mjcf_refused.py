@@ -172,8 +172,6 @@ def _unsupported_joints(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iter
     for joint in free[1:]:
         yield joint.element, "a second body that floats"
     for joint in free:
-        if joint.armature:
-            yield joint.element, "armature of a free joint"
         if sum(other.body is joint.body for other in joints) > 1:
             yield joint.element, "a free joint beside others"
         if all(joint.body not in world for world in source.root.findall("worldbody")):

@@ -289,6 +289,13 @@ class LoadedModel(ABC):
         return {}
 
     @property
+    def precision_limits(self) -> Mapping[str, Mapping[str, object]]:
+        """Documented losses of precision that no number of the file corrects: words -> settings
+        without them.
+        """
+        return {}
+
+    @property
     def integrators(self) -> Mapping[str, Mapping[str, object]]:
         """Other valid integrators of this model: name -> settings that choose it."""
         return {}

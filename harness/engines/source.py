@@ -98,8 +98,9 @@ def temporary_file(root: XmlElement, path: Path) -> Iterator[Path]:
 
 
 def shortened(names: Sequence[str], limit: int = 6, separator: str = ", ") -> str:
-    """Return the first names of a cause, with `...` for the rest."""
-    return separator.join([*names[:limit], "..."] if len(names) > limit else names)
+    """Return the first names of a cause, and the number of the others."""
+    more = len(names) - limit
+    return separator.join(names[:limit]) + (f" and {more} more" if more > 0 else "")
 
 
 def one_line(error: object) -> str:

@@ -15,11 +15,15 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.source import shortened, temporary_file
 
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""
+
+NO_INERTIAL = "without <inertial>"
+"""Words of a cause that is an engine's own mass for such links."""
 
 DEEP = 100.0
 """Depth at which every shape of a robot is below a floor, m."""
@@ -58,7 +62,7 @@ def bare_cause(links: Sequence[XmlElement], given: str) -> str:
     names = [f"{link.get('name', '')}, line {link.place[1]}" for link in links]
     shown = shortened(names, separator="; ")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
-    return f"{given} of {count} without <inertial> ({shown})"
+    return f"{given} of {count} {NO_INERTIAL} ({shown})"
 
 
 Change = Callable[[XmlElement], None]
@@ -71,29 +75,23 @@ def temporary_urdf(
 ) -> Iterator[Path]:
     """Yield a temporary copy of a URDF with changes, or the file itself without changes.
 
-    Relative file names become absolute; those in a package count from the folders above the file.
+    File names become absolute, those of packages too; shapes whose files are missing are left out.
     """
     if robot is None or not changes:
         yield path
         return
     robot = with_changes(robot, changes)
-    for element in robot.iter():
-        name = element.get("filename", "")
-        if name and (shape := _shape_file(name, path)) is not None:
-            element.set("filename", str(shape))
+    for link in robot.findall("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            mesh = shape.find("geometry/mesh")
+            if mesh is None or not (name := mesh.get("filename", "")):
+                continue
+            if (file := locate_file(path, name)) is not None:
+                mesh.set("filename", str(file.resolve()))
+            else:
+                link.remove(shape)
     with temporary_file(robot, path) as file:
         yield file
-
-
-def _shape_file(name: str, path: Path) -> Path | None:
-    """Return the file that a name refers to, or None."""
-    prefix, separator, rest = name.rpartition("://")
-    folders = (path.parent, *path.resolve().parent.parents) if separator else (path.parent,)
-    if prefix not in ("", "package", "model"):
-        return None
-    rest = rest.lstrip("/") if separator else rest  # engines read package:///arm as package://arm
-    shapes = (folder / rest for folder in folders)
-    return next((shape.resolve() for shape in shapes if shape.is_file()), None)
 
 
 def with_changes(robot: XmlElement, changes: Sequence[Change]) -> XmlElement:

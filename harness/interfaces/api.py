@@ -25,7 +25,7 @@ from physics_crosscheck.harness.interfaces.notebook.optional import frame
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.paths import DEFAULT_FOLDER
+from physics_crosscheck.harness.paths import DEFAULT_FOLDER, RESOLUTION
 from physics_crosscheck.harness.planning.options import (
     check_limits,
     check_names,
@@ -225,7 +225,7 @@ def target_names(paths: Iterable[Target | Sequence[Target]]) -> list[str]:
 def check(
     *paths: Target | Sequence[Target],
     engines: Sequence[str] = (),
-    resolution: float = 1e-9,
+    resolution: float | None = None,
     jobs: int = 0,
     limit: float = SECONDS,
     memory: float = MEMORY,
@@ -244,7 +244,8 @@ def check(
             systems, also in lists; none: all built-in systems.
         engines: names of the engines to use; none: every engine that a sidecar names, or that
             reads a robot file.
-        resolution: smallest relative discrepancy to detect.
+        resolution: smallest relative discrepancy to detect; None: 1e-9, or an engine's documented
+            precision if that is less.
         jobs: number of worker processes; 0: one per processor.
         limit: processor seconds per task.
         memory: GiB per worker.
@@ -274,7 +275,8 @@ def check(
         raise FolderError("; ".join(targets.named.faults.values()))
     options = Options(
         engines=tuple(engines),
-        resolution=check_resolution(resolution),
+        resolution=check_resolution(RESOLUTION if resolution is None else resolution),
+        strict=resolution is not None,
         jobs=int(check_number(jobs, "jobs", 0, MOST_JOBS, whole=True)),
         limits=check_limits(limit, memory, "check's "),
         baseline=Path(baseline),

@@ -11,9 +11,8 @@ from typing import Protocol
 from physics_crosscheck.harness.engines.protocol import Spring
 from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, home_of
-from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.bodies import ForceElement, RigidBody
+from physics_crosscheck.harness.modelfiles.robot import LOCKED, Omission, Robot, home_of
+from physics_crosscheck.reference.mechanism.bodies import ForceElement
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 
 FOLLOWERS = "joints that follow others"
@@ -104,6 +103,13 @@ def read_as_it_runs(
         return replace(robot, tree=None)
 
 
+def hold_joints(robot: Robot, names: tuple[str, ...]) -> Robot:
+    """Return a robot whose named joints are fixed where the file draws them, and listed."""
+    left_out = (*robot.left_out, Omission(what=LOCKED, count=len(names), where=names))
+    held = _changed(robot, names, (), released=False)
+    return replace(held, held=(*robot.held, *names), left_out=left_out)
+
+
 def _changed(
     robot: Robot, names: Collection[str], springs: Sequence[Spring], *, released: bool
 ) -> Robot:
@@ -115,15 +121,9 @@ def _changed(
     model = robot.body_model
     if robot.tree is None or model is None:
         return robot
-    bodies = [_without(body, names) for body in model.bodies]
-    couplings = tuple(
-        one
-        for one in model.couplings
-        if not released and not {one.follower, one.leader, *dict(one.others)} & set(names)
-    )
-    pulls = [one for one in model.pulls if not {name for name, _ in one.joints} & set(names)]
-    pulls += [_force_element(f"spring[{i}]", one) for i, one in enumerate(springs)]
-    whole = assembled(bodies, model.gravity, pulls, couplings, model.fluid)
+    kept = model.without(names)
+    pulls = (*kept.pulls, *(_force_element(f"spring[{i}]", one) for i, one in enumerate(springs)))
+    whole = replace(kept, pulls=pulls, couplings=() if released else kept.couplings).assembled()
     count = len(model.couplings) if released else 0
     free = (Omission(what=FOLLOWERS, count=count, where=()),) if count else ()
     return replace(
@@ -134,11 +134,6 @@ def _changed(
         home=home_of(whole.tree, whole.limits),
         left_out=(*free, *robot.left_out),
     )
-
-
-def _without(body: RigidBody, names: Collection[str]) -> RigidBody:
-    """Return a body without the named joints."""
-    return replace(body, joints=tuple(one for one in body.joints if one.name not in names))
 
 
 def _force_element(name: str, spring: Spring) -> ForceElement:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.errors import ReadError
+from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
 
 HELD = "joints that move nothing with inertia (held still)"
+
+LOCKED = "joints that their damping locks (held still)"
 
 FREE_MIMIC = "mimic without a gear: the joint is free"
 
@@ -112,6 +115,27 @@ class BodyModel:
     pulls: tuple[ForceElement, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     fluid: Fluid | None = None
+
+    def without(self, joints: Collection[str]) -> BodyModel:
+        """Return the input with these joints fixed, without what acts on them."""
+        names = set(joints)
+        return replace(
+            self,
+            bodies=tuple(
+                replace(body, joints=tuple(one for one in body.joints if one.name not in names))
+                for body in self.bodies
+            ),
+            pulls=tuple(p for p in self.pulls if names.isdisjoint(name for name, _ in p.joints)),
+            couplings=tuple(
+                one
+                for one in self.couplings
+                if names.isdisjoint((one.follower, one.leader, *dict(one.others)))
+            ),
+        )
+
+    def assembled(self) -> Assembled:
+        """Return the tree; TreeError names the joint of a force that the bodies lack."""
+        return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.fluid)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

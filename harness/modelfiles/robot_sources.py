@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import shlex
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +15,9 @@ from physics_crosscheck.harness.documents.expanded import (
     expand,
     expanded_name,
     replaced,
+    with_stand_ins,
 )
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 
 ROBOT = "robot:"
@@ -26,15 +29,28 @@ _ATTRIBUTES = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
 def source_file(name: str) -> Path | None:
     """Return the model file that a name stands for; None for a name that is a path itself.
 
-    `robot:panda` is a robot of robot_descriptions, from its cache. A `.xacro` file is expanded.
+    `robot:panda` is a robot of robot_descriptions, from its cache. A source for xacro is expanded,
+    also one of the suffix `.urdf`. A URDF without any inertia becomes a copy with stand-ins.
 
     Raises:
         FolderError: naming the problem and the remedy.
     """
     if name.startswith(ROBOT):
-        return _plain(_known_robot(name))
-    path = Path(name)
-    return _plain(path) if path.suffix == XACRO and path.is_file() else None
+        file: Path | None = _plain(_known_robot(name))
+    else:
+        path = Path(name)
+        file = _plain(path) if path.is_file() and is_source(path) else None
+    return with_stand_ins(file or Path(name)) or file
+
+
+def is_source(file: Path) -> bool:
+    """Return whether a file is a source for xacro, by its suffix or its elements."""
+    if file.suffix != ".urdf":
+        return file.suffix == XACRO
+    try:
+        return b"<xacro:" in re.sub(rb"(?s)<!--.*?-->", b"", read_regular(file, MAX_MODEL_BYTES))
+    except OSError:
+        return False
 
 
 def _plain(file: Path) -> Path:
@@ -43,7 +59,7 @@ def _plain(file: Path) -> Path:
     Raises:
         FolderError: naming the problem and the remedy.
     """
-    if file.suffix != XACRO:
+    if not is_source(file):
         return file
     try:
         return expand(file)

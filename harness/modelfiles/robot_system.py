@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from physics_crosscheck.harness.documents.errors import ReadError
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.modelfiles.inertias import impossible_links
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.case import CaseKind
@@ -89,7 +90,8 @@ def names_of(tree: Tree) -> tuple[str, ...]:
 def summary(robot: Robot) -> str:
     """Return a summary such as: 7 joints, 8 links in 7 bodies, 21.4 kg."""
     count = 0 if robot.tree is None else len(robot.tree.links)
-    mass = sum(part.link.mass for part in robot.parts)
+    mass = f"{sum(part.link.mass for part in robot.parts):.4g} kg"
+    mass = "without masses" if has_stand_ins(robot.file) else mass
     links = counted(len(robot.parts), "link")
     bodies = counted(count, "body", "bodies")
-    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass:.4g} kg"
+    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass}"

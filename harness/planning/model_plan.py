@@ -6,10 +6,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from msgspec.structs import replace
+
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.documents.reading import read_regular
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job
-from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.model_files import model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.model_checks import (
@@ -104,12 +106,15 @@ class ModelPlan:
 
     def _ended(self, case: Case) -> Iterator[Job[Any]]:
         """Add a case; after the last one, diagnose the model if any of them differs."""
+        if self._options.strict:
+            case = replace(case, accepted="")
         self._results.add(case)
         self._results.enter(self.key, CASE, case)
         self._remaining -= 1
         mine = [c for c in self._results.cases if c.key == self.key]
         # Motions show no number that only poses depend on, and a misread one has its line already.
-        differs = any(c.outcome is Outcome.DIFFERS and c.kind not in NO_MOTION for c in mine)
+        amiss = (c for c in mine if c.outcome is Outcome.DIFFERS and not c.accepted)
+        differs = any(c.kind not in NO_MOTION for c in amiss)
         if differs and self._options.diagnosed and not self._remaining:
             yield from self._do(DIAGNOSIS, (self.key,))
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MAX_LIMIT, Limits
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
+from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
@@ -138,10 +139,11 @@ class Options:
         scheduler: address of a cluster's scheduler; empty for processes of this machine.
         cache: results of earlier runs, reused where their inputs have not changed.
         thorough: whether every check of a case runs, also those whose answer others imply.
+        strict: whether differences within an engine's own precision count.
     """
 
     engines: tuple[str, ...] = ()
-    resolution: float = 1e-9
+    resolution: float = RESOLUTION
     jobs: int = 0
     limits: Limits = field(default_factory=Limits)
     baseline: Path | None = None
@@ -156,6 +158,7 @@ class Options:
     scheduler: str = ""
     cache: Cache | None = None
     thorough: bool = False
+    strict: bool = False
 
     def robot(self, file: Path) -> RobotOptions:
         """Return the options with which a robot file is read."""

@@ -14,8 +14,8 @@ from msgspec import structs
 from physics_crosscheck.harness.baseline.fingerprint import model_hashes
 from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task
-from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.cache import (
     CacheKey,

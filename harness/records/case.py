@@ -43,6 +43,12 @@ MEASURED: tuple[CaseKind, ...] = (
 )  # fmt: skip
 """Kinds whose reasons differ only in the numbers of a case."""
 
+OWN_LIMITS: tuple[CaseKind, ...] = (
+    "file", "unsupported", "format", "engine", "massless", "negative mass", "moments", "triangle",
+    "not finite", "blows up", "too coarse", "long step", "crash", "exit",
+)  # fmt: skip
+"""Kinds of failures of one engine that others may not have."""
+
 ModelKey = tuple[str, str, str]
 """Folder, model file and engine; systems in different folders can have the same name."""
 
@@ -597,6 +603,11 @@ class Case(Record, frozen=True, kw_only=True):
         worst = max(sizes[0], sizes[1])
         # Bitwise equal: as many digits as a double has.
         return max(0.0, math.floor(-10 * math.log10(worst)) / 10) if worst > 0 else 16.0
+
+    @property
+    def shown(self) -> Outcome:
+        """The outcome to show: AGREES for an accepted difference."""
+        return Outcome.AGREES if self.passes else self.outcome
 
     @property
     def passes(self) -> bool:

@@ -112,7 +112,9 @@ class Diff(Record, frozen=True, kw_only=True):
     code: str = ""
 
     def __post_init__(self) -> None:
-        msgspec.structs.force_setattr(self, "code", gate_code(self.status, self.kinds))
+        # An unchanged file needs no table of codes.
+        code = "" if self.status is Status.SAME else gate_code(self.status, self.kinds)
+        msgspec.structs.force_setattr(self, "code", code)
 
     @property
     def id(self) -> CaseId:

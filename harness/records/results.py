@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Literal
 
 from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.case import OWN_LIMITS, Case, CaseId
 from physics_crosscheck.harness.records.diff import Diff
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -91,6 +91,11 @@ class Results(Record, frozen=True, kw_only=True):
         """Return whether an engine has a verdict on the file of a case."""
         place = case.folder, case.scenario
         return any((c.folder, c.scenario) == place for c in self.cases if c.verdict is not None)
+
+    def is_own_limit(self, case: Case) -> bool:
+        """Return whether a case fails by its engine, and another engine judges the robot file."""
+        is_robot = case.folder.endswith(case.model)
+        return is_robot and case.kind in OWN_LIMITS and self.judges(case)
 
     @property
     def failed(self) -> tuple[Case, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from physics_crosscheck.harness.engines.urdf_copy import NO_INERTIAL
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import AuditFinding
@@ -112,6 +113,10 @@ def advice_of(model: Model, causes: Iterable[Cause]) -> list[str]:
             what = "the link a mass" if len(massless) == 1 else "each link a mass"
             whose = "its inertia" if len(massless) == 1 else "their inertia"
             advice.append(f"give {what}, or remove {whose}")
+        elif cause.kind == "default" and any(NO_INERTIAL in one for one in cause.subject):
+            out = f"leave {model.engine} out where it is not used"
+            how = "--engine, or engines under [tool.crosscheck] in pyproject.toml"
+            advice.append(f"give each link an <inertial>, or {out}: {how}")
         elif cause.kind == "axis":
             advice.append(f"reverse the axis of {', '.join(cause.subject)}")
         elif cause.kind == "exchange":

@@ -49,6 +49,9 @@ MAX_SAMPLED_RATE = 20.0
 MAX_RATE = 1e9
 """Rate above which positions move by rounding only while a joint settles, rad/s."""
 
+LOCKED_RATE = 1e8
+"""Rate above which a joint's own dampers lock it, rad/s."""
+
 MIN_EIGENVALUE = 1e-13
 """Threshold of eigenvalues of a mass matrix with unit diagonal; smaller ones are rounding."""
 
@@ -72,9 +75,11 @@ def samples(
         seed: seed of the random numbers.
 
     Raises:
+        LockedError: if dampers lock joints.
         ReferenceError: if the mass matrix is singular, or the two solutions differ.
     """
     pool = candidates(equations, limits, home, count, seed)
+    _check_locks(equations, pool.settling)
     chosen = select_d_optimal(pool.rows(equations), count)
     q, v = pool.q[chosen], pool.v[chosen]
     forces = equations.forces_for(q, v, pool.a[chosen])
@@ -82,23 +87,40 @@ def samples(
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
     fastest = max(pool.swing, _rates(equations, start, forces)[0], pool.rate, spinning)
     if fastest > MAX_RATE:
-        index = int(np.argmax(pool.settling))
-        joint, rate = equations.system.coordinates[index].name, pool.settling[index]
-        damping = next(
-            (one.damping for one in equations.system.tree.links if one.name == joint), 0.0
-        )
-        why = (
-            f"its damping {damping:g} acts on an inertia of {damping / rate:.2g}: lower the "
-            "damping, or remove the joint if it is locked"
-            if damping > 0 and rate > MAX_RATE
-            else "check the inertia that it moves"
-        )
+        joint = equations.system.coordinates[int(np.argmax(pool.settling))].name
         raise ReferenceError(
             f"its fastest motion takes {1 / fastest:.0e} s, too short to move any "
-            f"position by more than rounding; joint {joint!r} is the fastest; {why}"
+            f"position by more than rounding; joint {joint!r} is the fastest; check the inertia "
+            "that it moves"
         )
     length = min(_length(equations, fastest), pool.longest)
     return solved(equations, start, forces, length, fastest)
+
+
+class LockedError(ReferenceError):
+    """Joints that their own dampers lock."""
+
+    def __init__(self, message: str, joints: tuple[str, ...]) -> None:
+        super().__init__(message)
+        self.joints = joints
+
+
+def _check_locks(equations: TreeEquations, settling: Array) -> None:
+    """Refuse joints that their own dampers lock: engines move them by rounding only."""
+    damping = {link.name: link.damping for link in equations.system.tree.links}
+    names = [coordinate.name for coordinate in equations.system.coordinates]
+    locked = [
+        (name, damping[name], rate)
+        for name, rate in zip(names, settling, strict=True)
+        if rate > LOCKED_RATE and damping.get(name, 0.0) > 0
+    ]
+    if locked:
+        name, damper, rate = locked[0]
+        raise LockedError(
+            f"damping {damper:g} stops joint {name!r}, of inertia {damper / rate:.2g}, within "
+            f"{1 / rate:.0e} s: lower the damping, or fix the joint",
+            tuple(name for name, _, _ in locked),
+        )
 
 
 def solved(

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.case import Case, CaseKind
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
@@ -209,11 +209,21 @@ UNRESOLVED, ABSENT = case(Outcome.UNRESOLVED), case(Outcome.ABSENT)
 ACCEPTED = case(Outcome.DIFFERS, accepted="a soft joint")
 
 
+def robot(kind: CaseKind) -> Case:
+    return case(Outcome.FAILED if kind else Outcome.AGREES, folder="a/mujoco.xml", kind=kind)
+
+
+JUDGED = robot("")
+
+
 @pytest.mark.parametrize(("cases", "required", "code"), [
     ([AGREES, AGREES], False, 0), ([AGREES, DIFFERS], False, 1),
     ([AGREES, UNRESOLVED], False, 1), ([DIFFERS, FAILED], False, 3),
     ([AGREES, ABSENT], False, 0), ([AGREES, ABSENT], True, 3), ([], False, 3),
     ([AGREES, ACCEPTED], False, 0), ([ABSENT, ABSENT], False, 3),
+    # A file's own engine fails on its own limit, on the run's, and without another's verdict.
+    ([JUDGED, robot("crash")], False, 1), ([JUDGED, robot("time limit")], False, 3),
+    ([robot("crash"), robot("file")], False, 3),
 ])  # fmt: skip
 def test_exit_code_depends_on_outcomes(cases: list[Case], required: bool, code: int) -> None:
     assert exit_code(results(*cases), required) == code

@@ -13,12 +13,12 @@ MJCF = """<mujoco>
 <compiler angle="radian"/>
 <option timestep="0.002" integrator="Euler"><flag energy="disable"/></option>
 <default><geom friction="0.7 0.1 0.1"/><default class="light"><joint damping="0.2"/></default>
-</default>
+</default><asset><hfield name="hill" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 2 3"/></asset>
 <worldbody><geom name="floor" type="plane" size="5 5 1"/>
 <body name="box" pos="0 0 0.3"><freejoint name="root"/>
 <geom name="trunk" type="box" size="0.1 0.12 0.05" mass="3"/><site name="tip" pos="0.1 0 0"/>
-<body name="leg" pos="0 -0.1 -0.1"><joint name="hip" axis="0 1 0" range="-0.5 0.5" damping="0.2"
- frictionloss="0.1"/>
+<body name="leg" pos="0 -0.1 -0.1" euler="0 0.3 0"><joint name="hip" axis="0 1 0" range="-0.5 0.5"
+ damping="0.2" frictionloss="0.1"/>
 <geom name="foot" type="sphere" size="0.05" pos="0 0 -0.2" mass="0.5" friction="0.9"/></body>
 <body name="arm" pos="0 0.1 -0.1"><joint name="elbow" axis="1 0 0" damping="0.2"/>
 <geom name="hand" type="capsule" size="0.04 0.1" mass="0.4" contype="1"/></body>
@@ -57,6 +57,9 @@ RED = (
     ('type="plane"', 'type="plane" pos="0 0 0.01"', "floor", 6),
     ('size="0.1 0.12 0.05" mass', 'size="0.1 0.12 0.06" mass', "trunk", 8),
     ('size="0.05" pos="0 0 -0.2"', 'size="0.05" pos="0 0 -0.21"', "foot", 11),
+    ('pos="0 0 -0.2" mass', '\npos="0 0 -0.21" mass', "foot", 12),
+    ("0 1 2 3", "0 1 2 4", "elevation of hfield hill: other heights", 5),
+    ('size="1 1 1 1"', 'size="1 1 2 1"', "size of hfield hill", 5),
     ('contype="1"', 'contype="2" conaffinity="2"', "hand", 13),
     ('contype="1"', 'contype="1" gap="0.01"', "gap", 13),
     ('contype="1"', 'contype="1" surfacevel="0.1 0 0 0 0 0"', "surfacevel", 13),
@@ -88,7 +91,8 @@ GREEN = (
     (' damping="0.2"/>\n<geom name="hand"', ' class="light"/>\n<geom name="hand"'),
     ('type="capsule" size="0.04 0.1"', 'type="capsule" size="0.04" fromto="0 0 0.1 0 0 -0.1"'),
     ('friction="0.9"', 'friction="0.9 0.1 0.1"'),
-    ('<body name="leg" pos="0 -0.1 -0.1">', '<body name="leg" pos="0 -0.10 -1e-1" euler="0 0 0">'),
+    ('<body name="leg" pos="0 -0.1 -0.1"', '<body name="leg" pos="0 -0.10 -1e-1"'),
+    ('euler="0 0.3 0"', 'quat="0.988771 0 0.149438 0"'),  # six digits
     ('body1="leg" body2="arm"', 'body1="arm" body2="leg"'),
     ('name="foot"', 'name="sole"'),
     ('size="0.1 0.12 0.05" mass', 'size="0.12 0.1 0.05" euler="0 0 1.5707963267948966" mass'),

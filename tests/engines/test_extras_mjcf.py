@@ -317,7 +317,6 @@ def test_free_body_is_aligned_with_its_inertia_as_in_mujoco(
     (f'<body><freejoint/>{AWAY}</body>\n<body><freejoint/>{AWAY}</body>', "",
      "3: a second body that floats"),
     (f'<body><joint type="free" stiffness="2"/>{AWAY}</body>', "", "2: a spring or damper"),
-    (f'<body><joint type="free" armature="2"/>{AWAY}</body>', "", "2: armature of a free"),
     (f'<frame pos="1 0 0">{ARM}</frame>', "", "2: <frame> with content that moves"),
     (ARM.replace('mass="2"', 'mass="0"'), "", "2: an inertia without mass"),
     (ARM.replace(hinge(), hinge(more='stiffness="1 2"')), "", "polynomials are not supported"),
@@ -345,10 +344,13 @@ def test_unsupported_features_are_rejected_by_line(
     '<motor joint="j" gear="3"/>', '<position joint="k" kp="5" kv="0.2" gear="2"/>',
     '<velocity joint="j" kv="0.7"/>', '<motor tendon="t" gear="2"/>',
     '<general joint="j" gear="2" gainprm="3" biastype="affine" biasprm="0.3 -2 -0.4"/>',
+    '<position joint="k" kp="5" dampratio="0.7"/>', '<position class="mixed" joint="j" kv="0.1"/>',
+    '<motor class="mixed" joint="j"/>',
 ])  # fmt: skip
 def test_actuators_act_at_constant_controls(name: str, motor: str, tmp_path: Path) -> None:
     extra = TENDON.format("") + f"</tendon><actuator>{motor}</actuator>"
-    path = write(tmp_path, TWO, extra)
+    mixed = '<default class="mixed"><position kp="7"/><general gear="2"/></default>'
+    path = write(tmp_path, TWO, f"<default>{mixed}</default>{extra}")
     settings: dict[str, object] = {"smooth": True, "controls": [0.6]}
     mujoco, model = mjcf("mujoco", path, settings), mjcf(name, path, settings)
     assert off(model, mujoco) < 1e-14
@@ -394,6 +396,24 @@ def test_floating_body_has_the_same_coordinates_as_in_mujoco(name: str, tmp_path
     z, w = rng.normal(size=(2, len(order)))
     for actual, expected in zip(ends(model, z[order], w[order]), ends(mujoco, z, w), strict=True):
         np.testing.assert_allclose(actual, expected[order], atol=1e-9)
+
+
+def test_bodies_without_names_are_counted_as_in_mujoco(tmp_path: Path) -> None:
+    path = write(tmp_path, f'{ARM}<body pos="1 0 0" euler="0 90 0">{AWAY}</body>')
+    places, z = ["body:body_1", "body:body_2"], np.zeros((1, 1))
+    for actual, expected in zip(
+        mjcf("pinocchio", path).poses(places, z), mjcf("mujoco", path).poses(places, z), strict=True
+    ):
+        np.testing.assert_allclose(actual, expected, atol=1e-14)
+
+
+def test_armature_of_a_free_joint_is_inertia_along_the_worlds_axes(tmp_path: Path) -> None:
+    child = f'<body pos="0.1 0.2 0.3">{hinge()}{AWAY}</body>'
+    path = write(tmp_path, f'<body><joint name="f" type="free" armature="2"/>{AWAY}{child}</body>')
+    model, mujoco = mjcf("pinocchio", path), mjcf("mujoco", path, EXACT)
+    assert off(model, mujoco) < 1e-13
+    with pytest.raises(UnsupportedError, match="2: armature of a free joint, which Drake"):
+        mjcf("drake", path)
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.task import ranked
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.finding import AuditFinding
@@ -101,16 +103,34 @@ def diagnosis(hinge: PreparedSystem, sidecar: Sidecar) -> Ranking:
     return ranked(model_task(hinge, "pybullet", sidecar))
 
 
-def test_correct_file_differs_unless_exact_axes_are_set(
-    hinge: PreparedSystem, right: Sidecar
+def test_only_a_correct_file_differs_within_the_engines_own_precision(
+    hinge: PreparedSystem, right: Sidecar, tmp_path: Path
 ) -> None:
-    for sidecar, outcome in ((right, Outcome.DIFFERS), (exact(right), Outcome.AGREES)):
-        assert (
-            run_case(
-                model_task(hinge, "pybullet", sidecar, scenario="free", resolution=1e-11)
-            ).outcome
-            is outcome
+    faulty = wrong(right, {"mass@value": 0.3003}, tmp_path)
+    small = wrong(right, {"mass@value": 0.3000000003}, tmp_path)
+    for sidecar, outcome, within in (
+        (right, Outcome.DIFFERS, True), (exact(right), Outcome.AGREES, False),
+        (faulty, Outcome.DIFFERS, False), (small, Outcome.DIFFERS, False),
+    ):  # fmt: skip
+        case = run_case(model_task(hinge, "pybullet", sidecar, scenario="free", resolution=1e-11))
+        assert case.outcome is outcome
+        assert bool(case.accepted) is within
+        assert not within or re.match(
+            r"within PyBullet's own \d\.\de-\d+: principal axes of body", case.accepted
         )
+
+
+@pytest.mark.parametrize(("options", "code"), [
+    ((), 0), (("--strict",), 1), (("--resolution", "1e-9"), 1),
+])  # fmt: skip
+def test_run_accepts_the_engines_own_precision_unless_it_is_strict(
+    options: tuple[str, ...], code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    off = URDF.replace('0.011" ixz="-0.007" iyz="0.005"', '3e-5" ixz="1e-5" iyz="1.5e-7"')
+    (tmp_path / "body.urdf").write_text(off)
+    words = ["run", str(tmp_path / "body.urdf"), "--engine", "pybullet", *options]
+    assert main([*words, "--out", str(tmp_path / "out")]) == code
+    assert ("within PyBullet's own" in capsys.readouterr().out) is (code == 0)
 
 
 @pytest.mark.slow

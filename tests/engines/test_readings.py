@@ -276,6 +276,18 @@ def test_pybullet_rejects_a_floating_root_of_zero_mass(tmp_path: Path) -> None:
         engines()["pybullet"].load(ModelSpec(path, settings=settings))
 
 
+@pytest.mark.parametrize(("part", "reason"), [
+    ('<link name="w{0}"/><joint name="w{0}" type="fixed"><parent link="g"/><child link="w{0}"/>'
+     "</joint>", r"at most 127 links and the root, and it has 131"),
+    ('<link name="w{0}"/><joint name="f{0}" type="floating"><parent link="g"/><child link="w{0}"/>'
+     "</joint>", r"welds the floating joint 'f0'"),
+])  # fmt: skip
+def test_limits_of_pybullet_are_named_when_it_loads(part: str, reason: str, tmp_path: Path) -> None:
+    count = 130 if "fixed" in part else 1
+    with pytest.raises(EngineError, match=reason):
+        load("pybullet", urdf(extra="".join(map(part.format, range(count)))), tmp_path)
+
+
 def test_point_mass_moves_in_pybullet_and_is_rejected_by_mujoco(tmp_path: Path) -> None:
     point = BELOW.replace("0.01", "0").replace("0 0 -1", "0 0 -2")
     model = load("pybullet", urdf(body=point), tmp_path)

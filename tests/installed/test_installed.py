@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import shutil
+from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from tests.installed.conftest import ROOT, Installed
 from tests.standing import shorten_scenarios
@@ -155,3 +158,36 @@ def test_python_m_runs_the_package_by_its_full_name(installed: Installed, place:
     assert done.returncode == 0, done.stderr
     assert "\n  run " in done.stdout
     assert "the package of the user" in installed.shell("python -m harness", place).stderr
+
+
+def link_extra(home: Path, extra: str) -> None:
+    """Link the distributions of exactly one extra into the environment's site folder."""
+    (folder,) = home.glob("lib/python*/site-packages")
+    needed = [Requirement(f"physics-crosscheck[{extra}]")]
+    for need in needed:
+        package = distribution(need.name)
+        if need.name != "physics-crosscheck":
+            for top in {file.parts[0] for file in package.files or ()} - {"..", "__pycache__"}:
+                if not (folder / top).exists():
+                    (folder / top).symlink_to(Path(str(package.locate_file(top))))
+        inner = [Requirement(text) for text in package.requires or ()]
+        wanted = [{"extra": name} for name in need.extras or ("",)]
+        chosen = [r for r in inner if not r.marker or any(map(r.marker.evaluate, wanted))]
+        needed += [r for r in chosen if r not in needed]
+
+
+def test_picture_has_all_shapes_with_only_the_engines(installed: Installed, tmp_path: Path) -> None:
+    home = tmp_path / "only"
+    shutil.copytree(installed.bin.parent, home, symlinks=True)
+    (dependencies,) = home.glob("lib/python*/site-packages/dependencies.pth")
+    dependencies.unlink()
+    link_extra(home, "engines")
+    robot = Path(str(distribution("pybullet").locate_file("pybullet_data/franka_panda/panda.urdf")))
+    command = f"{home / 'bin' / 'python'} -m physics_crosscheck run {robot} --engine mujoco --out o"
+    done = installed.shell(command, tmp_path)
+    assert done.returncode == 1, done.stdout + done.stderr
+    results = json.loads((tmp_path / "o" / "results.json").read_text())
+    (system,) = results["systems"]
+    drawn = {body["name"] for body in system["scene"]["bodies"] if body["shapes"]}
+    assert {*(f"panda_link{i}" for i in range(8)), "panda_hand", "panda_leftfinger"} <= drawn
+    assert not system["scene"]["unread"]

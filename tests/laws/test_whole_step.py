@@ -21,6 +21,7 @@ from physics_crosscheck.harness.diagnosis.law_problem import law_problem
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.outcome import Outcome
 from tests.laws.scenes import (
     CONNECT,
@@ -328,21 +329,31 @@ def test_wrong_gap_agrees(tmp_path: Path) -> None:
 
 
 MESHED = """<mujoco><asset><mesh file="absent.stl"/></asset><worldbody><body>
-<joint name="hinge" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="2" diaginertia="0.1 0.06 0.05"/>
-<geom type="mesh" mesh="absent"/></body></worldbody></mujoco>"""
+<joint name="hinge" axis="0 1 0" range="-60 60"/><inertial pos="0 0 -.5" mass="2"
+ diaginertia=".1 .06 .05"/><geom type="mesh" mesh="absent"/></body></worldbody></mujoco>"""
+ABSENT = '<collision><geometry><mesh filename="package://arm/absent.stl"/></geometry></collision>'
+MESHED_ARM = URDF_ARM.replace("</link>", f"{ABSENT}</link>")
 
 
-def test_missing_shape_skips_whole_steps_only(
-    tmp_path: Path,
+@use_few_states
+@pytest.mark.parametrize(("name", "text", "engine"), [
+    ("meshed.xml", MESHED, "mujoco"), ("arm.urdf", MESHED_ARM, "mujoco"),
+    ("arm.urdf", MESHED_ARM, "pybullet"),
+])  # fmt: skip
+def test_missing_mesh_costs_its_shape_only(
+    name: str, text: str, engine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Catch a case that fails since only contacts need a file."""
-    file = tmp_path / "meshed.xml"
-    file.write_text(MESHED)
-    case = run_case(model_task(prepare(file), "mujoco"))
+    """Catch whole steps that are lost since a shape has no file."""
+    pytest.importorskip(engine)
+    file = tmp_path / name
+    file.write_text(text)
+    case = run_case(model_task(prepare(file), engine))
     assert case.outcome is Outcome.AGREES
     assert case.whole_step is not None
-    assert case.whole_step.outcome is None
-    assert "absent.stl" in case.whole_step.uncovered[0]
+    assert case.whole_step.outcome is Outcome.AGREES
+    assert "limits" in {term.name for term in case.whole_step.acted}
+    assert main(["run", str(file), "--engine", engine, "--out", str(tmp_path / "out")]) == 0
+    assert capsys.readouterr().out.count("absent.stl is missing; these shapes are left out") == 1
 
 
 @use_few_states

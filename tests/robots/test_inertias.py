@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from tests.robots.files import inertial, joint, link, read, tree_of
 
@@ -80,3 +88,38 @@ def test_inertia_that_is_not_finite_is_reported(tmp_path: Path) -> None:
     robot = Robot(name="r", file=tmp_path, tree=None, parts=(part,), limits=(none, none), home=none,
                   left_out=(), obstacles=())  # fmt: skip
     assert [one.kind for one in impossible_inertias(robot)] == ["not finite"]
+
+
+def _change_in_pybullet(model: Any) -> None:
+    import pybullet as p
+
+    mass, _, moments = p.getDynamicsInfo(model._body, 0)[:3]
+    p.changeDynamics(model._body, 0, mass=1.5 * mass)
+    p.changeDynamics(model._body, 0, localInertiaDiagonal=moments)
+
+
+def _change_in_mujoco(model: Any) -> None:
+    model.model.body_mass[1] *= 1.5
+
+
+@pytest.mark.parametrize(
+    ("engine", "change"), [("pybullet", _change_in_pybullet), ("mujoco", _change_in_mujoco)]
+)
+def test_mass_on_an_axis_is_compared_although_no_motion_shows_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str, change: Callable[[Any], None]
+) -> None:
+    read(tmp_path, link("base"), link("wheel", inertial("2", "1 1 1")), joint("j", "base", "wheel"))
+    task = model_task(prepare_tree(tmp_path / "robot.urdf", states=4), engine)
+    adapter = type(engines()[engine])
+    load = adapter.load
+
+    def changed(self: Engine, spec: ModelSpec) -> LoadedModel:
+        model = load(self, spec)
+        change(model)
+        return model
+
+    assert run_case(task).outcome is Outcome.AGREES
+    monkeypatch.setattr(adapter, "load", changed)
+    case = run_case(task)
+    assert case.outcome is Outcome.DIFFERS
+    assert "robot.urdf:3: mass of wheel is 2 by the file, and 3 as compiled" in case.reason

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.findings import inertia_findings
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
 from tests.robots.files import (
@@ -179,6 +181,45 @@ def test_joints_that_move_no_inertia_are_held_still(tmp_path: Path) -> None:
     assert problems(led) == [
         (6, "joint 'pan' moves nothing with inertia, so its acceleration is undefined"),
     ]
+
+
+_LOCKED = {
+    "robot.urdf": (
+        '<robot name="r"><link name="w"/>'
+        + link("b")
+        + link("c")
+        + joint("lift", "w", "b", '<dynamics damping="1e11"/>')
+        + joint("j", "b", "c")
+        + "</robot>"
+    ),
+    "robot.xml": (
+        '<mujoco><worldbody><body><joint name="lift" type="slide" damping="1e11"/>'
+        '<geom size=".1"/><body pos="1 0 0"><joint name="j"/><geom size=".1"/></body></body>'
+        "</worldbody></mujoco>"
+    ),
+    "robot.sdf": (
+        '<sdf version="1.9"><model name="m"><link name="b"/>'
+        '<link name="c"><pose>1 0 0 0 0 0</pose></link>'
+        '<joint name="lift" type="prismatic"><parent>world</parent><child>b</child><axis>'
+        "<xyz>0 0 1</xyz><dynamics><damping>1e11</damping></dynamics></axis></joint>"
+        '<joint name="j" type="revolute"><parent>b</parent><child>c</child><axis>'
+        "<xyz>0 0 1</xyz></axis></joint></model></sdf>"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", _LOCKED)
+def test_joint_that_damping_locks_is_held_and_listed(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    file.write_text(_LOCKED[name])
+    prepared = prepare_tree(file, states=4)
+    assert (prepared.names, prepared.settings["held"]) == (("j",), ["lift"])
+    assert "joints that their damping locks (held still)" in prepared.left_out
+    (advice,) = [one for one in prepared.findings if one.subject == ("lift",)]
+    assert advice.message.startswith("joint 'lift' is locked by its damping")
+    numbers = robot_numbers(file, prepared.settings).tree({})
+    assert numbers is not None
+    assert numbers.nv == 1
 
 
 def test_file_without_inertia_is_reported_once(tmp_path: Path) -> None:

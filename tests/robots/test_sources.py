@@ -1,15 +1,19 @@
 """Xacro sources and robots by name: their files, and the lines of the sources."""
 
+import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
 
 import pytest
 
 from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.documents import expanded
 from physics_crosscheck.harness.documents.expanded import (
     expand,
     locate_file,
+    package_folders,
 )
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
@@ -113,6 +117,17 @@ def test_packages_beside_the_source_come_before_the_environment(
         assert mass in expand(source).read_text()
 
 
+@pytest.mark.parametrize("file", ["arm.urdf.xacro", "macros.xacro"])
+def test_absent_package_is_named_with_its_remedy(package: Path, file: str) -> None:
+    text = (package / "urdf" / file).read_text()
+    include = (
+        '<xacro:if value="1"><xacro:include filename="$(find none)/a.xacro"/></xacro:if></robot>'
+    )
+    (package / "urdf" / file).write_text(text.replace("</robot>", include))
+    with pytest.raises(FolderError, match=r"^\S+arm.urdf.xacro: needs the ROS package none, nei"):
+        source_file(str(package / "urdf" / "arm.urdf.xacro"))
+
+
 def test_arguments_reach_the_source_and_a_missing_one_is_named(
     package: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,6 +212,48 @@ def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     assert locate_file(model, "package://arm/meshes/absent.stl") is None
 
 
+PLANNED = """<robot name="planned"><link name="base"/>
+<link name="a"/><link name="b"/>
+<joint name="j" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="5" velocity="1"/></joint>
+<joint name="k" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/>
+<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="5" velocity="1"/></joint></robot>
+"""
+
+
+def test_urdf_without_inertia_is_compared_by_poses(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Catch a robot for planning that no engine checks, and lines of the copy that it runs."""
+    file = package / "urdf" / "planned.urdf"
+    file.write_text(PLANNED)
+    assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
+    shown = capsys.readouterr().out
+    assert "3 links in 2 bodies, without masses" in shown
+    assert "digits  poses only" in shown
+    assert re.search(r"with \d+ limits", shown)
+    file.write_text(PLANNED.replace('lower="0"', 'lower="zero"'))
+    main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")])
+    assert "planned.urdf:6" in (shown := capsys.readouterr().out)
+    assert str(package / "cache") not in shown
+
+
+def test_many_missing_meshes_search_their_package_once(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched: list[str] = []
+
+    def folders(name: str, file: Path) -> Iterator[Path]:
+        searched.append(name)
+        return package_folders(name, file)
+
+    monkeypatch.setattr(expanded, "package_folders", folders)
+    monkeypatch.setattr(expanded, "SEARCH_SECONDS", 1e9)
+    for i in range(20):
+        assert locate_file(package / "urdf" / "b.urdf", f"package://gone/{i}.stl") is None
+    assert searched == ["gone"]
+
+
 def test_robot_comes_from_the_cache_without_network(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -210,6 +267,16 @@ def test_robot_comes_from_the_cache_without_network(
     assert source_file("robot:panda") == file
     with pytest.raises(FolderError, match="no such robot; similar: robot:panda"):
         source_file("robot:pandda")
+
+
+def test_source_of_the_suffix_urdf_is_expanded(package: Path) -> None:
+    source = (package / "urdf" / "arm.urdf.xacro").rename(package / "urdf" / "arm.urdf")
+    expanded = source_file(str(source))
+    assert expanded is not None
+    assert read_robot(expanded).tree is not None
+    comment = "<robot><!-- <xacro:include filename='a'/> --><link name='l'/></robot>"
+    (package / "plain.urdf").write_text(comment)
+    assert source_file(str(package / "plain.urdf")) is None
 
 
 def test_plain_path_has_no_source(tmp_path: Path) -> None:

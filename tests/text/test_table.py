@@ -73,9 +73,13 @@ def test_summary_counts_outcomes_and_accepted_cases() -> None:
         case(Outcome.ABSENT, reason="pymunk is not installed"),
     )
     assert summary(run) == (
-        "1 of 3 cases failed, 1 differs, 1 agrees to 11.3 digits, 1 skipped,"
-        " 1 difference accepted (1.5 s)"
+        "1 of 3 cases failed, 1 agrees to 11.3 digits, 1 skipped, 1 difference accepted (1.5 s)"
     )
+    within = results(
+        case(), case(Outcome.DIFFERS, engine="pybullet", accepted="within its own 3e-8")
+    )
+    assert summary(within) == "1 of 2 cases agrees to 11.3 digits, 1 difference accepted (1.5 s)"
+    assert "ok    pybullet  within its own 3e-8" in printed(within)
     assert summary(results()) == "No case was run (1.5 s)"
     assert summary(results(case())) == "1 case agrees to 11.3 digits (1.5 s)"
 

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.plausibility.facts import COMPILED, RobotFacts, WeldedBody
 from physics_crosscheck.harness.checks.plausibility.hull import Hull
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.robot import HELD, LinkPart
+from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
@@ -391,18 +391,29 @@ def _mirrored(name: str) -> str:
     return "".join(_OTHER_SIDE.get(word, word) for word in words)
 
 
+_HELD: Mapping[str, tuple[PlausibilityKind, str]] = {
+    HELD: (
+        "moving without inertia",
+        "moves links without mass: engines hold it, refuse it, or invent a mass. Give a link an"
+        " <inertial>, or fix the joint",
+    ),
+    LOCKED: (
+        "damping ratio",
+        "is locked by its damping, so it is held still. Lower the damping, or fix the joint",
+    ),
+}
+"""Kind and message by the reason for which joints are held."""
+
+
 def moving_without_inertia(facts: RobotFacts) -> Iterator[Advice]:
-    """Yield joints that move links without mass, or with mass but without moments."""
+    """Yield joints that are held, and links that move with mass but without moments."""
     for omission in facts.robot.left_out:
-        if omission.what == HELD:
-            for name in omission.where:
-                yield Advice(
-                    kind="moving without inertia",
-                    subject=(name,),
-                    message=f"joint {quote(name)} moves links without mass: engines hold it, "
-                    "refuse it, or invent a mass. Give a link an <inertial>, or fix the joint",
-                    line=facts.line("joint", name),
-                )
+        for name in omission.where if omission.what in _HELD else ():
+            kind, message = _HELD[omission.what]
+            line = facts.line("joint", name)
+            yield Advice(
+                kind=kind, subject=(name,), message=f"joint {quote(name)} {message}", line=line
+            )
     for body in facts.bodies:
         if not (body.joint and body.shapes):
             continue

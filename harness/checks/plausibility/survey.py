@@ -9,6 +9,7 @@ import numpy as np
 from physics_crosscheck.harness.checks.findings import finding
 from physics_crosscheck.harness.checks.plausibility.facts import RobotFacts
 from physics_crosscheck.harness.checks.plausibility.kinds import advise
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.finding import AuditFinding
@@ -19,7 +20,7 @@ _UNREAD = ("unreadable", "without a reader")
 
 def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     """Return advice about a file with a tree, and a note if its meshes are not read."""
-    if robot.tree is None:
+    if robot.tree is None or has_stand_ins(robot.file):
         return ()
     facts = RobotFacts(robot, robot.tree)
     with np.errstate(all="ignore"):  # bodies whose numbers overflow have no advice

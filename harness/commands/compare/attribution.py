@@ -35,7 +35,7 @@ MAX_SINGLE_TRIALS = 24
 TRIAL_RUNS = 32
 """Runs on which differences are tried."""
 
-MAX_UNCERTAINTY = 1e-7
+MAX_UNCERTAINTY = 1e-9
 """Largest uncertainty of an effect that is taken for none."""
 
 SMOOTH_UNCERTAINTY = 1e-9
@@ -49,7 +49,7 @@ class Attribution:
     Attributes:
         trials: of each difference, and of all together; the largest effect first.
         untried: number of differences not tried alone.
-        silent: differences without a known effect, except visual ones and steps of sidecars.
+        silent: differences without a known effect, except visual ones.
     """
 
     trials: tuple[FileDifference, ...]
@@ -89,7 +89,7 @@ def attributed(
     ]
     engine, root = engines()[prepared.models[0].engine], _root(prepared.models[0].sidecar.model)
     visual = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
-    quiet = [edit.record for edit in differences if not _is_physical(edit, root, visual)]
+    quiet = [edit.record for edit in differences if _is_ineffective(edit, root, visual)]
     if not can:
         return Attribution(trials=tuple(rest), silent=_silent(rest, quiet))
     bench = _Bench.prepare(executor, prepared, recorded, followed, len(can))
@@ -128,15 +128,8 @@ def _silent(trials: Sequence[FileDifference], quiet: Sequence[FileEdit]) -> tupl
     return tuple(edit for edit in (one.edits[0] for one in silent) if edit not in quiet)
 
 
-def _is_physical(edit: SourceEdit, root: str, visual: Iterable[re.Pattern[str]]) -> bool:
-    """Return whether a difference may affect motions at all, unlike colours and time steps."""
-    return not (_is_ineffective(edit, root, visual) or edit.record.what.startswith(SETTINGS))
-
-
 NO_PHYSICS = ("looks", "step and solver")
 """Categories of numbers without physical effect."""
-
-SETTINGS = ("sidecar:settings.step", "sidecar:settings.integrator")
 
 
 def _root(file: Path) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import math
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -285,6 +286,11 @@ def is_same_model(a: Candidate, b: Candidate) -> bool:
 
 def is_rounding(row: ComparedProperty) -> bool:
     """Return whether a difference may be rounding to six digits."""
+    if row.a is not None and row.b is not None:
+        return row.a != row.b and any(
+            math.isclose(float(f"{x:.6g}"), y, rel_tol=STILL)
+            for x, y in ((row.a, row.b), (row.b, row.a))
+        )
     return row.relative is not None and 0.0 < row.relative <= SIX_DIGITS
 
 
@@ -329,7 +335,7 @@ def _is_short(prepared: PreparedComparison) -> bool:
         max((len(one.replace(b".", b"").rstrip(b"0")) for one in _DIGITS.findall(text)), default=0)
         for text in texts
     ]
-    return min(longest) == 6
+    return 6 in longest
 
 
 UNCOMPARED = {
@@ -338,9 +344,12 @@ UNCOMPARED = {
              r"|gazebo/(material|visual)).*",
     ".sdf": r".*(surface|/plugin|velocity_decay|kinematic|enable_wind|stiffness|dissipation|screw"
             r"|self_collide|physics|static|ode).*",
-    ".xml": r"(asset/hfield|extension|deformable).*|.*plugin.*",
+    ".xml": r"(extension|deformable).*|.*plugin.*",
 }  # fmt: skip
 """Parts of files that nothing compares but their text, by format: a pattern of the tags."""
+
+NONE = {"nothing": "none"}
+"""Words of edits, and those of properties."""
 
 
 def unknown_edits(
@@ -352,11 +361,15 @@ def unknown_edits(
     """Return differences of the texts that no motion shows and that nothing else compares."""
     suffix = prepared.models[0].sidecar.model.suffix
     pattern = UNCOMPARED.get(suffix, ".*") if files.sides is not None else ".*"
+    shared = prepared.models[0].engine == prepared.models[1].engine
+    pattern = f"{pattern}|sidecar:.*" if shared else f"(?!sidecar:)({pattern})"
     lines = {str(where) for row in compared.laws or () for where in (row.where_a, row.where_b)}
     return [
         structs.replace(
             make_property(
-                "text", edit.what, f"{edit.what}: {edit.a} in A, {edit.b} in B; effect unknown",
+                "text", edit.what,
+                f"{edit.what}: {NONE.get(edit.a, edit.a)} in A, {NONE.get(edit.b, edit.b)} in B;"
+                " effect unknown",
                 lines=(edit.where_a, edit.where_b), moves=False,
             )[0],
             effect=None,

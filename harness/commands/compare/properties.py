@@ -123,7 +123,8 @@ def _geometry(
         message = f"place of joint {name}: {row.apart:.3g} m apart"
         changed = with_joint(a.placed, row.a, Place(np.eye(3), row.shift))
         yield make_property("anchor", name, message, relative=row.apart / size, changed=changed)
-    if abs(row.zero) > SAME * (1.0 if link.kind == "hinge" else size):
+    share = abs(row.zero) / (1.0 if link.kind == "hinge" else size)
+    if share > SAME:
         unit = "rad" if link.kind == "hinge" else "m"
         sign = -1.0 if row.opposite else 1.0
         shift = f"{row.zero - sign * pair.offset:+.15g}"
@@ -132,7 +133,7 @@ def _geometry(
         slid = Place(np.eye(3), row.zero * u)
         motion = turned_about(point, u, row.zero) if link.kind == "hinge" else slid
         changed = with_joint(a.placed, row.a, motion)
-        yield make_property("zero", name, message, changed=changed)
+        yield make_property("zero", name, message, relative=share, changed=changed)
 
 
 def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterator[Difference]:

@@ -310,6 +310,8 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
                 shown = [f"({value})" if " " in value else value for value in values]
                 about = f"{key} of {subject}" if subject else key
                 message = f"{about}: {shown[0]} in A, {shown[1]} in B"
+                if key == "elevation" and "none" not in values:
+                    message = f"{about}: other heights in B"
                 lines = _text_line(a, subject, key), _text_line(b, subject, key)
                 yield make_stated(
                     kind, subject or key, message, lines=lines, relative=_share(*values)
@@ -349,7 +351,7 @@ def _joint_numbers(
     a: ModelSide, b: ModelSide, pairs: Mapping[str, JointPair]
 ) -> Iterator[Difference]:
     """Yield dry friction, efforts, velocities and couplings of joints that differ."""
-    velocity = ".xml" in (a.file.suffix, b.file.suffix)  # an MJCF can't state one
+    is_mixed = ".xml" in (a.file.suffix, b.file.suffix)
     both = [_by_joint(model, drives=a.file.suffix != b.file.suffix) for model in (a, b)]
     names = {name: pair.b for name, pair in pairs.items()}
     back = {its: name for name, its in names.items()}
@@ -357,16 +359,16 @@ def _joint_numbers(
     for name in dict.fromkeys(every):
         here, there = both[0].get(name, {}), both[1].get(names.get(name, name), {})
         for what in dict.fromkeys([*here, *there]):
-            if what == "velocity" and velocity:
-                continue
             values = here.get(what, ()), tuple(_renamed(there.get(what, ()), back))
-            if what == "effort" and velocity and not all(values) and not _is_driven(a, b, name):
-                continue  # a URDF must state an effort; without a drive it limits nothing
             if not _equal(*values):
                 shown = [_shown(one) for one in values]
                 message = f"{what} of joint {name}: {shown[0]} in A, {shown[1]} in B"
                 lines = lines_of(a, b, what, (name, names.get(name, name)))
                 share = _share(*(" ".join(map(str, one)) or "none" for one in values))
+                if is_mixed and what == "velocity":
+                    share, message = 0.0, f"velocity of joint {name}: no MJCF states one"
+                if is_mixed and what == "effort" and not (all(values) or _is_driven(a, b, name)):
+                    share, message = 0.0, f"{message}; it limits no drive"
                 yield make_stated(what, name, message, lines=lines, relative=share)
 
 

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -61,7 +62,9 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.harness.run import Options, Run, Selection, run
+
+if TYPE_CHECKING:
+    from physics_crosscheck.harness.run import Run
 
 MOST_LINES = 12
 """Maximum number of changed lines reported for a file; beyond it, a diff is more useful."""
@@ -321,6 +324,8 @@ def _accepted(baseline: Path) -> set[Path]:
 
 
 def _run(state: Survey, options: GateOptions, progress: Progress) -> Run:
+    from physics_crosscheck.harness.run import Options, Selection, run
+
     robots = {scan.folder: scan.robot for scan in state.running if scan.robot is not None}
     selection = Selection(models=state.chosen, snapshot=state.snapshot, diagnose=options.diagnose)
     return run(

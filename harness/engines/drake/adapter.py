@@ -245,6 +245,10 @@ class DrakeMjcf(DrakeModel, MjcfModel):
     ) -> None:
         self.stepping = str(spec.settings.get("stepping", SAP))
         MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
+        if (free := self.declared.root) and free.armature:
+            raise self.declared.source.unsupported(
+                free.element, "armature of a free joint, which Drake's adapter does not support"
+            )
         smooth, resolved = bool(self.settings["smooth"]), self.resolved
         root = copy_mjcf(self.declared, limits=not smooth, touches=False, resolved=resolved)
         heavy = [joint for joint in self.declared.singles if joint.armature]

@@ -40,9 +40,14 @@ def without_idle_files(tree: Any, *, contacts: bool = False) -> None:
         contacts: whether meshes in contact are needed, besides those with inertia.
     """
     needed = {*_meshes_with_inertia(tree), *(_acting_meshes(tree) if contacts else ())}
+    missing = _missing_meshes(tree) if contacts else set()
     for mesh in tree.meshes:
-        if (mesh.name or Path(mesh.file).stem) not in needed and mesh.file:
+        name = mesh.name or Path(mesh.file).stem
+        if mesh.file and (name not in needed or name in missing):
             _replace_file(mesh)
+    for geom in tree.geoms:
+        if geom.meshname in missing:
+            geom.contype = geom.conaffinity = 0
     import mujoco
 
     for texture in tree.textures:
@@ -86,6 +91,26 @@ def _meshes_with_inertia(tree: Any) -> Iterator[str]:
     for body in tree.bodies:
         if always or not body.explicitinertial:
             yield from (geom.meshname for geom in body.geoms if geom.meshname)
+
+
+def _missing_meshes(tree: Any) -> set[str]:
+    """Return the names of meshes without a file that only contacts need."""
+    import mujoco
+
+    folders, paired = (tree.modelfiledir, tree.meshdir), set[str]()
+    for pair in tree.pairs:
+        paired |= {pair.geomname1, pair.geomname2}
+    used = {
+        geom.meshname
+        for geom in tree.geoms
+        if geom.type != mujoco.mjtGeom.mjGEOM_MESH or geom.fluid_ellipsoid or geom.name in paired
+    }
+    return {
+        name
+        for mesh in tree.meshes
+        if mesh.file and not Path(_path(*folders, mesh.file)).is_file()
+        if (name := mesh.name or Path(mesh.file).stem) not in used
+    } - set(_meshes_with_inertia(tree))
 
 
 def _acting_meshes(tree: Any) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
@@ -334,6 +335,13 @@ def _others(m: Any) -> tuple[tuple[str, str, str], ...]:
             name = (named[kind](end).name or f"#{end + 1}") if kind in named else ""
             parts.append(f"{kind} {name} {_text(m.wrap_prm[k])}")
         rows.append((f"tendon {m.tendon(i).name or f'#{i + 1}'}", "path", ", ".join(parts)))
+    for i in range(m.nhfield):
+        subject = f"hfield {m.hfield(i).name or f'#{i + 1}'}"
+        shape, first = (int(m.hfield_nrow[i]), int(m.hfield_ncol[i])), int(m.hfield_adr[i])
+        heights = m.hfield_data[first : first + shape[0] * shape[1]]
+        content = hashlib.sha256(heights.tobytes()).hexdigest()[:12]
+        rows.append((subject, "size", _text(m.hfield_size[i])))
+        rows.append((subject, "elevation", f"{shape[0]} x {shape[1]} values, digest {content}"))
     return tuple(rows)
 
 

@@ -89,6 +89,9 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
             self.drawn = _drawn(self._read(root), self.root)
         model = self._read(without_pose(root))
         names = self._names(model)
+        if free := self.declared.root:
+            start = model.joints[model.getJointId(free.name)].idx_v
+            model.armature[start : start + tree_model.FREE] = free.armature
         refs = {one.name: one.ref for one in self.declared.singles}
         self.take(model, names, np.array([refs[n] for row in names for n in row]), self.mimics)
         self.misread = not resolved and (
@@ -101,16 +104,13 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
 
     def _differs_from_defaults(self, model: Any) -> bool:
         """Return whether dampers and armatures of joints differ from those of their classes."""
-        stated = {one.name: one for one in self.declared.singles}
-        ordered = [
-            stated[name] for name in self.coordinates[tree_model.FREE if self.floats else 0 :]
-        ]
-        pairs = ((model.damping, "damping"), (model.armature, "armature"))
-        # A floating root has neither.
+        free = [self.declared.root.armature] * tree_model.FREE if self.declared.root else []
+        stated = {"damping": list[float](), "armature": free}  # of a root; then of other joints
+        for key in stated:
+            stated[key] += [getattr(one, key) for one in self.declared.singles]
         return any(
-            sorted(filter(None, map(float, found)))
-            != sorted(filter(None, (getattr(one, key) for one in ordered)))
-            for found, key in pairs
+            sorted(filter(None, map(float, getattr(model, key)))) != sorted(filter(None, numbers))
+            for key, numbers in stated.items()
         )
 
     def _names(self, model: Any) -> Sequence[Sequence[str]]:

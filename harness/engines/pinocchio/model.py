@@ -79,6 +79,7 @@ class PinocchioModel(SteppedHere):
             else np.argsort(velocity_indices)
         )
         damping = np.array(model.damping)[velocity_indices[first:]]
+        self._root_armature = float(model.armature[root_v]) if self.floats else 0.0
         self._springs = self.dampers(singles, damping)
         along = leader_matrix(mimics, self.coordinates, self.path) if mimics else None
         # In Pinocchio's order.
@@ -130,6 +131,9 @@ class PinocchioModel(SteppedHere):
             turn = from_quaternion(x[:, 3:7].T)
             velocities = np.concatenate([rotate_back(turn, m[:, :3].T).T, m[:, 3:]], axis=1)
             forces[:, :3] = rotate_back(turn, forces[:, :3].T).T
+            if self._root_armature:  # acts on world velocities, which Pinocchio's turn with it
+                carried = cross(velocities[:, 3:6].T, velocities[:, :3].T).T
+                forces[:, :3] -= self._root_armature * carried
         a = self._in_own_order(self._configuration(x), velocities, forces)
         if self.floats:
             inward = a[:, :3].T + cross(velocities[:, 3:6].T, velocities[:, :3].T)

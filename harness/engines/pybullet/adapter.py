@@ -69,7 +69,7 @@ from physics_crosscheck.harness.engines.pybullet.stepper import (
 )
 from physics_crosscheck.harness.engines.pybullet.whole import WHOLE_SETTINGS, PybulletWhole
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, one_line
+from physics_crosscheck.harness.engines.source import engine_errors, one_line, refused, shortened
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
     URDF_NON_PHYSICAL,
@@ -122,7 +122,7 @@ def _errors(text: str) -> list[str]:
     parts = [" ".join(part.split()) for part in _PLACE.split(text)[2::2] if part.strip()]
     kinds = _PLACE.findall(text)
     errors = [part for kind, part in zip(kinds, parts, strict=False) if kind == "Error"]
-    return ["; ".join(errors)] if errors else []
+    return ["; ".join(errors).replace(":; ", ": ")] if errors else []
 
 
 CAUSES = {
@@ -196,6 +196,9 @@ def products_caveat(path: Path) -> tuple[str, ...]:
         "only to about 1e-9, so a discrepancy of that size may be PyBullet's",
     )
 
+
+MAX_LINKS = 127
+"""Links of a body beside its root whose state PyBullet returns (`MAX_DEGREE_OF_FREEDOM`)."""
 
 _client: int | None = None
 _loaded: object = None
@@ -296,6 +299,14 @@ class PybulletModel(LoadedModel):
     ) -> None:
         self.path = str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
+        if (count := len(file.links) - 1) > MAX_LINKS:
+            raise EngineError(
+                f"{self.path}: PyBullet moves at most {MAX_LINKS} links and the root, and it has"
+                f" {count} and the root; merge links behind fixed joints, or leave PyBullet out"
+            )
+        for joint in file.joints.values():
+            if joint.element.get("type") == "floating":
+                raise refused(joint.element, f"PyBullet welds the floating joint {joint.name!r}")
         self._declared = spec, file, springs
         self._changes = (*changes_of(spec), *changes)
         self._load()
@@ -377,6 +388,11 @@ class PybulletModel(LoadedModel):
         if self._long:
             settings[length_cause(self._long)] = UNIT
         return {**settings, axes_cause(self._lost): EXACT} if self._lost else settings
+
+    @property
+    def precision_limits(self) -> Mapping[str, Mapping[str, object]]:
+        """Principal axes that PyBullet's sweeps leave off."""
+        return {f"principal axes of {shortened(tuple(self._lost), 3)}": EXACT} if self._lost else {}
 
     def _left_on(self) -> list[str]:
         return [key for key, default in DISABLED_EFFECTS.items() if self._setting(key) != default]

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import refused
+from physics_crosscheck.harness.engines.source import refused, shortened
 from physics_crosscheck.reference.mechanism.rotations import from_rpy, to_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 
@@ -91,7 +91,7 @@ def check_inertias(path: str, body: int, robot: XmlElement | None) -> None:
     if zeroed:
         links, whose = ("link", "its") if len(zeroed) == 1 else ("links", "their")
         raise EngineError(
-            f"{path}: PyBullet sets the inertia of {links} {', '.join(zeroed)} to "
+            f"{path}: PyBullet sets the inertia of {links} {shortened(zeroed)} to "
             f"zero; {whose} principal moments of inertia violate the triangle "
             "inequality (each must be at most the sum of the other two)"
         )
@@ -161,7 +161,8 @@ def axes_cause(lost: Mapping[str, float]) -> str:
     """Return the cause that a diagnosis reports."""
     whose = "an" if len(lost) > 1 else "its"
     off = max(lost.values())
-    return f"PyBullet's own principal axes of {', '.join(lost)}, {off:.1e} of {whose} inertia off"
+    names = shortened(tuple(lost), 3)
+    return f"PyBullet's own principal axes of {names}, {off:.1e} of {whose} inertia off"
 
 
 def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:

@@ -17,7 +17,7 @@ import numpy as np
 from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
-from physics_crosscheck.harness.checks.task import RESOLUTION, TreeTask, model_task
+from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
 from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned, Timed
 from physics_crosscheck.harness.extras.sweep.source import (
@@ -33,6 +33,7 @@ from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import tree_system

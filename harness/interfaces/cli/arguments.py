@@ -260,7 +260,7 @@ def strict(command: argparse.ArgumentParser) -> None:
     group(command, "Checks").add_argument(
         "--strict",
         action="store_true",
-        help="Fail if part of a file was not compared",
+        help="Fail for parts not compared and losses of an engine's precision",
     )
 
 
@@ -278,7 +278,6 @@ def resolution_of(command: argparse.ArgumentParser) -> None:
     group(command, "Checks").add_argument(
         "--resolution",
         type=resolution,
-        default=1e-9,
         metavar="VALUE",
         help="Smallest relative difference to detect [1e-9]",
     )

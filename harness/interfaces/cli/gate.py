@@ -33,7 +33,6 @@ from physics_crosscheck.harness.render.terminal.console import (
     print_status_lines,
     terminal,
 )
-from physics_crosscheck.harness.render.terminal.progress import Progress
 from physics_crosscheck.harness.results.github import commands, print_commands, write_summary
 
 
@@ -134,5 +133,7 @@ class LateProgress(ExitStack):
     def __call__(self, done: int, total: int, case: Case | None) -> None:
         """Report a finished case."""
         if self._shown is None:
+            from physics_crosscheck.harness.render.terminal.progress import Progress
+
             self._shown = self.enter_context(Progress())
         self._shown(done, total, case)

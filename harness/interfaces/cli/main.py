@@ -25,6 +25,7 @@ from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SI
 from physics_crosscheck.harness.interfaces.cli.help import Command, CommandParser, suggestion
 from physics_crosscheck.harness.jobs.environment import claim_defaults
 from physics_crosscheck.harness.jobs.stop import Stopped, raising
+from physics_crosscheck.harness.paths import RESOLUTION
 
 DESCRIPTION = """\
 Check whether physics model files are right, to nine digits.
@@ -85,6 +86,10 @@ def _parse_and_run(given: Sequence[str]) -> int:
     if options.command is None:
         parser.print_help()
         return AGREE
+    if hasattr(options, "resolution"):
+        # A resolution that the user states also counts where an engine's own precision is less.
+        options.exact = options.resolution is not None
+        options.resolution = options.resolution or RESOLUTION
     if words := getattr(options, "xacro_arg", None):
         os.environ[XACRO_ARGUMENTS] = shlex.join(words)
     for note in getattr(options, "settings_notes", ()):

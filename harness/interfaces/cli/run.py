@@ -221,6 +221,7 @@ def _run(options: argparse.Namespace, wanted: Targets) -> Ran:
         scheduler=options.scheduler,
         cache=cache,
         thorough=options.thorough,
+        strict=options.strict or options.exact,
     )
     with locked(options.out, "run"), Progress(every=options.verbose) as progress:
         with asking() as stop:
@@ -298,12 +299,14 @@ def exit_code(results: Results, require_engines: bool) -> int:
 
     Results without cases fail; accepted differences pass. An audit or linearization that failed
     counts as a failure, and so does a robot file that every engine refuses. A refusal by one engine
-    differs, unless the engine is optional or the refusal is accepted.
+    differs, unless the engine is optional or the refusal is accepted. A failure on an engine's own
+    limit differs if another engine judges the file.
     """
     refused = {(case.folder, case.id) for case in results.refusals}
     counting = [case for case in results.cases if (case.folder, case.id) not in refused]
     outcomes = {case.outcome for case in counting if not case.accepted}
-    if Outcome.FAILED in outcomes or not results.cases or results.untested:
+    failed = [case for case in counting if case.outcome is Outcome.FAILED and not case.accepted]
+    if not all(map(results.is_own_limit, failed)) or not results.cases or results.untested:
         return FAIL
     if any(case.outcome is Outcome.REFUSED and not results.judges(case) for case in counting):
         return FAIL
@@ -311,7 +314,7 @@ def exit_code(results: Results, require_engines: bool) -> int:
         return FAIL
     if require_engines and Outcome.ABSENT in outcomes:
         return FAIL
-    if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.REFUSED}:
+    if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.REFUSED, Outcome.FAILED}:
         return DIFFER
     # An accepted difference includes the audit findings of its model.
     accepted = {(case.folder, case.id.of_model) for case in results.cases if case.accepted}

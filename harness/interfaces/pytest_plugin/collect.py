@@ -18,7 +18,7 @@ import pytest
 from physics_crosscheck.harness.checks.declared import Declared
 from physics_crosscheck.harness.checks.not_run import CannotRun, failed_case, skipped_case
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
-from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -38,7 +38,7 @@ from physics_crosscheck.harness.results.failure import (
     figures,
     in_brief,
 )
-from physics_crosscheck.harness.results.next_steps import changes_of, stated_changes
+from physics_crosscheck.harness.results.next_steps import advice_of, changes_of, stated_changes
 from physics_crosscheck.harness.results.status import (
     Decision,
     TestStatus,
@@ -259,7 +259,9 @@ class CrosscheckItem(pytest.Item):
         """Return a line for each number to change, with its file and line."""
         model = record if isinstance(record, Model) else self._model(diagnosis=diagnosis)
         changes = dict.fromkeys(map(str, [*changes_of(model), *stated_changes(model)]))
-        lines = visible_lines("\n".join(f"Fix: change {change}" for change in changes))
+        causes = diagnosis.explanations[0].causes if diagnosis and diagnosis.explained else ()
+        texts = [*(f"change {change}" for change in changes), *advice_of(model, causes)]
+        lines = visible_lines("\n".join(f"Fix: {text}" for text in texts))
         return lines[:MOST_FIXES]
 
     def _model(self, **fields: Any) -> Model:

@@ -41,6 +41,7 @@ from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.planning.model_checks import AUDIT, CASE, DIAGNOSIS, MEASUREMENT
 from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, task_function
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
@@ -61,6 +62,7 @@ class RunSettings:
         baseline: folder of the accepted differences.
         thorough: whether every check of a case runs.
         smooth: whether robot files run without limits, friction, contacts and drives only.
+        strict: whether the resolution is stated, so that an engine's own precision excuses nothing.
     """
 
     resolution: float
@@ -68,6 +70,7 @@ class RunSettings:
     baseline: Path
     thorough: bool
     smooth: bool
+    strict: bool
 
 
 def run_settings(config: pytest.Config) -> RunSettings:
@@ -76,9 +79,11 @@ def run_settings(config: pytest.Config) -> RunSettings:
     Raises:
         pytest.UsageError: if one is out of range.
     """
+    stated = config.getoption("crosscheck_resolution")
     try:
         return RunSettings(
-            resolution=arguments.resolution(config.getoption("crosscheck_resolution")),
+            resolution=RESOLUTION if stated is None else arguments.resolution(stated),
+            strict=stated is not None,
             limits=Limits(
                 seconds=arguments.seconds(config.getoption("crosscheck_limit")),
                 memory=arguments.memory(config.getoption("crosscheck_memory")),
@@ -194,6 +199,8 @@ class CaseRunner:
         """Return a case with its outcome, and with the reason of its acceptance if there is one."""
         if isinstance(case, Failure):
             return failed_case(case_id, str(target), case)
+        if self._settings.strict:
+            case = structs.replace(case, accepted="")
         if target.is_dir() and case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
             return case
         before = None if target.is_file() and self._settings.smooth else self._before(target)
@@ -302,7 +309,8 @@ class Checker:
         names = target_names(paths)
         # As for `check`, a name without a path is a built-in system.
         named = [str(root / name) if (root / name).exists() else name for name in names]
-        wanted = settings.resolution if resolution is None else resolution
+        stated = settings.resolution if settings.strict else None
+        wanted = stated if resolution is None else resolution
         smooth = smooth or settings.smooth
         key = tuple(named), tuple(engines), wanted, floating, model, smooth
         if key not in self._results:

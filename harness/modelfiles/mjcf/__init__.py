@@ -28,5 +28,5 @@ def numbers(file: Path, settings: Mapping[str, object]) -> CompiledNumbers:
     engine = compiler(file.suffix)
     if engine is None:
         raise RobotError(f"{file}: no engine is installed that compiles {file.suffix} files")
-    controls = settings.get("controls", [])
-    return CompiledNumbers(file, engine, controls if isinstance(controls, list) else [])
+    listed = (settings.get(key) for key in ("controls", "held"))
+    return CompiledNumbers(file, engine, *(one if isinstance(one, list) else [] for one in listed))

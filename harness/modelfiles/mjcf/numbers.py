@@ -71,8 +71,11 @@ class CompiledNumbers:
         unread: why numbers of some of these files are missing, one sentence each.
     """
 
-    def __init__(self, path: Path, engine: Engine, controls: Sequence[float]) -> None:
-        self._path, self._engine, self._controls = path, engine, controls
+    def __init__(
+        self, path: Path, engine: Engine, controls: Sequence[float], held: Collection[str] = ()
+    ) -> None:
+        self._path, self._engine = path, engine
+        self._tree_of = partial(tree_of, controls=controls, held=held)
         self._texts: dict[Path, bytes] = {}
         self._cache: dict[tuple[int, float], _Compiled | None] = {}
         all_numbers: list[Number] = []
@@ -117,7 +120,7 @@ class CompiledNumbers:
         if compiled is None:
             return None
         return _Compiled(
-            read_tree=partial(tree_of, compiled, self._controls),
+            read_tree=partial(self._tree_of, compiled),
             read_laws=partial(_laws_of, compiled),
         )
 
@@ -156,7 +159,7 @@ class CompiledNumbers:
 
     def _tree_like(self, compiled: CompiledTree, original: _Compiled) -> Tree | None:
         """Return a tree with the parts of the original where they are equal, or None."""
-        tree, before = tree_of(compiled, self._controls), original.tree
+        tree, before = self._tree_of(compiled), original.tree
         return tree if tree is None or before is None else _shared(tree, before, _same)
 
     def _compile(self, values: Mapping[int, float]) -> CompiledTree | None:
@@ -173,7 +176,7 @@ class CompiledNumbers:
         """
         compiled = self._engine.compiled(self._path)
         for cause, pulls in compiled.engine_variants:
-            tree = tree_of(replace(compiled, pulls=pulls), self._controls)
+            tree = self._tree_of(replace(compiled, pulls=pulls))
             if tree is not None:
                 yield cause, tree
 

@@ -6,7 +6,7 @@ is not checked. The equations of the bodies are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,12 +63,14 @@ def read_compiled_robot(
         return _refused(path, [str(error)], _left_out(engine, compiled), compiled.name)
 
 
-def tree_of(compiled: CompiledTree, controls: Sequence[float]) -> Tree | None:
-    """Return the tree of a compiled file under held controls, or None."""
+def tree_of(
+    compiled: CompiledTree, controls: Sequence[float], held: Collection[str] = ()
+) -> Tree | None:
+    """Return the tree of a compiled file under held controls, with joints fixed, or None."""
     if list(_problems(compiled)):
         return None
     try:
-        return compiled_tree(compiled, controls)
+        return compiled_tree(compiled, controls, held)
     except TreeError:
         return None
 

@@ -5,7 +5,7 @@ Lines of shapes and sites in an MJCF and its includes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -23,7 +23,7 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledLength,
     CompiledTree,
 )
-from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, read_source_mjcf
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.classes import StatedClasses
 from physics_crosscheck.harness.modelfiles.robot import (
@@ -34,7 +34,6 @@ from physics_crosscheck.harness.modelfiles.robot import (
     Robot,
     home_of,
 )
-from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,
     Coupling,
@@ -94,10 +93,15 @@ def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, ShapeLines]:
 
 def _lines(classes: StatedClasses, path: Path, element: XmlElement, inherited: str) -> ShapeLines:
     chain = classes.chain(element, inherited, (element.tag,)).elements
-    stated = (one.attribute_place("size") for one in reversed(chain) if "size" in one.attributes)
-    size_file, size_line = next(stated, element.place)
-    file, line = element.place
-    return ShapeLines(file=file or path, line=line or 0, size=(size_file or path, size_line or 0))
+
+    def place(*keys: str) -> tuple[Path, int]:
+        """Return the place of the first of these attributes that is stated, or of the element."""
+        stated = (e.attribute_place(k) for k in keys for e in chain[::-1] if k in e.attributes)
+        file, line = next(stated, element.place)
+        return file or path, line or 0
+
+    file, line = place("pos", "fromto", *ORIENTATIONS)
+    return ShapeLines(file=file, line=line, size=place("size"))
 
 
 def _fits(row: _Inherited, place: str) -> bool:
@@ -164,7 +168,7 @@ def compiled_robot(
     """
     controls = held_controls(compiled) if controls is None else tuple(controls)
     body_model = _body_model(compiled, controls)
-    whole = _assembled(body_model)
+    whole = body_model.assembled()
     return Robot(
         name=compiled.name or path.stem,
         file=path,
@@ -206,13 +210,15 @@ def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
         )
 
 
-def compiled_tree(compiled: CompiledTree, controls: Sequence[float]) -> Tree:
-    """Return the tree under held controls.
+def compiled_tree(
+    compiled: CompiledTree, controls: Sequence[float], held: Collection[str] = ()
+) -> Tree:
+    """Return the tree under held controls, with some joints fixed.
 
     Raises:
         TreeError: naming the joint that is not covered.
     """
-    return _assembled(_body_model(compiled, controls)).tree
+    return _body_model(compiled, controls).without(held).assembled().tree
 
 
 def _body_model(compiled: CompiledTree, controls: Sequence[float]) -> BodyModel:
@@ -231,16 +237,6 @@ def _fluid(compiled: CompiledTree) -> Fluid | None:
     if fluid is None:
         return None
     return Fluid(density=fluid.density, viscosity=fluid.viscosity, wind=fluid.wind)
-
-
-def _assembled(body_model: BodyModel) -> Assembled:
-    return assembled(
-        body_model.bodies,
-        body_model.gravity,
-        body_model.pulls,
-        body_model.couplings,
-        body_model.fluid,
-    )
 
 
 def compiled_bodies(compiled: CompiledTree) -> tuple[RigidBody, ...]:

@@ -17,4 +17,5 @@ def read(file: Path, settings: Mapping[str, object]) -> Robot:
 
 def numbers(file: Path, settings: Mapping[str, object]) -> SdfNumbers:
     """Return the numbers of the chosen model."""
-    return SdfNumbers(file, str(settings.get("model", "")))
+    held = settings.get("held")
+    return SdfNumbers(file, str(settings.get("model", "")), held if isinstance(held, list) else [])

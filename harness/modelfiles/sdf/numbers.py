@@ -45,8 +45,8 @@ class SdfNumbers:
 
     unread: tuple[str, ...] = ()
 
-    def __init__(self, path: Path, model: str = "") -> None:
-        self._document, self._chosen = Document(path), model
+    def __init__(self, path: Path, model: str = "", held: Collection[str] = ()) -> None:
+        self._document, self._chosen, self._held = Document(path), model, held
         model_element, _ = chosen_model(self._document, model)
         self.numerals: tuple[Number, ...] = tuple(
             one
@@ -62,9 +62,11 @@ class SdfNumbers:
         with ExitStack() as restored:
             for index, value in values.items():
                 set_temporarily(self.numerals[index], value, restored)
-            tree = read_document(document, self._chosen).tree
+            robot = read_document(document, self._chosen)
         del document.obstacles[count:]
-        return tree
+        if not self._held or robot.tree is None or robot.body_model is None:
+            return robot.tree
+        return robot.body_model.without(self._held).assembled().tree
 
     @property
     def read_numbers(self) -> frozenset[int]:

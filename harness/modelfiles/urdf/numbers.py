@@ -16,6 +16,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.documents.tree import GRAVITY
 from physics_crosscheck.harness.documents.urdf import (
     UrdfFile,
@@ -76,7 +77,10 @@ class UrdfNumbers:
         self._document = Document(path)
         self._file = file = read_urdf(self._document)
         self._held, self.floats = held, floating and file.can_float
-        self.numerals: tuple[Number, ...] = numerals(self._document)
+        every = numerals(self._document)
+        if has_stand_ins(path):
+            every = tuple(one for one in every if "/inertial/" not in one.path)
+        self.numerals: tuple[Number, ...] = every
         owners = {id(link.element) for link in file.links.values()}
         owners |= {id(joint.element) for joint in file.joints.values()}
         owners |= {id(one) for one in self._document.root.findall("gazebo")}

@@ -281,7 +281,7 @@ def verdict(results: Results, collect_issues: Sequence[IssueView]) -> str:
     counts = Counter(case.outcome for case in results.cases)
     parts = [f"{n} {said[n > 1]}" for one, said in _PHRASES.items() if (n := counts[one])]
     if accepted := sum(bool(case.accepted) for case in results.cases):
-        parts.append(f"{accepted} accepted as known")
+        parts.append(f"{accepted} accepted")
     sentence = ", ".join(parts) or "every motion matches the equations"
     sentence = f"{sentence[0].upper()}{sentence[1:]}."
     if fixes := sum(len(one.remedy.fixes) for one in collect_issues):

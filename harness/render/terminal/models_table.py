@@ -165,7 +165,7 @@ def _total(widths: Sequence[int]) -> int:
 
 
 def _row(model: ModelId, cases: Sequence[Case]) -> ModelRow:
-    counts = Counter(case.outcome for case in cases)
+    counts = Counter(case.shown for case in cases)
     status = Text(", ").join(
         Text(f"{counts[one]} {WORDS[one]}", STYLES[one]) for one in reversed(Outcome) if counts[one]
     )
@@ -189,7 +189,7 @@ def _row(model: ModelId, cases: Sequence[Case]) -> ModelRow:
         "dt for 0.1 %": _step_for_tenth(runs),
     }
     names = visible(model.system), visible(model.model), visible(model.engine)
-    return ModelRow(names=names, cells=cells, status=status, agrees=len(agreeing) == len(cases))
+    return ModelRow(names=names, cells=cells, status=status, agrees=set(counts) == {Outcome.AGREES})
 
 
 def _error(error: Number, chaotic: bool) -> str:

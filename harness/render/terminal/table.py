@@ -40,6 +40,7 @@ from physics_crosscheck.harness.results.status import (
     counted,
     duration,
     percent,
+    unread_words,
     unsettled_steps,
 )
 from physics_crosscheck.harness.results.visible import visible
@@ -98,7 +99,7 @@ def print_results(
 
 def summary(results: Results) -> str:
     """Return one line: how many cases agree and to how many digits, or how many do not."""
-    counts = Counter(case.outcome for case in results.cases)
+    counts = Counter(case.outcome for case in results.cases if not case.accepted)
     reached = all(case.engine != "-" for case in results.cases)
     unit = "engine" if reached and is_single_file(results) else "case"
     total = len(results.cases) - counts[Outcome.ABSENT]
@@ -117,7 +118,8 @@ def summary(results: Results) -> str:
     else:
         parts = _failing(counts, total, unit)
         if agreeing:
-            parts.append(f"{len(agreeing)} {_verb(len(agreeing), 'agrees', 'agree')}{to}")
+            share = "" if parts else f" of {counted(total, unit)}"
+            parts.append(f"{len(agreeing)}{share} {_verb(len(agreeing), 'agrees', 'agree')}{to}")
     if counts[Outcome.ABSENT]:
         parts.append(f"{counts[Outcome.ABSENT]} skipped")
     parts += _reservations(results)
@@ -136,6 +138,8 @@ def _failing(counts: Counter[Outcome], total: int, unit: str) -> list[str]:
     if unit == "engine":
         verbs[Outcome.REFUSED] = ("refuses the file", "refuse the file")
     failing = [(counts[one], *verb) for one, verb in verbs.items() if counts[one]]
+    if not failing:
+        return []
     number, *verb = failing[0]
     first = f"{number} of {counted(total, unit)} {_verb(number, *verb)}"
     return [first, *(f"{n} {_verb(n, *each)}" for n, *each in failing[1:])]
@@ -162,6 +166,8 @@ def _reservations(results: Results) -> list[str]:
         parts.append(f"{counted(accepted, 'difference')} accepted")
     if refused := len(results.refusals):
         parts.append(f"{counted(refused, 'refusal')} ignored without --strict")
+    if by_poses := sum(map(_by_poses, results.cases)):
+        parts.append(f"{by_poses} by poses only")
     if results.stopped:
         parts.append(f"stopped by {results.stopped}, {len(results.not_run)} not run")
     if results.cached:
@@ -193,12 +199,12 @@ def case_line(done: int, total: int, case: Case) -> str:
     """Return one plain line for a finished case, for logs; a total of 0 is unknown."""
     verdict = case.verdict
     number = ""
-    if case.outcome is Outcome.DIFFERS and verdict is not None and verdict.discrepancy is not None:
+    if case.shown is Outcome.DIFFERS and verdict is not None and verdict.discrepancy is not None:
         number = f"  off by {percent(verdict.discrepancy)}"
     elif (digits := case.digits) is not None and case.outcome is Outcome.AGREES:
         number = f"  {digits:.1f} digits"
     count = f"{done}/{total}" if total else f"{done}"
-    return f"[{count}] {WORDS[case.outcome]:<10} {case.id}{number}"
+    return f"[{count}] {WORDS[case.shown]:<10} {case.id}{number}"
 
 
 def _print_header(console: Console, results: Results) -> None:
@@ -212,7 +218,7 @@ def _print_header(console: Console, results: Results) -> None:
     models = counted(len({(case.folder, case.model) for case in results.cases}), "model")
     first = next(iter(systems.values()), "")
     name = f"{first}  {models}" if len(systems) == 1 else f"{len(systems)} systems, {models}"
-    counts = Counter(case.outcome for case in results.cases)
+    counts = Counter(case.shown for case in results.cases)
     words = ", ".join(f"{counts[one]} {WORDS[one]}" for one in Outcome if counts[one])
     if systems:
         print_wrapped(console, f"{name.ljust(min(COUNTS_AT, console.width // 2))}  {words}")
@@ -231,27 +237,29 @@ def _print_models(console: Console, results: Results, details: bool) -> None:
     reached = [case for case in results.cases if case.engine != "-"]
     cases = [case for case in reached if case.outcome is not Outcome.ABSENT]
     rows = len({(case.folder, case.id.of_model) for case in cases})
-    red = any(case.outcome is not Outcome.AGREES for case in cases)
+    red = any(case.shown is not Outcome.AGREES for case in cases)
     one_folder = len({case.folder for case in cases}) == 1
     if details or (red and rows > 1 and not is_single_file(results)):
         if red:
             console.print()
         print_models(console, cases, details=details)
     elif one_folder:
-        _print_engines(console, [case for case in cases if case.outcome is Outcome.AGREES])
+        _print_engines(console, [case for case in cases if case.passes])
     elif rows <= GREEN_ROWS:
         print_models(console, cases)
 
 
 def _print_engines(console: Console, cases: Sequence[Case]) -> None:
-    """Print one line per engine in which every case of a folder agrees."""
+    """Print one line per engine in which cases of a folder pass."""
     by_engine: dict[str, list[Case]] = {}
     for case in cases:
         by_engine.setdefault(case.engine, []).append(case)
     width = max((len(name) for name in by_engine), default=0)
     for engine, agreeing in by_engine.items():
-        digits = finite_values(one.digits for one in agreeing)
+        digits = finite_values(one.digits for one in agreeing if not one.accepted)
         parts = [f"{min(digits):.1f} digits"] if digits else []
+        parts += dict.fromkeys(one.accepted for one in agreeing if one.accepted)
+        parts += ["poses only"] if any(map(_by_poses, agreeing)) else []
         if len(cases) > len(by_engine):
             parts.insert(0, f"{counted(len(agreeing), 'case'):<8}")
         if chaotic := sum(map(is_chaotic, agreeing)):
@@ -259,6 +267,12 @@ def _print_engines(console: Console, cases: Sequence[Case]) -> None:
         style, word = STYLES[Outcome.AGREES], WORDS[Outcome.AGREES]
         text = f"{engine:<{width}}  {'  '.join(parts)}"
         print_wrapped(console, text, lead=f"  {word:<5} ", style=style, indent=8)
+
+
+def _by_poses(case: Case) -> bool:
+    """Return whether a case agrees by its poses, since its file has no inertias."""
+    verdict = case.verdict
+    return case.outcome is Outcome.AGREES and verdict is not None and verdict.decided_by == "poses"
 
 
 def _print_notes(console: Console, results: Results, details: bool) -> None:
@@ -271,10 +285,18 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         print_wrapped(console, f"{line}; --details lists the rest")
         for line in _acting_lines(results):
             print_wrapped(console, line, indent=2)
+    for system in results.systems:
+        meshes = () if system.scene is None else system.scene.unread
+        missing = [one for one in meshes if one.problem == "missing"]
+        if missing:
+            print_wrapped(console, f"{unread_words(missing)}; these shapes are left out")
     lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
     for line in lines:
         print_wrapped(console, line)
-    if reserved := [c for c in results.cases if c.outcome is Outcome.AGREES and c.reason]:
+    for reason in dict.fromkeys(case.reason for case in results.cases if _by_poses(case)):
+        print_wrapped(console, reason)
+    agreeing = [c for c in results.cases if c.outcome is Outcome.AGREES and not _by_poses(c)]
+    if reserved := [case for case in agreeing if case.reason]:
         verb = _verb(len(reserved), "agrees", "agree")
         text = f"{counted(len(reserved), 'case')} {verb} with a reservation"
         print_wrapped(console, f"{text}; --details lists {_verb(len(reserved), 'it', 'them')}")
