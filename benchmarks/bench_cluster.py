@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import pickle
 import tempfile
 import time
 from collections import Counter
@@ -17,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
-from physics_crosscheck.harness.jobs import payload
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
@@ -40,7 +40,7 @@ def size(folder: Path) -> dict[str, tuple[int, int]]:
     for job in first.done(prepared):
         task = (job.task.function, job.task.argument)
         count, largest = sizes.get(job.task.function.__name__, (0, 0))
-        sent = len(payload.serialize(task, places=frozenset([str(folder)])))
+        sent = len(pickle.dumps(task, protocol=pickle.HIGHEST_PROTOCOL))
         sizes[job.task.function.__name__] = count + 1, max(largest, sent)
     return sizes
 

@@ -1,10 +1,10 @@
 """Faults planted in a loaded model: does the run differ, or is the number listed as not tested?
 
-`python -m campaigns.compiled_arrays FILE...` changes one entry of each array of a compiled MJCF in
-MuJoCo, or of each number of `changeDynamics` of a URDF in PyBullet, after loading, by 1e-4 and by
-10 %, or a flag. It prints a table by array: faults planted, detected, listed (the file's numbers of
-this kind are not counted as tested, or the file states none), without effect on any step from the
-drawn states, and wrongly green. The exit code is 1 if any is wrongly green.
+`python -m campaigns.compiled_arrays FILE... [--engine NAME]` changes entries of each array of a
+compiled MJCF in MuJoCo, or each number that has a setter in PyBullet, Drake or DART, after loading,
+by 1e-4 and by 10 %, or a flag. It prints a table: faults planted, detected, listed (the file's
+number is not counted as tested), not stated in the file, stated by a default that acts elsewhere,
+without effect on any step, and wrongly green. The exit code is 1 if any is wrongly green.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import argparse
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -21,24 +21,26 @@ from unittest.mock import patch
 import numpy as np
 
 from campaigns.laws import spec_of
+from campaigns.setters import SETTERS, SHARES, LoadedFault, Plant, planting, setter_faults
+from physics_crosscheck.harness.checks import law_states
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
+from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.diagnosis.coverage import SMOOTH, NumberEffect, counted_numbers
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.protocol import EngineStep, WholeState
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
+from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.outcome import Outcome
 
-Plant = Callable[[Any], None]
-"""Changes a loaded model."""
-
-SHARES = (1e-4, 0.1)
-
 STATES = 24
-"""States at which steps with and without a fault are compared."""
+"""Further states at which steps with and without a fault are compared."""
+
+SEEDS = 7, 8
+"""Seeds of states that are drawn as those of a check."""
 
 PREFIXES = "body_", "jnt_", "dof_", "geom_", "site_", "tendon_", "actuator_", "eq_", "pair_", "qpos"
 FLAGS = re.compile(
@@ -46,13 +48,24 @@ FLAGS = re.compile(
 )
 OPTIONS = "timestep", "gravity", "wind", "density", "viscosity", "impratio", "integrator", "cone"
 ATTRIBUTES: Mapping[str, str] = {
-    "gap": "gap", "sameframe": "", "subtreemass": "", "invweight0": "", "rbound": "", "aabb": "",
-    "margin": "margin", "solimp": "solimp.*", "solref": "solref.*", "friction": "friction",
-    "key": "qpos", "cranklength": "cranklength", "lengthrange": "lengthrange", "group": "group",
-    "user": "user", "rgba": "rgba", "size": "size", "pos": "pos", "quat": "quat",
-    "frictionloss": "frictionloss", "range": "range", "fluid": "fluidcoef",
+    "sameframe|subtreemass|invweight0|rbound|aabb|M0|acc0|length0?|lengthrange|user|rgba|group": "",
+    "sol(ref|imp)(_lim|_fri)?": "sol(ref|imp)(limit|friction)?", "active0": "active",
+    "size": "size|fromto|height", "i?pos": "pos|fromto", "i?quat": "quat|euler|axisangle|fromto",
+    "inertia": "diaginertia|fullinertia|mass|density", "mass": "mass|density",
+    "limited": "range|limited", "actfrcrange": "actuatorfrcrange", "fluid": "fluidcoef",
+    "gainprm|biasprm": "gainprm|biasprm|k[pv]|dampratio", "data": "polycoef|anchor|relpose",
+    "dynprm": "dynprm|timeconst", "lengthspring": "springlength", "dim": "condim",
+    "qpos0": "ref", "spring": "springref", "dampingpoly": "damping", "stiffnesspoly": "stiffness",
+    "actgravcomp": "actuatorgravcomp",
 }  # fmt: skip
-"""Pattern of the attribute that an array's last word stands for; others have their own name."""
+"""Patterns of attributes by patterns of the last words of arrays; others have their own name."""
+
+ELEMENTS: Mapping[str, str] = {
+    "body": "(body|inertial|geom)", "jnt": "(free)?joint", "dof": "(free)?joint", "qpos": "joint",
+    "tendon": "(fixed|spatial|tendon)", "eq": r"equality(/\w+)?", "opt": "option",
+    "actuator": r"(actuator|default.*)/\w+",
+}  # fmt: skip
+"""Patterns of elements by first words of arrays; others have their own name."""
 
 
 def arrays(model: Any) -> Iterator[tuple[str, Any]]:
@@ -67,18 +80,37 @@ def arrays(model: Any) -> Iterator[tuple[str, Any]]:
         yield f"opt.{name}", getattr(model.opt, name)
 
 
-def array_faults(model: Any, rng: np.random.Generator) -> Iterator[tuple[str, Plant]]:
-    """Yield the name of each array of a model with changes of one of its entries."""
+def array_faults(model: Any, rng: np.random.Generator, each: int) -> Iterator[LoadedFault]:
+    """Yield changes of entries of each array of a model."""
     for name, values in arrays(model):
-        size, place = np.size(values), int(rng.integers(np.size(values)))
         used = np.flatnonzero(np.asarray(values).ravel())
-        place = int(rng.choice(used)) if len(used) else place
+        places = used if len(used) else np.arange(np.size(values))
+        chosen = rng.choice(places, min(each, len(places)), replace=False)
         whole = np.asarray(values).dtype.kind not in "f"
-        for share in SHARES[:1] if whole else SHARES:
-            yield name, _change(name, place, None if whole else share, scalar=size == 1)
+        first, _, last = name.replace(".", "_").partition("_")
+        last = last.rpartition("_")[2] if not last.endswith(("_lim", "_fri")) else last
+        key = next((k for word, k in ATTRIBUTES.items() if re.fullmatch(word, last)), last)
+        path = f"mujoco(/.*)?/{ELEMENTS.get(first, first)}@({key or '-'})"
+        for place in map(int, chosen):
+            row, word = divmod(place, np.size(values) // max(1, len(np.atleast_1d(values))))
+            owner = _owner(model, first, row)
+            for share in (None,) if whole else SHARES:
+                yield LoadedFault(name, _change(name, place, share), path, owner, word)
 
 
-def _change(name: str, place: int, share: float | None, *, scalar: bool) -> Plant:
+def _owner(model: Any, kind: str, row: int) -> str:
+    """Return the name of an element, or of its body."""
+    if kind == "dof":
+        kind, row = "jnt", int(model.dof_jntid[row])
+    if kind not in ("body", "jnt", "geom", "site", "tendon", "actuator"):
+        return ""
+    item = getattr(model, "joint" if kind == "jnt" else kind)(row)
+    return str(
+        item.name or (model.body(int(item.bodyid[0])).name if hasattr(item, "bodyid") else "")
+    )
+
+
+def _change(name: str, place: int, share: float | None) -> Plant:
     def plant(loaded: Any) -> None:
         model: Any = getattr(loaded, "_model", None) or loaded.model
         owner, _, key = name.rpartition(".")
@@ -94,93 +126,51 @@ def _change(name: str, place: int, share: float | None, *, scalar: bool) -> Plan
     return plant
 
 
-def dynamics_faults(body: int, rng: np.random.Generator) -> Iterator[tuple[str, Plant]]:
-    """Yield the names of numbers of PyBullet's `changeDynamics` with changes of one link."""
-    import pybullet as p
-
-    link = int(rng.integers(0, max(1, p.getNumJoints(body))))
-    info = p.getDynamicsInfo(body, link)
-    mass, friction, inertia, restitution, damping, stiffness = (info[k] for k in (0, 1, 2, 5, 8, 9))
-    lower, upper = p.getJointInfo(body, link)[8:10]
-    for share in SHARES:
-        up = 1 + share
-        changes: dict[str, dict[str, Any]] = {
-            "mass": {"mass": up * mass},
-            "localInertiaDiagonal": {"localInertiaDiagonal": [up * one for one in inertia]},
-            "lateralFriction": {"lateralFriction": up * friction},
-            "restitution": {"restitution": up * restitution or share},
-            "linearDamping": {"linearDamping": share},
-            "angularDamping": {"angularDamping": share},
-            "jointDamping": {"jointDamping": share},
-            "contactStiffness": {
-                "contactStiffness": up * max(stiffness, 1e4), "contactDamping": max(damping, 10.0)
-            },
-            "jointLowerLimit": {
-                "jointLowerLimit": lower - share, "jointUpperLimit": max(lower, upper)
-            },
-        }  # fmt: skip
-        for name, values in changes.items():
-            yield name, _set_dynamics(link, values)
-
-
-def _set_dynamics(link: int, values: Mapping[str, Any]) -> Plant:
-    def plant(loaded: Any) -> None:
-        import pybullet as p
-
-        p.changeDynamics(loaded._body, link, **values)
-
-    return plant
-
-
 def run_with(task: TreeTask, plant: Plant | None) -> Outcome:
     """Run a case whose engine changes each model after loading it."""
-    engine = engines()[task.engine]
-    task = task.with_target(steps=KeptSteps())
-
-    def planted(load: Callable[[Any], Any]) -> Callable[[Any, Any], Any]:
-        def changed(_: Any, spec: Any) -> Any:
-            model = load(spec)
-            if model is not None and plant is not None:
-                plant(model)
-            return model
-
-        return changed
-
-    kind = type(engine)
-    with (
-        patch.object(kind, "load", planted(engine.load)),
-        patch.object(kind, "load_whole", planted(engine.load_whole)),
-    ):
-        return run_case(task).outcome
+    with planting(task.engine, plant):
+        return run_case(task.with_target(steps=KeptSteps())).outcome
 
 
 class PlantedRobot:
-    """A file that agrees, with its steps and the coverage of each attribute."""
+    """A file that agrees, with its steps and the coverage of each number."""
 
-    def __init__(self, file: Path, rng: np.random.Generator) -> None:
-        self.engine, spec = spec_of(file)
-        self.task = model_task(prepare_tree(file, states=8), self.engine)
-        self.task = self.task.with_settings(**spec.settings)
+    def __init__(
+        self, file: Path, rng: np.random.Generator, engine: str, each: int, *, floating: bool
+    ) -> None:
+        self.engine, self._spec = spec_of(file, engine, floating=floating)
+        prepared = prepare_tree(file, states=8, floating=floating)
+        self.task = model_task(prepared, self.engine).with_settings(**self._spec.settings)
         self.agrees = run_with(self.task, None) is Outcome.AGREES
-        self._spec = spec
-        model = self._load()
-        self.states = list(self._drawn(model, rng))
-        self.steps = [model.evaluate(state) for state in self.states]
-        self.faults = list(
-            dynamics_faults(model._body, rng)
-            if self.engine == "pybullet"
-            else array_faults(model._model, rng)
-        )
-        counted = counted_numbers(self.task, robot_numbers(file, self.task.spec.settings))
+        self.faults = list[LoadedFault]()
+        if not self.agrees:
+            return
+        self._file, self._kept = file, KeptSteps()
+        model = self._load(None)
+        self.states = [] if model is None else list(self._drawn(model, rng))
+        self.steps = self._evaluated(None)
+        if self.engine in SETTERS:
+            self.faults += setter_faults(self.engine, self._spec, rng, each)
+        else:
+            self.faults += array_faults(model._model, rng, each)
+        numbers = robot_numbers(file, self.task.spec.settings)
+        counted = counted_numbers(self.task, numbers)
         tested = (*SMOOTH, NumberEffect.SHAPES)
-        self.tested = {
-            one.path.rpartition("@")[2] for one in counted if one.bound or one.effect in tested
-        }
+        self.numbers = [
+            (number, one.bound or one.effect in tested)
+            for one, number in zip(counted, numbers.numerals, strict=True)
+        ]
 
-    def _load(self) -> Any:
-        return engines()[self.engine].load_whole(self._spec)
+    def _load(self, plant: Plant | None) -> Any:
+        with planting(self.engine, plant):
+            return engines()[self.engine].load_whole(self._spec)
 
     def _drawn(self, model: Any, rng: np.random.Generator) -> Iterator[WholeState]:
+        for seed in SEEDS:
+            with patch.object(law_states, "SEED", seed):
+                steps = KeptSteps()
+                check_whole_step(self._file, self._spec, self.engine, 1e-9, steps)
+                yield from (sample.state for sample in steps.kept(self.engine)[1])
         start = next(iter(model.starts))
         for k in range(STATES):
             moved = model.moved(start, int(rng.integers(1, 300))) if k % 2 else start
@@ -189,28 +179,29 @@ class PlantedRobot:
             controls = rng.uniform(-2, 2, len(moved.controls)) + 0 * moved.controls
             yield moved._replace(z=z if k % 4 > 1 else moved.z, m=m, controls=controls)
 
+    def _evaluated(self, plant: Plant | None) -> list[EngineStep]:
+        with planting(self.engine, plant):
+            model = engines()[self.engine].load_whole(self._spec)
+            return [] if model is None else [model.evaluate(state) for state in self.states]
+
     def acts(self, plant: Plant) -> bool:
         """Return whether a fault changes a step from a state."""
-        model = self._load()
-        plant(model)
-        return any(
-            _apart(model.evaluate(state), step)
-            for state, step in zip(self.states, self.steps, strict=True)
-        )
+        return any(map(_apart, self._evaluated(plant), self.steps))
 
-    def verdict(self, name: str, plant: Plant) -> str:
+    def verdict(self, fault: LoadedFault) -> str:
         """Return what a fault leads to."""
         try:
-            if run_with(self.task, plant) is not Outcome.AGREES:
-                return "detected"
-            if not self.acts(plant):
+            if self.steps and not self.acts(fault.plant):
                 return "no effect"
-        except FileError:
+            if run_with(self.task, fault.plant) is not Outcome.AGREES:
+                return "detected"
+        except (FileError, BlownUpError):
             return "detected"
-        word = name.rpartition("_")[2].rpartition(".")[2]
-        pattern = ATTRIBUTES.get(word, word)
-        tested = any(re.fullmatch(pattern, key) for key in self.tested if pattern)
-        return "wrongly green" if tested else "listed"
+        stated = [(one, tested) for one, tested in self.numbers if fault.concerns(one)]
+        by_default = [tested for one, tested in stated if "/default" in one.path]
+        if any(tested for one, tested in stated if "/default" not in one.path):
+            return "wrongly green"
+        return "by default" if any(by_default) else "listed" if stated else "not stated"
 
 
 def _apart(step: EngineStep, other: EngineStep) -> bool:
@@ -225,21 +216,31 @@ def _apart(step: EngineStep, other: EngineStep) -> bool:
     )
 
 
-def plant_in(paths: Sequence[Path], seed: int, only: str = "") -> dict[str, Counter[str]]:
+KINDS = "detected", "listed", "not stated", "by default", "no effect", "wrongly green"
+
+
+def plant_in(
+    paths: Sequence[Path],
+    seed: int,
+    only: str = "",
+    engine: str = "",
+    each: int = 1,
+    *,
+    floating: bool = False,
+) -> dict[str, Counter[str]]:
     """Plant faults in robots; return the counts of verdicts by array, and print wrong ones."""
     table: dict[str, Counter[str]] = {}
     for path in paths:
-        rng = np.random.default_rng(seed)
-        robot = PlantedRobot(path, rng)
+        robot = PlantedRobot(path, np.random.default_rng(seed), engine, each, floating=floating)
         if not robot.agrees:
             print(f"{path.name}: skipped, since it does not agree", flush=True)
-            continue
-        for name, plant in robot.faults:
-            if re.fullmatch(only or ".*", name):
-                verdict = robot.verdict(name, plant)
-                table.setdefault(name, Counter())[verdict] += 1
-                if verdict == "wrongly green":
-                    print(f"{path.parent.name}/{path.name}: {name} is wrongly green", flush=True)
+        for fault in robot.faults:
+            if re.fullmatch(only or ".*", fault.name):
+                verdict = robot.verdict(fault)
+                table.setdefault(fault.name, Counter())[verdict] += 1
+                if verdict not in ("detected", "no effect"):
+                    what = f"{fault.name} {fault.owner}[{fault.word}]"
+                    print(f"{path.parent.name}/{path.name}: {what} is {verdict}", flush=True)
     return table
 
 
@@ -247,14 +248,17 @@ def main() -> None:
     """Plant faults and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("paths", nargs="+", type=Path)
+    parser.add_argument("--engine", default="", help="engine, such as drake or dart")
+    parser.add_argument("--floating", action="store_true", help="free the root link of URDFs")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--each", type=int, default=1, help="entries of each array [1]")
     parser.add_argument("--only", default="", help="pattern of names of arrays")
     options = parser.parse_args()
-    table = plant_in(options.paths, options.seed, options.only)
-    kinds = ("detected", "listed", "no effect", "wrongly green")
-    print(f"{'array':28} {'planted':>8}" + "".join(f"{kind:>15}" for kind in kinds))
+    settings = options.only, options.engine, options.each
+    table = plant_in(options.paths, options.seed, *settings, floating=options.floating)
+    print(f"{'array':28} {'planted':>8}" + "".join(f"{kind:>14}" for kind in KINDS))
     for name, count in sorted(table.items()):
-        cells = "".join(f"{count[kind]:15}" for kind in kinds)
+        cells = "".join(f"{count[kind]:14}" for kind in KINDS)
         print(f"{name:28} {count.total():8}{cells}")
     whole = sum(table.values(), Counter[str]())
     print(dict(whole))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import posixpath
 import re
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,18 +16,25 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 from nbclient import NotebookClient
 
+from physics_crosscheck.harness.interfaces.cli.reference import generated_pages
+
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(((?:\.\./)+[^)#\s]*)(#[^)\s]*)?\)")
 NOTEBOOKS = Path(__file__).parents[1] / "examples"
 
 
 def on_config(config: Any, **_: Any) -> Any:
     """Replace each `folder/*` of the navigation by the pages of that folder."""
-    config.nav = _expand(config.nav, Path(config.docs_dir))
+    config.nav = _expand(config.nav, Path(config.docs_dir), generated_pages())
     return config
 
 
 def on_files(files: Files, *, config: Any, **_: Any) -> Files:
-    """Add a page for each notebook; `EXECUTE_NOTEBOOKS=false` leaves out their outputs."""
+    """Add the generated pages and schemas, and a page for each notebook.
+
+    `EXECUTE_NOTEBOOKS=false` leaves out the outputs of notebooks.
+    """
+    for path, text in generated_pages().items():
+        files.append(File.generated(config, path, content=text))
     paths = sorted(NOTEBOOKS.glob("*.ipynb"))
     notebooks = [nbformat.read(path, 4) for path in paths]
     if config.extra["execute_notebooks"]:
@@ -86,26 +94,27 @@ def _output(output: Any) -> str:
     return f"```text\n{(data.get('text/plain') or output.text).rstrip()}\n```"
 
 
-def _expand(nav: list[Any], docs: Path) -> list[Any]:
+def _expand(nav: list[Any], docs: Path, generated: Collection[str]) -> list[Any]:
     """Return the entries of a navigation; a section without pages is left out."""
     entries: list[Any] = []
     for entry in nav:
         if isinstance(entry, str):
-            entries += _pages(entry, docs)
+            entries += _pages(entry, docs, generated)
             continue
         ((title, inner),) = entry.items()
-        expanded = _expand(inner, docs) if isinstance(inner, list) else inner
+        expanded = _expand(inner, docs, generated) if isinstance(inner, list) else inner
         if expanded:
             entries.append({title: expanded})
     return entries
 
 
-def _pages(entry: str, docs: Path) -> list[str]:
+def _pages(entry: str, docs: Path, generated: Collection[str]) -> list[str]:
     if not entry.endswith("/*"):
         return [entry]
     folder = entry.removesuffix("/*")
     if folder == "examples":
         return [f"examples/{path.stem}.md" for path in sorted(NOTEBOOKS.glob("*.ipynb"))]
     names = [path.name for path in (docs / folder).glob("*.md")]
+    names += [path.rpartition("/")[2] for path in generated if path.startswith(f"{folder}/")]
     names.sort(key=lambda name: (name not in ("index.md", "README.md"), name))
     return [f"{folder}/{name}" for name in names]

@@ -34,14 +34,14 @@ from physics_crosscheck.harness.jobs.stop import Stop
 from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
-from physics_crosscheck.harness.planning.result_builder import Progress, ResultBuilder, RunControl
+from physics_crosscheck.harness.planning.result_builder import Progress, ResultBuilder
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.baseline import Measurement, RobotOptions
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 
-__all__ = ["Options", "Progress", "Run", "RunControl", "Selection", "run"]
+__all__ = ["Options", "Progress", "Run", "Selection", "run"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def run(
     folders: Sequence[Path],
     options: Options,
     progress: Progress,
-    control: RunControl = RunControl(),  # noqa: B008  # frozen
+    stop: Stop | None = None,
     robots: Sequence[Path] = (),
 ) -> Run:
     """Run every model of every folder in every scenario, and robot files at sampled states.
@@ -85,8 +85,8 @@ def run(
             options.engines,
             RobotOptions(floating=options.floating, model=options.model),
         )
-    stop = control.stop or Stop()
-    builder = ResultBuilder(progress, control.journal)
+    stop = stop or Stop()
+    builder = ResultBuilder(progress)
     plan = Plan(options, before, builder)
     readable = plan.readable((*folders, *robots))
     with executor(

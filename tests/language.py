@@ -17,6 +17,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+from physics_crosscheck.harness.interfaces.cli.reference import generated_pages
+
 ROOT = Path(__file__).parents[1]
 PENDING = ROOT / "tests" / "language.toml"
 
@@ -172,6 +174,11 @@ def pages(*patterns: str) -> Iterator[tuple[str, int, str]]:
     for path in sorted({path for pattern in patterns for path in ROOT.glob(pattern)}):
         for line, text in paragraphs(_markdown(path)):
             yield str(path.relative_to(ROOT)), line, plain(text)
+    if DOCS[0] in patterns:
+        for name, page in generated_pages().items():
+            if name.startswith("reference/"):
+                for line, text in paragraphs(page):
+                    yield f"docs/{name}", line, plain(text)
 
 
 def _markdown(path: Path) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.interfaces.cli.reference import generated_pages
 from tests.report.chromium import running
 from tests.report.steps import needs_browser
 
@@ -73,6 +74,9 @@ def test_site_contains_every_page(site: Path) -> None:
         path.relative_to(ROOT / "docs").with_suffix(".html")
         for path in (ROOT / "docs").rglob("*.md")
     }
+    generated = generated_pages()
+    pages |= {Path(path).with_suffix(".html") for path in generated if path.endswith(".md")}
+    assert all((site / path).is_file() for path in generated if path.endswith(".json"))
     renamed = {p.with_name("index.html") if p.name == "README.html" else p for p in pages}
     assert {page for page in renamed if not (site / page).is_file()} == set()
     index = (site / "index.html").read_text()

@@ -41,8 +41,8 @@ Statement = tuple[int, str, tuple[tuple[str, Words], ...]]
 def content_hashes(model: Path) -> dict[str, str]:
     """Return hashes of the statements in a robot's files, by names relative to its folder.
 
-    Comments, format, and what only pictures show do not count; nor does a file, such as a mesh,
-    that only pictures need.
+    Comments, format, the robot's own name, and what only pictures show do not count; nor does a
+    file, such as a mesh, that only pictures need. In a URDF or SDF, neither does order.
 
     Raises:
         OSError: for a file that can't be read.
@@ -70,14 +70,32 @@ def content_hashes(model: Path) -> dict[str, str]:
 def _statements(document: Document, suffix: str) -> list[Statement]:
     """Return what a file states, element by element, without what only pictures show."""
     paths, statements = dict[int, str](), list[Statement]()
-    for element in document.elements:
+    for element in _in_order(document.root, is_sorted=suffix in (".urdf", ".sdf")):
         outer = "" if element.parent is None else f"{paths[id(element.parent)]}/"
         path = paths[id(element)] = f"{outer}{element.tag}"
         if _only_looks(path, "", suffix):
             continue
-        rows = [row for row in _rows(element) if not _only_looks(path, row[0], suffix)]
+        rows = [
+            row
+            for row in _rows(element)
+            if f"{path}@{row[0]}" not in _TITLES and not _only_looks(path, row[0], suffix)
+        ]
         statements.append((element.depth, element.tag, tuple(rows)))
     return statements
+
+
+_TITLES = ("robot@name", "mujoco@model")
+"""Names that nothing refers to."""
+
+
+def _in_order(element: XmlElement, *, is_sorted: bool) -> Iterator[XmlElement]:
+    """Yield an element and those within it; sorted by tag and name in a format without order."""
+    yield element
+    children = element.children
+    if is_sorted:
+        children = sorted(children, key=lambda one: (one.tag, one.get("name")))
+    for child in children:
+        yield from _in_order(child, is_sorted=is_sorted)
 
 
 @lru_cache(maxsize=4096)

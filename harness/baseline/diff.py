@@ -1,4 +1,4 @@
-"""Difference between two results of a case: the one comparison of gate, versions, sweep and report.
+"""Difference between two results of a case: the one comparison of gate, versions and report.
 
 A change is significant if it exceeds the combined uncertainty of both results. Where both motions
 were measured from the same states, their ends are compared: those of the model and those of the

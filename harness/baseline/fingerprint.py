@@ -19,12 +19,11 @@ import numpy as np
 from physics_crosscheck.harness.engines.registry import engines, model_formats
 from physics_crosscheck.harness.modelfiles.parts import included, named_files, parts
 from physics_crosscheck.harness.modelfiles.path_states import (
-    UNREADABLE,
+    UNKNOWN,
     digest,
     digest_of,
     is_content,
     states_now,
-    without_content,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import (
     SidecarError,
@@ -189,19 +188,11 @@ def hashed_again(before: FolderFiles, apart: Path) -> FolderFiles:
 
 def with_reads(model: ModelFiles | None, reads: Mapping[str, str]) -> dict[str, str]:
     """Return the dependencies of a model's cases: its files, and the files that the folder's code
-    read.
-
-    One hash covers the content of all files in the folder except hidden ones. Other information
-    that the code requested about such a file has an entry with `./` before its name.
+    read, which one hash covers except hidden ones.
     """
     if model is None:
         return {}
-    besides = {}
-    for name, state in reads.items():
-        if name not in model.covered:
-            besides[name] = state
-        elif more := without_content(state):
-            besides[f"./{name}"] = more
+    besides = {name: state for name, state in reads.items() if name not in model.covered}
     return {**besides, **model.hashes}
 
 
@@ -253,17 +244,15 @@ def model_hashes(folder: Path, resolution: float, apart: Path | None) -> dict[Mo
     }
 
 
-def with_reads_of_system(model_hash: str, key: ModelKey, reads: Mapping[str, str]) -> str:
-    """Add the files that `system.py` read or looked for to the hash of a model; "" if unknown.
+def always_lines(reads: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """Yield a sentence on each folder that always runs again, with what its code has opened.
 
     Args:
-        model_hash: hash of the model.
-        key: key of the model. A model that is code may read any file while it runs.
-        reads: states of the files that were read, by name relative to the folder.
+        reads: states of paths that code has read, by folder.
     """
-    if not model_hash or Path(key[1]).suffix == ".py" or UNREADABLE in reads.values():
-        return ""
-    return digest_of(msgspec.json.encode([model_hash, reads], order="sorted"))
+    for folder, states in reads.items():
+        if names := [name for name, state in states.items() if state == UNKNOWN]:
+            yield f"{folder}: always runs again, because its code uses {', '.join(names)}"
 
 
 def _hash(depends: Dependencies, engine_versions: Mapping[str, str | None]) -> str:

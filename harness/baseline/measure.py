@@ -26,7 +26,6 @@ from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
-from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.records.base import number, numbers, rows
@@ -235,7 +234,7 @@ def measure(task: ModelTask[Prepared]) -> Measurement:
         return _measured(task, task.snapshot)  # a file alone is hashed with all files that it names
     with record_reads(task.target.place) as reads:
         measurement = _measured(task, task.snapshot)
-    return msgspec.structs.replace(measurement, reads=merged(task.target.reads, reads.states()))
+    return msgspec.structs.replace(measurement, reads={**task.target.reads, **reads.states})
 
 
 def _measured(task: ModelTask[Prepared], accepted: Snapshot | None) -> Measurement:

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.baseline.fingerprint import (
 from physics_crosscheck.harness.documents.expanded import source_of
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE
+from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN
 from physics_crosscheck.harness.records.baseline import AcceptedCase, RobotOptions
 from physics_crosscheck.harness.records.case import CaseId
 
@@ -140,7 +140,7 @@ def _as_accepted(
     resolution: float,
 ) -> bool:
     """Return whether the dependencies of a case are as accepted."""
-    if entry is None or UNREADABLE in entry.files.values():
+    if entry is None or UNKNOWN in entry.files.values():
         return False
     now = dependencies(as_now(model, entry.files), entry.engine, versions, resolution)
     return now == Dependencies(

@@ -7,7 +7,7 @@ point of pairs with a closed form are compared with it, others with the gap alon
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -59,8 +59,8 @@ NORMAL, POINT = 1e-6, 1e-8
 SMALLER = 0.9
 """Factor of the smaller shape that must still overlap where a contact by iteration is missing."""
 
-PLACED, DEPTH = 16, 0.2
-"""Number of shapes that are put onto others, and their depth, as a share of the smaller one."""
+PLACED, DEPTHS = 16, (0.2, 0.01)
+"""Number of shapes that are put onto others, and their depths, as shares of the smaller one."""
 
 Pair = tuple[int, int]
 
@@ -98,11 +98,13 @@ class ContactCheck:
         judged: number of contacts that are compared.
         unjudged: number of contacts by the reason why they are not.
         faults: the worst one of each pair and kind.
+        counts: pairs with another number of contacts in another engine, one sentence each.
     """
 
     judged: int
     unjudged: Mapping[str, int]
     faults: tuple[MisreadNumber, ...]
+    counts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,12 +239,12 @@ def check_contacts(
     """Compare the contacts of an engine with the shapes of the file."""
     judge = _Judge(touching, comparison)
     for sample in evaluated:
-        judge.add(sample.solution.posture, sample.engine.contacts)
+        judge.add(sample.solution.posture, sample.state, sample.engine.contacts)
     states = list(_placed_states(touching, comparison)) if evaluated else []
     for state, posture in zip(states, comparison.postures(states) if states else (), strict=True):
         step = comparison.model.evaluate(state)
         if np.isfinite(step.acceleration).all() and len(step.contacts) <= MAX_CONTACTS:
-            judge.add(posture, step.contacts)
+            judge.add(posture, state, step.contacts)
     return judge.result()
 
 
@@ -265,10 +267,12 @@ def _placed_states(
             if lower.link != WORLD and roots[lower.link] == root:
                 continue
             placed.add(above)
-            z, first = start.z.copy(), tree.velocities[root].start + 3
-            moved = _onto(lower.in_world(posture), upper.in_world(posture))
-            z[comparison.order[first : first + 3]] += moved
-            yield start._replace(z=z)
+            first = tree.velocities[root].start + 3
+            for depth in DEPTHS:
+                z = start.z.copy()
+                moved = _onto(lower.in_world(posture), upper.in_world(posture), depth)
+                z[comparison.order[first : first + 3]] += moved
+                yield start._replace(z=z)
 
 
 class _Expected(NamedTuple):
@@ -290,6 +294,7 @@ class _Judge:
         self._judged, self._unjudged = 0, Counter[str]()
         self._worst: dict[tuple[Pair, str], tuple[float, str]] = {}
         self._count = Counter[tuple[Pair, str]]()
+        self._counts: dict[Pair, Counter[Pair]] = {}
 
     def _margin(self, i: int, j: int) -> float:
         laws = self._laws
@@ -297,15 +302,18 @@ class _Judge:
             return 0.0
         return laws.parameters(self._surfaces[i], self._surfaces[j]).margin
 
-    def add(self, posture: Posture, contacts: Iterable[ContactPoint]) -> None:
+    def add(self, posture: Posture, state: WholeState, contacts: Sequence[ContactPoint]) -> None:
         """Compare the contacts at a state."""
         touching = self._touching
+        if self._model.peer:
+            self._compare(contacts, self._model.peer_contacts(state))
         solids = [one.in_world(posture) for one in touching.shapes]
         touches: dict[Pair, list[ContactPoint]] = {}
         for contact in contacts:
             low, high = sorted(contact.surfaces)
             if touching.unknown & {low, high}:
-                self._unjudged["contacts of meshes and other shapes without a closed form"] += 1
+                if not self._model.peer:
+                    self._unjudged["contacts of meshes and other shapes without a closed form"] += 1
             elif (low, high) not in touching.allowed:
                 self._note((low, high), "exists, although the file excludes it", 1.0)
             else:
@@ -321,6 +329,26 @@ class _Judge:
                 self._judge_absence(surfaces, pairs, margin)
             else:
                 self._judge_contacts(surfaces, pairs, touches[surfaces])
+
+    def _compare(self, contacts: Sequence[ContactPoint], others: Sequence[ContactPoint]) -> None:
+        """Compare contacts with those of another engine: numbers, and depths of unknown shapes."""
+        sides = [dict[Pair, list[float]](), dict[Pair, list[float]]()]
+        for depths, points in zip(sides, (contacts, others), strict=True):
+            for contact in points:
+                low, high = sorted(contact.surfaces)
+                if contact.distance < 0:
+                    depths.setdefault((low, high), []).append(contact.distance)
+        for pair in dict.fromkeys((*sides[0], *sides[1])):
+            mine, theirs = (depths.get(pair, [0.0]) for depths in sides)
+            if pair in sides[0] and pair in sides[1] and len(mine) != len(theirs):
+                self._counts.setdefault(pair, Counter())[len(mine), len(theirs)] += 1
+            if self._touching.unknown & set(pair):
+                self._judged += len(sides[0].get(pair, ()))
+                off = min(mine) - min(theirs)
+                if abs(off) > ROUGH * (1 + abs(min(theirs))):
+                    words = f"{min(mine):.6g} m in the engine, {min(theirs):.6g} m in"
+                    words = f"{words} {self._model.peer}"
+                    self._note(pair, "has another distance", abs(off), words)
 
     def _judge_absence(
         self, surfaces: Pair, pairs: Sequence[tuple[Solid, Solid]], margin: float
@@ -406,20 +434,31 @@ class _Judge:
             judged=self._judged,
             unjudged=self._unjudged,
             faults=tuple(self._fault(*key, *worst) for key, worst in faults),
+            counts=tuple(
+                f"{' and '.join(self._names(pair))} have {mine} contacts, {theirs} in"
+                f" {self._model.peer}, {_often(often)}"
+                for pair, counts in self._counts.items()
+                for (mine, theirs), often in counts.most_common(1)
+            ),
         )
 
-    def _fault(self, surfaces: Pair, what: str, size: float, words: str) -> MisreadNumber:
-        shapes = [
+    def _names(self, surfaces: Pair) -> list[str]:
+        """Return the names of two surfaces."""
+        shapes = self._shapes(surfaces)
+        return [
+            "the floor" if one is None or one.shape is None else one.shape.name for one in shapes
+        ]
+
+    def _shapes(self, surfaces: Pair) -> list[TouchingShape | None]:
+        return [
             next((one for one in self._touching.shapes if one.surface == surface), None)
             for surface in surfaces
         ]
-        names = [
-            "the floor" if one is None or one.shape is None else one.shape.name for one in shapes
-        ]
-        often = self._count[surfaces, what]
-        times = f"at {often} states" if often > 1 else "at one state"
+
+    def _fault(self, surfaces: Pair, what: str, size: float, words: str) -> MisreadNumber:
+        times, shapes = _often(self._count[surfaces, what]), self._shapes(surfaces)
         stated = next((one.shape for one in shapes[::-1] if one and one.shape), None)
-        subject = f"the contact of {' and '.join(names)}"
+        subject = f"the contact of {' and '.join(self._names(surfaces))}"
         return MisreadNumber(
             subject=subject,
             sentence=f"{subject} {what} {times}{': ' if words else ''}{words}",
@@ -429,6 +468,10 @@ class _Judge:
         )
 
 
+def _often(count: int) -> str:
+    return f"at {count} states" if count > 1 else "at one state"
+
+
 def _shrunk(first: Solid, other: Solid) -> tuple[Solid, Solid]:
     """Return two shapes, the smaller one smaller."""
     if first.extent < other.extent:
@@ -436,10 +479,10 @@ def _shrunk(first: Solid, other: Solid) -> tuple[Solid, Solid]:
     return first, other.scaled(SMALLER)
 
 
-def _onto(first: Solid, other: Solid) -> Array:
+def _onto(first: Solid, other: Solid, share: float) -> Array:
     """Return the translation of a shape that puts it onto another one's top, (3,)."""
     axis = first.axis
-    depth = DEPTH * min(first.extent, other.extent)
+    depth = share * min(first.extent, other.extent)
     low = other.support(-axis) + depth * axis
     if first.kind == "plane":
         return axis * float(axis @ (first.origin - low))

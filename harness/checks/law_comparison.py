@@ -7,7 +7,7 @@ convex in M, so |a - a*|_M <= |grad|_(M^-1).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, Self, TypeVar
@@ -26,7 +26,7 @@ from physics_crosscheck.harness.numerics.ladder import floored
 from physics_crosscheck.reference.laws.drives import eased, holding, unsaturated
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
 from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.soft import Part, gains
+from physics_crosscheck.reference.laws.soft import WITHIN, Part, gains, varies
 from physics_crosscheck.reference.laws.step import (
     DIGITS,
     STEPPED,
@@ -43,6 +43,12 @@ SHARE = 1e-3
 
 LEAST_GAIN = 1e-6
 """Smallest scale of a step's gain in velocity, as a share of the largest velocity."""
+
+DEEPEST = 0.02
+"""Largest violation of a limit, as a share of its range."""
+
+NEWTON_STEPS, LARGEST_STEP = 10, 0.3
+"""Iterations that put a tendon or an equality at a violation, and the largest one, rad or m."""
 
 MAX_OUTWARD = 50.0
 """Half of the largest speed of a joint beyond its limit, rad/s or m/s."""
@@ -211,6 +217,11 @@ class WholeStepComparison(ABC, Generic[M, S]):
         No speed is above the largest one.
         """
         return np.zeros(len(outwards))
+
+    @property
+    def hardening(self) -> Array:
+        """Margins of limits, and the widths over which they harden, (nz, 2); 0 without one."""
+        return np.zeros((len(self.order), 2))
 
     @property
     @abstractmethod
@@ -442,26 +453,71 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
     def at_limit(
         self, state: WholeState, part: Part, share: float, speed: float, *, forced: bool = False
     ) -> WholeState:
-        """Return a state beyond a limit of a joint, by a share of its range, moving outward.
+        """Return a state beyond a limit, moving outward.
 
-        If `forced`, so fast that the limit acts although other forces pull the joint back.
+        Args:
+            state: to start from.
+            part: of the limit.
+            share: of the largest violation, or of the width of the impedance.
+            speed: rad/s or m/s.
+            forced: whether so fast that the limit acts although other forces pull the joint back.
         """
         limit, tree = self.laws.laws.limits[part.place], self.laws.tree.tree
+        way = -1 if part.way < 0 else 1
+        end, depth = (limit.lower, limit.upper)[way > 0], DEEPEST * (limit.upper - limit.lower)
+        if part.way == WITHIN:
+            depth = limit.softness.impedance[2]
+        beyond = end + way * (share * depth - (part.way == WITHIN) * limit.margin)
         if limit.joint < 0:
-            return state
+
+            def miss(posture: Posture) -> tuple[Array, Array]:
+                length = posture.lengths[limit.path]
+                return posture.rows[limit.path][None], np.array([length - beyond])
+
+            moved = self._moved_to(state, miss)
+            row, _ = miss(next(self.postures([moved])))
+            moved.m[self.order] = way * (speed + forced * MAX_OUTWARD) * np.linalg.pinv(row)[:, 0]
+            return moved
         there = self.order[tree.velocities[limit.joint]]
         if tree.links[limit.joint].kind == "ball":
-            return turned(state, there, (1 + share) * max(limit.lower, limit.upper), speed)
+            return turned(state, there, abs(beyond), speed + forced * MAX_OUTWARD)
         z, m, (place,) = state.z.copy(), state.m.copy(), there
-        end = limit.lower if part.way < 0 else limit.upper
-        z[place] = end + part.way * share * (limit.upper - limit.lower)
+        z[place] = beyond
         if forced:
             outwards = np.zeros(len(z))
-            outwards[place] = part.way
+            outwards[place] = way
             least = self.outward_speed(state._replace(z=z), outwards, MAX_FORCED)[place]
             speed = max(speed, 1.5 * abs(least))
-        m[place] = part.way * speed
+        m[place] = way * speed
         return state._replace(z=z, m=m)
+
+    def near_equality(self, state: WholeState, part: Part, share: float) -> WholeState:
+        """Return a state that violates an equality by a share of the width of its impedance."""
+        equality = self.laws.laws.equalities[part.place]
+        single = self.laws.under(
+            replace(self.laws.laws, equalities=(equality,), frictions=(), limits=())
+        )
+
+        def miss(posture: Posture) -> tuple[Array, Array]:
+            rows = single.rows(posture, ())
+            violation = np.array(rows.violations)
+            size = max(float(np.linalg.norm(violation)), np.finfo(float).tiny)
+            wanted = share * equality.softness.impedance[2] * violation / size
+            return np.array(rows.jacobian), violation - wanted
+
+        return self._moved_to(state, miss)
+
+    def _moved_to(
+        self, state: WholeState, miss: Callable[[Posture], tuple[Array, Array]]
+    ) -> WholeState:
+        """Return a state whose positions are moved by Newton's method, by rows and their errors."""
+        for _ in range(NEWTON_STEPS):
+            row, error = miss(next(self.postures([state])))
+            state = state._replace(z=state.z.copy(), m=state.m.copy())
+            moved = np.linalg.pinv(row) @ error
+            largest = max(float(np.max(np.abs(moved))), np.finfo(float).tiny)
+            state.z[self.order] -= min(1.0, LARGEST_STEP / largest) * moved
+        return state
 
     def held(self, states: Sequence[WholeState]) -> Iterator[WholeState]:
         """Yield states whose drives balance the other forces along their paths."""
@@ -511,6 +567,16 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         position = self.laws.tree.advance(y, after, self.model.step)[0]
         states = law.driven.states / state_sizes(engine)
         return np.concatenate([acceleration, velocity, position, states])
+
+    @property
+    def hardening(self) -> Array:
+        """Margins of limits, and the widths over which they harden, (nz, 2); 0 without one."""
+        result = np.zeros((len(self.order), 2))
+        for limit in self.laws.laws.limits:
+            if limit.joint >= 0 and varies(limit.softness):
+                places = self.order[self.laws.tree.tree.velocities[limit.joint]]
+                result[places] = limit.margin, limit.softness.impedance[2]
+        return result
 
     def limits(self) -> Iterator[tuple[int, float, float]]:
         """Yield joints with their lower and upper limits, infinite without one."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.checks.law_comparison import (
+    DEEPEST,
     MAX_OUTWARD,
     Evaluated,
     LawComparison,
@@ -24,7 +25,7 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeState,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.reference.laws.soft import Part
+from physics_crosscheck.reference.laws.soft import WITHIN, Part
 from physics_crosscheck.reference.laws.step import LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 
@@ -40,8 +41,8 @@ MAX_CONTACTS, MAX_SPEED = 100, 1e3
 SPREAD = 1.5
 """Controls are drawn in this multiple of their range, so that limits act."""
 
-DEEPEST, INSIDE = 0.02, 0.2
-"""Largest violation of a limit, as a share of its range; share of joints that are inside theirs."""
+INSIDE = 0.2
+"""Share of joints that are inside their limits."""
 
 SIGNS = 0, 0, 0, 1, -1
 """Sides of the ranges of all controls, in turn; 0: each on another one."""
@@ -162,12 +163,13 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
     """Return states at which some parts are likely to act, at slow and fast velocities."""
     states, eased, held = list[WholeState](), list[int](), list[int]()
     model, rng = comparison.model, np.random.default_rng(SEED + 1)
-    starts, kinds = list(model.starts), {part.kind for part in parts}
+    starts = list(model.starts)
     limits = sorted(part for part in parts if part.kind == "limit")
-    for k in range(CANDIDATES):
+    kinds = {part.kind for part in parts if part.way != WITHIN}
+    for k in range(CANDIDATES if kinds else 0):
         state = _driven(comparison, rng, starts[k % len(starts)], k)
         fast = state._replace(m=state.m * FASTEST ** rng.uniform(-0.5, 1))
-        if limits:
+        if "limit" in kinds:
             moved = fast._replace(z=_anywhere(comparison, rng, state.z))
             states.append(_beyond(comparison, rng, moved, k))
         if kinds & {"force", "joint force", "tendon force"}:
@@ -175,20 +177,30 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
         if kinds & {"control", "state"}:
             eased.append(len(states))
             states.append(state)
-        if kinds & {"dry friction", "equality"}:
-            near = SMALL ** rng.uniform(1, 2) * rng.normal(size=len(state.z))
+        if "dry friction" in kinds:
             held.append(len(states))
-            states.append(state._replace(z=state.z + near, m=SMALL**2 * state.m))
+            states.append(_close(rng, state))
     for part in limits:
         elsewhere = starts[0]._replace(z=_anywhere(comparison, rng, starts[0].z))
-        for start, forced in ((starts[0], False), (elsewhere, True)):
-            share, speed = DEEPEST * 10 ** rng.uniform(-2, 0), MAX_OUTWARD ** rng.uniform(-1, 1)
+        for start, forced in ((_close(rng, starts[0]), False), (elsewhere, True)):
+            share, speed = 10 ** rng.uniform(-2, 0), MAX_OUTWARD ** rng.uniform(-1, 1)
             held.append(len(states))
             states.append(comparison.at_limit(start, part, share, speed, forced=forced))
+    states += [
+        comparison.near_equality(_close(rng, starts[0]), part, rng.uniform(0.2, 0.8))
+        for part in sorted(parts)
+        if part.kind == "equality"
+    ]
     for places, change in ((eased, comparison.eased), (held, comparison.held)):
         for i, changed in zip(places, change([states[i] for i in places]), strict=True):
             states[i] = changed
     return states
+
+
+def _close(rng: np.random.Generator, state: WholeState) -> WholeState:
+    """Return a slow state that is close to another one."""
+    near = SMALL ** rng.uniform(1, 2) * rng.normal(size=len(state.z))
+    return state._replace(z=state.z + near, m=SMALL**2 * state.m)
 
 
 def _usable_step(model: WholeModel, state: WholeState) -> EngineStep | None:
@@ -301,8 +313,10 @@ def _beyond(
     sign = np.where(rng.uniform(size=count) < INSIDE, -1, 1)
     # One state of each end is deep, so that a limit that acts elsewhere shows.
     drawn = rng.uniform(-2, 0, count)
-    share = np.where(place // 4 % 2, 10**drawn, 1 + drawn / 4)
-    depth = sign * width * DEEPEST * share
+    shallow = place // 4 % 2 == 1
+    depth = width * DEEPEST * np.where(shallow, 10**drawn, 1 + drawn / 4)
+    margin, soft = comparison.hardening.T
+    depth = sign * np.where(shallow & (soft > 0), -drawn / 2 * soft - margin, depth)
     moved = state._replace(z=bound + outwards * depth)
     speed = comparison.outward_speed(moved, outwards) * rng.uniform(1, 2, count)
     moved = moved._replace(m=state.m + speed)

@@ -30,7 +30,7 @@ from physics_crosscheck.harness.checks.plausibility.survey import plausibility_f
 from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.checks.system_record import system_record, tree_record
 from physics_crosscheck.harness.checks.verdict import component_scale, nonzero_scale
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
+from physics_crosscheck.harness.engines.protocol import ARMATURES, EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.inertias import impossible_links
@@ -69,7 +69,7 @@ from physics_crosscheck.reference.solving.next_state import (
     SteppedEquations,
     stepped_equations,
 )
-from physics_crosscheck.reference.solving.samples import LockedError, samples
+from physics_crosscheck.reference.solving.samples import LockedError, samples, solved
 from physics_crosscheck.reference.solving.segments import Motion, Segments, even_indices
 from physics_crosscheck.reference.solving.solve import solve
 from physics_crosscheck.reference.solving.variants import Variants, variants
@@ -365,8 +365,23 @@ class PreparedTree(Prepared):
         """Return what an engine loads."""
         if sidecar is not None:
             return sidecar.spec(engine)
-        settings = {**engines()[engine].settings_for(self.place.suffix), **self.settings}
+        named = engines()[engine]
+        settings = {**named.settings_for(self.place.suffix), **self.settings}
+        if added := named.armatures(self.place):
+            settings[ARMATURES] = added
         return ModelSpec(path=self.place, settings=settings)
+
+    def with_armatures(self, added: Mapping[str, float]) -> PreparedTree:
+        """Return it with inertias added to joints' own motions, solved from the same states."""
+        if not added:
+            return self
+        links = (replace(one, armature=added.get(one.name, 0.0)) for one in self.tree.links)
+        system = replace(self.system, tree=replace(self.tree, links=tuple(links)))
+        drawn = self.samples
+        length = float(drawn.lengths[0])
+        ends = solved(TreeEquations(system), drawn.start, drawn.start_inputs, length, drawn.fastest)
+        rest = None if self.rest is None else "rotors of one engine alone act"
+        return replace(self, system=system, samples=ends, rest=rest, steps=KeptSteps())
 
     def coordinates(
         self, sidecar: Sidecar | None, file: Path, engine: str, there: tuple[str, ...]
@@ -492,9 +507,9 @@ def prepare(
         declared = load_declaration(place)
     if isinstance(declared, MultibodySystem):
         bodies = _from_bodies(place, declared, motion, states)
-        return _finished(bodies, began, reads.states())
+        return _finished(bodies, began, reads.states)
     energies = replace(_from_energies(place, declared, described=described), ideal=ideal)
-    return _finished(energies, began, reads.states())
+    return _finished(energies, began, reads.states)
 
 
 def prepare_system(folder: Path, *, described: bool = True) -> PreparedSystem:
@@ -507,7 +522,7 @@ def prepare_system(folder: Path, *, described: bool = True) -> PreparedSystem:
     with record_reads(folder) as reads:
         system = load_system(folder)
     prepared = _from_energies(folder, system, described=described)
-    return _finished(prepared, began, reads.states())
+    return _finished(prepared, began, reads.states)
 
 
 def prepare_tree(

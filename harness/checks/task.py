@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.robot import armatures_of
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.paths import RESOLUTION
@@ -131,12 +132,14 @@ def model_task(
     Raises:
         SidecarError: if the sidecar's settings can't be read.
     """
+    spec = target.spec(sidecar, engine)
     if isinstance(target, PreparedTree):
         scenario = target.scenario
+        target = target.with_armatures(armatures_of(spec.settings))  # type: ignore[assignment]
     return ModelTask(
         target=target.under_laws(sidecar),
         engine=engine,
-        spec=target.spec(sidecar, engine),
+        spec=spec,
         sidecar=sidecar,
         scenario=scenario,
         resolution=resolution,

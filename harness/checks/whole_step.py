@@ -43,6 +43,7 @@ from physics_crosscheck.harness.engines.protocol import (
     EngineError,
     LoadedModel,
     ModelSpec,
+    ShapeError,
     WholeModel,
 )
 from physics_crosscheck.harness.engines.registry import engines
@@ -254,6 +255,15 @@ def check_whole_step(
         if model.rules is not None:
             return _check_rules(file, spec, model, model.rules, resolution, steps)
         return _check_laws(file, model, resolution, steps)
+    except ShapeError as error:
+        fault = MisreadNumber(
+            subject="shape",
+            sentence=error.sentence,
+            discrepancy=1.0,
+            file=error.file or file,
+            line=error.line or 0,
+        )
+        return WholeStepCheck(record=WholeStep(misread=(error.sentence,)), misread=(fault,))
     except (TreeError, EngineError) as error:
         return WholeStepCheck.skipped([str(error)])
 
@@ -362,6 +372,7 @@ def _check(
         contacts=contacts.judged,
         contact_faults=tuple(one.sentence for one in contacts.faults),
         unjudged=tuple(f"{count} {what}" for what, count in contacts.unjudged.items()),
+        contact_counts=contacts.counts,
     )
     return replace(check, contacts=contacts.faults)
 

@@ -6,6 +6,7 @@ import math
 import re
 from bisect import bisect_right
 from codecs import BOM_UTF8
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -36,6 +37,7 @@ class Document:
         omitted: number of bytes of the file before these: those of a byte order mark.
         elements: all of them, in order; change only copies of them.
         obstacles: problems so far.
+        armatures: inertia of rotors, by joint, kg or kg m^2, that the file states for one engine.
 
     Raises:
         LocationError: for a file that can't be read, or is not XML.
@@ -44,6 +46,7 @@ class Document:
     def __init__(self, path: Path, written: bytes | None = None) -> None:
         self.path = path
         self.obstacles: list[ReadError] = []
+        self.armatures: Mapping[str, float] = {}
         try:
             written = read_regular(path, MAX_MODEL_BYTES) if written is None else written
         except OSError as error:

@@ -7,7 +7,7 @@ import os
 import re
 import shlex
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
 from pathlib import Path
@@ -111,13 +111,20 @@ def expand(source: Path) -> Path:
         if file is not None:
             mesh.setAttribute("filename", str(file.resolve()))
     marks = list(_marks(tree.documentElement))
-    target = _target(whole, words)
-    _write(target, tree.toprettyxml(indent="  ").encode())
+    target = cached_copy(whole, words, expanded_name(source))
+    write_copy(source, target, tree.toprettyxml(indent="  ").encode(), marks)
+    return target
+
+
+def write_copy(
+    source: Path, target: Path, data: bytes, marks: Sequence[tuple[str, int] | None]
+) -> None:
+    """Write a copy of a source, and note the source's file and line of each of its elements."""
+    _write(target, data)
     document = Document(target)
     lines = {document.line(one): mark for one, mark in zip(document.elements, marks, strict=True)}
     _LINES[str(target)] = {line: mark for line, mark in lines.items() if mark is not None}
     _SOURCES[str(target)] = str(source)
-    return target
 
 
 def completed(file: Path) -> Path | None:
@@ -182,7 +189,7 @@ def renamed(file: Path) -> Path | None:
 
 def _copied(file: Path, root: XmlElement, kind: str, name: str) -> Path:
     """Write a changed copy with the lines of a file into the user's cache."""
-    data, target = root.written(), _target(file.absolute(), [], kind).with_name(name)
+    data, target = root.written(), cached_copy(file.absolute(), [], name, kind)
     _write(target, data)
     source = str(source_of(file))
     lines = {line: (source, line) for line in range(1, data.count(b"\n") + 2)}
@@ -300,10 +307,11 @@ def expanded_name(source: Path) -> str:
     return f"{source.name.removesuffix(XACRO).removesuffix('.urdf')}.urdf"
 
 
-def _target(source: Path, words: list[str], kind: str = "xacro") -> Path:
+def cached_copy(source: Path, words: Sequence[str], name: str, kind: str = "xacro") -> Path:
+    """Return the path of a source's copy in the cache, by words that it depends on."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = hashlib.sha256("\0".join([str(source), *words]).encode()).hexdigest()[:12]
-    return cache / "physics-crosscheck" / kind / folder / expanded_name(source)
+    return cache / "physics-crosscheck" / kind / folder / name
 
 
 @contextmanager

@@ -112,6 +112,10 @@ class EngineError(FileError, RuntimeError):
     """
 
 
+class ShapeError(EngineError):
+    """A shape of the file with which an engine does not simulate its body."""
+
+
 class UnsupportedError(EngineError):
     """A valid model file that this engine or its adapter does not support.
 
@@ -185,6 +189,10 @@ def clip_ranges(free: Array, limits: Array) -> Array:
         [np.maximum(free[:, 0], limits[:, 0]), np.minimum(free[:, 1], limits[:, 1])], 1
     )
     return np.where((bounded[:, 0] < bounded[:, 1])[:, None], bounded, limits)
+
+
+ARMATURES = "armatures"
+"""The setting with `Engine.armatures`."""
 
 
 def held_joints(spec: ModelSpec) -> tuple[str, ...]:
@@ -415,6 +423,7 @@ class WholeModel(ABC):
             None if that depends on other numbers.
         frame_errors: largest errors of places of shapes that the engine knows of, m and rad.
         shape_error: by which contacts that it does not compute by a closed form are early, m.
+        peer: name of an engine that finds contacts of the same file, as `peer_contacts`.
     """
 
     coordinates: tuple[str, ...]
@@ -429,6 +438,11 @@ class WholeModel(ABC):
     point_share: float | None = None
     frame_errors: tuple[float, float] = (0.0, 0.0)
     shape_error: float = 0.0
+    peer: str = ""
+
+    def peer_contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
+        """Return the contacts that the other engine finds."""
+        return ()
 
     def finds_exactly(self, first: str, other: str) -> bool:
         """Return whether it computes contacts of two kinds of shapes by a closed form."""
@@ -596,6 +610,12 @@ class Engine(ABC):
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Return settings that files of a format can't state and a run needs, at ordinary
         values.
+        """
+        return {}
+
+    def armatures(self, path: Path) -> Mapping[str, float]:
+        """Return inertias that a file adds to its joints' own motions in this engine alone, by
+        joint, kg or kg m^2.
         """
         return {}
 

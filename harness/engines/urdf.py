@@ -72,6 +72,7 @@ class UrdfReader:
         long_axes: its title, if it does not normalize joint axes.
         no_stops: its title, if it ignores position limits.
         stops_turns: its title, if it applies the limits of continuous joints.
+        positive_limits: its title, if it fails for an effort or velocity below zero.
     """
 
     name: str
@@ -81,6 +82,23 @@ class UrdfReader:
     long_axes: str = ""
     no_stops: str = ""
     stops_turns: str = ""
+    positive_limits: str = ""
+
+    def refuse_limits(self, file: UrdfFile | SdfFile) -> None:
+        """Refuse an effort or a velocity below zero if the engine can't represent it.
+
+        Raises:
+            EngineError: naming file, line and joint.
+        """
+        for name, joint in file.joints.items() if self.positive_limits else ():
+            limit = joint.element.find("limit")
+            for key in ("effort", "velocity"):
+                if limit is not None and float(limit.get(key, "0")) < 0:
+                    raise refused(
+                        limit,
+                        f"the {key} of joint {name!r} is {limit.get(key)}, and "
+                        f"{self.positive_limits} refuses limits below zero; write a positive one",
+                    )
 
 
 def urdf_remarks(
@@ -127,7 +145,7 @@ def _limits(reader: UrdfReader, joint: XmlElement, z: Array, w: Array) -> Iterat
         bounds = float(limit.attributes["lower"]), float(limit.attributes["upper"])
         yield from _bounds(reader, joint, bounds, (float(z.min()), float(z.max())))
     velocity, quick = float(limit.get("velocity", "inf")), float(abs(w).max())
-    if quick >= velocity and joint.get("type") != "continuous":
+    if quick >= velocity >= 0 and joint.get("type") != "continuous":
         yield Remark(
             kind="joint limit",
             message=(

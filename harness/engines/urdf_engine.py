@@ -12,6 +12,7 @@ import numpy as np
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.mjcf_source import with_options
 from physics_crosscheck.harness.engines.protocol import (
+    ARMATURES,
     Array,
     Engine,
     EngineError,
@@ -73,7 +74,11 @@ class UrdfEngine(Engine):
         """Load a file, with the settings that it states itself."""
         if with_stated := _STATED.get(spec.path.suffix):
             spec = with_stated(spec)
-        others = self.switches & {CONTROLS} | ({MODEL} if spec.path.suffix == SDF else set())
+        others = (
+            {ARMATURES}
+            | self.switches & {CONTROLS}
+            | ({MODEL} if spec.path.suffix == SDF else set())
+        )
         check_settings(
             spec, self.title, self.default_settings_note, self.defaults, self.words, others
         )
@@ -119,6 +124,7 @@ class UrdfModel(TreeModel):
     ) -> None:
         declare = declared_sdf if spec.path.suffix == SDF else declared_urdf
         self.declared: Declarations = declare(spec, further)
+        reader.refuse_limits(self.declared.file)
         super().__init__(spec, title, {**defaults, **spec.settings})
         self._reader = replace(reader, stops_turns="") if self.settings.get("smooth") else reader
         self.floats = bool(self.settings["floating"])

@@ -27,8 +27,7 @@ def executor(
         jobs: number of parallel tasks; 0: one for each processor, here or of the cluster.
         limits: limits of each task.
         scheduler: address of a dask cluster's scheduler; empty: processes of this machine.
-        files: returns the local paths of the files that tasks read; called if a cluster needs
-            copies.
+        files: returns the files that tasks read; called for a cluster, which must share them.
         engines: engines whose versions must be the same on the cluster; empty: all installed here.
         prestart: whether tasks are certain, so that slow preparations start at once.
         derives: whether tasks derive equations from energies.

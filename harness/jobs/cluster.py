@@ -1,34 +1,32 @@
 """Tasks on an existing cluster of dask.distributed.
 
 A task is sent as bytes to a worker that dask selects, and runs there in a separate process: see
-`harness.jobs.remote_workers`. A worker that does not know the run reports this, gets the files, and
-the task is sent again. dask sends a task to another worker if its worker is lost.
+`harness.jobs.remote_workers`. It reads its files from a folder that the machines share. A worker
+that does not know the run reports this, gets the run, and the task is sent again. dask sends a task
+to another worker if its worker is lost.
 """
 
 from __future__ import annotations
 
 import contextlib
-import errno
 import logging
 import os
 import pickle
 import queue
-import re
 import sys
 import time
 import uuid
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.jobs import payload
 from physics_crosscheck.harness.jobs.executor import MOMENT, ClusterError, Executor, Pending
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.remote_workers import RunConfig, installed
+from physics_crosscheck.harness.jobs.remote_workers import RunConfig, contents, installed
 
 try:
     import distributed
@@ -58,17 +56,7 @@ _TRIES = 5
 go.
 """
 
-_NO_FILE, _NO_MODULE = os.strerror(errno.ENOENT), "No module named"
-_PATH = re.compile(r"[^\s'\":;,()]+")
-
-_COPIES = (
-    "the workers of a cluster have only the folder and the files that its models "
-    "name; put everything else that it reads into the folder"
-)
-
-_STRANGE = (
-    f"{_TRIES + 1} workers of the cluster took this task and left before they had the run's files"
-)
+_STRANGE = f"{_TRIES + 1} workers of the cluster took this task and left before they had the run"
 
 
 _Sent = tuple[Pending[Any], bytes, int]
@@ -91,7 +79,7 @@ class Cluster(Executor):
         address: address of the scheduler.
         jobs: maximum number of submitted tasks; 0: some for each thread of the cluster.
         limits: limits of each task.
-        files: local paths of the files and folders that tasks read.
+        files: files and folders that tasks read; each worker must see the same content.
         engines: engines whose versions must be the same on the cluster; empty: all installed here.
 
     Raises:
@@ -110,15 +98,15 @@ class Cluster(Executor):
         super().__init__()
         self._address, self._jobs = address, jobs
         self._run = f"crosscheck-{uuid.uuid4().hex[:16]}"
-        self._places = frozenset(os.path.abspath(file) for file in files)
         config = RunConfig(
             run=self._run,
             limits=limits or Limits(),
             cwd=str(Path.cwd()),
+            files=contents(map(os.path.abspath, files)),
             versions=installed(tuple(engines)),
             engines=tuple(engines),
         )
-        self._setup = pickle.dumps((config, _input_files(files)))
+        self._setup = pickle.dumps(config)
         self._flying: dict[Any, _Sent] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._threads, self._looked = 0, -REFRESH_SECONDS
@@ -201,8 +189,14 @@ class Cluster(Executor):
                 raise ClusterError(
                     f"--scheduler {self._address}: {worker} can't take the run: {message}"
                 )
-            if answer:
-                raise self._other(worker, answer)
+            versions, path = answer
+            if versions:
+                raise self._other(worker, versions)
+            if path:
+                raise ClusterError(
+                    f"--scheduler {self._address}: {worker} does not see {path} as it is here;"
+                    " put it in a folder that all machines share, at the same path"
+                )
 
     def _room(self) -> int:
         """Return the maximum number of submitted tasks."""
@@ -229,7 +223,7 @@ class Cluster(Executor):
             pending = self._waiting.popleft()
             task = (pending.function, pending.argument)
             try:
-                sent.append((pending, payload.serialize(task, places=self._places), 0))
+                sent.append((pending, pickle.dumps(task, protocol=pickle.HIGHEST_PROTOCOL), 0))
             except Exception as error:
                 pending.end(Failure(f"{type(error).__name__}: {error}", ""))
                 lost.append(pending)
@@ -299,7 +293,7 @@ class Cluster(Executor):
         except distributed.CancelledError:
             raise ClusterError(
                 f"--scheduler {self._address}: the scheduler stopped or dropped the "
-                "run's tasks; finished cases are kept, and --resume continues"
+                "run's tasks; with --cache DIR, the next run reuses finished cases"
             ) from None
         except ImportError as error:
             raise self._without("a new worker", error) from None
@@ -310,17 +304,9 @@ class Cluster(Executor):
         if reply is None:
             return _Stranger(address)
         try:
-            return _hinted(reply) if isinstance(reply, Failure) else payload.unpacked(reply)
+            return reply if isinstance(reply, Failure) else pickle.loads(reply)
         except Exception as error:
             return Failure(f"its value can't be read: {type(error).__name__}: {error}", "")
-
-
-def _hinted(failure: Failure) -> Failure:
-    """Explain a missing file that exists on this machine but not on the worker."""
-    lacks = _NO_FILE in failure.reason and any(map(os.path.exists, _PATH.findall(failure.reason)))
-    if not lacks and _NO_MODULE not in failure.reason:
-        return failure
-    return replace(failure, reason=f"{failure.reason}; {_COPIES}")
 
 
 def _name(function: object) -> str:
@@ -332,13 +318,6 @@ def _name(function: object) -> str:
 
 def _same(value: Any) -> Any:
     return value
-
-
-def _input_files(files: Sequence[Path]) -> bytes:
-    try:
-        return payload.input_files(files)
-    except payload.PayloadError as error:
-        raise ClusterError(str(error)) from None
 
 
 def _connected(address: str) -> Any:
@@ -382,10 +361,10 @@ def _sent(name: str) -> Callable[..., Any]:
     a worker must bind the names to our packages before it looks them up.
     """
 
-    def receive(packet: bytes, dask_worker: Any = None) -> Any:
+    def receive(setup: bytes) -> Any:
         from physics_crosscheck.harness.jobs import remote_workers
 
-        return remote_workers.receive(packet, dask_worker.local_directory)
+        return remote_workers.receive(setup)
 
     def do(run: str, data: bytes) -> Any:
         import distributed as there

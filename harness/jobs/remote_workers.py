@@ -16,20 +16,15 @@ import os
 import pickle
 import platform
 import queue
-import shutil
-import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, cast
 
-import msgspec
-
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.jobs import payload
 from physics_crosscheck.harness.jobs.executor import Pending
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.limits import Limits
@@ -53,6 +48,7 @@ class RunConfig:
         run: name of the run.
         limits: limits of each task.
         cwd: working folder of the program that started the run.
+        files: hashes of the files and folders that tasks read, by path.
         versions: versions installed on that machine.
         engines: engines whose versions count; empty: all that are installed there.
     """
@@ -60,6 +56,7 @@ class RunConfig:
     run: str
     limits: Limits
     cwd: str
+    files: Mapping[str, str]
     versions: Mapping[str, str]
     engines: tuple[str, ...] = ()
 
@@ -105,20 +102,50 @@ def _misfit(config: RunConfig) -> str:
     )
 
 
+def contents(paths: Iterable[str]) -> dict[str, str]:
+    """Return a hash of each file, or of all files in a folder except hidden ones and bytecode."""
+    return {path: _content(Path(path)) for path in paths}
+
+
+def _content(path: Path) -> str:
+    whole = hashlib.sha256()
+    try:
+        for file in _within(path) if path.is_dir() else [path]:
+            whole.update(f"{file.relative_to(path)}\0".encode(errors="surrogateescape"))
+            whole.update(file.read_bytes())
+    except OSError as error:
+        return error.strerror or str(error)
+    return whole.hexdigest()[:12]
+
+
+def _within(path: Path) -> list[Path]:
+    paths = []
+    for folder, inner, names in os.walk(path):
+        inner[:] = [name for name in inner if not (name[0] == "." or name == "__pycache__")]
+        paths += [Path(folder, name) for name in names]
+    return sorted(one for one in paths if one.is_file())
+
+
+def _unshared(config: RunConfig) -> str:
+    """Return the first path whose content differs here; "" if all are the same."""
+    here = contents(config.files)
+    missing = [] if Path(config.cwd).is_dir() else [config.cwd]
+    return next(iter(missing + [one for one in here if here[one] != config.files[one]]), "")
+
+
 _pools: dict[str, RemoteWorkerPool] = {}
 _lock = threading.Lock()
 
 
 class RemoteWorkerPool:
-    """The processes for a run's tasks on one machine, with copies of its files.
+    """The processes for a run's tasks on one machine.
 
     Args:
-        root: folder for the copies.
         config: configuration of the run.
     """
 
-    def __init__(self, root: Path, config: RunConfig) -> None:
-        self._root, self._config = str(root), config
+    def __init__(self, config: RunConfig) -> None:
+        self._config = config
         self._requests: queue.SimpleQueue[tuple[bytes, Future[object]] | None] = queue.SimpleQueue()
         self._woken, self._wake = multiprocessing.Pipe(duplex=False)
         self._request_lock = threading.Lock()
@@ -136,33 +163,16 @@ class RemoteWorkerPool:
                 return None
             self._requests.put((data, future))
             self._wake.send_bytes(b".")
-        value = future.result()
-        return (
-            self._with_original_paths(value)
-            if isinstance(value, Failure)
-            else cast(bytes | None, value)
-        )
+        return cast(bytes | Failure | None, future.result())
 
     def close(self) -> None:
-        """End the processes, including running tasks, and remove the copies."""
+        """End the processes, including running tasks."""
         with self._request_lock:
             if not self._closed:
                 self._closed = True
                 self._requests.put(None)
                 self._wake.send_bytes(b".")
         self._thread.join()
-        shutil.rmtree(self._root, ignore_errors=True)
-
-    def _with_original_paths(self, failure: Failure) -> Failure:
-        """Return a failure with the paths that its files have on the machine that started
-        the run.
-        """
-        reason, stdout = (text.replace(self._root, "") for text in (failure.reason, failure.stdout))
-        locations = tuple(
-            msgspec.structs.replace(one, file=one.file.replace(self._root, ""))
-            for one in failure.locations
-        )
-        return replace(failure, reason=reason, stdout=stdout, locations=locations)
 
     def _manage(self) -> None:
         """Start tasks until the run leaves; only this thread uses multiprocessing."""
@@ -185,9 +195,12 @@ class RemoteWorkerPool:
             request[1].set_result(None)
 
     def _workers(self) -> Workers:
-        cwd = Path(self._root + self._config.cwd)
         return Workers(
-            _MAX_PROCESSES, self._config.limits, cwd=cwd, wake=self._woken, hide_main=True
+            _MAX_PROCESSES,
+            self._config.limits,
+            cwd=Path(self._config.cwd),
+            wake=self._woken,
+            hide_main=True,
         )
 
     def _next(self, seconds: float) -> tuple[bytes, Future[object]] | None:
@@ -206,7 +219,7 @@ class RemoteWorkerPool:
         while True:
             while request is not None:
                 data, future = request
-                flying[workers.submit(payload.done, (data, self._root))] = future
+                flying[workers.submit(done, data)] = future
                 request = self._next(0.0)
             if self._closed:
                 return
@@ -222,30 +235,43 @@ class RemoteWorkerPool:
             request = self._next(0.0)
 
 
-def receive(pickled: bytes, temporary: str) -> str:
-    """Accept a run; a repeated call has no effect.
+class PayloadError(RuntimeError):
+    """A value that cannot be sent; the message gives the reason."""
 
-    Args:
-        pickled: pickled configuration and copies of the files.
-        temporary: folder for temporary files.
+
+def done(data: bytes) -> bytes:
+    """Run a pickled task, a function and its argument, and return its pickled value.
+
+    Raises:
+        PayloadError: for a value that cannot be sent.
+        Exception: any error of the task.
+    """
+    function, argument = pickle.loads(data)
+    value = function(argument)
+    try:
+        return pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
+    except Exception as error:
+        raise PayloadError(f"its value can't be sent: {type(error).__name__}: {error}") from None
+
+
+def receive(pickled: bytes) -> tuple[str, str]:
+    """Accept a run by its pickled configuration; a repeated call has no effect.
 
     Returns:
-        The differences between the versions; empty if they agree, and the run is accepted.
+        Other versions than the run's, and a path with another content; both empty if it is
+        accepted.
     """
-    config, packet = cast(tuple[RunConfig, bytes], pickle.loads(pickled))
-    if other := _misfit(config):
-        return other
+    config: RunConfig = pickle.loads(pickled)
+    if (other := _misfit(config)) or (path := _unshared(config)):
+        return other, "" if other else path
     with _lock:
         if config.run not in _pools:
-            root = Path(tempfile.mkdtemp(prefix="crosscheck-", dir=temporary)).resolve()
-            payload.extract(packet, root)
-            (root / config.cwd.lstrip(os.sep)).mkdir(parents=True, exist_ok=True)
             # multiprocessing's rule is about processes that it starts, not the present one.
             multiprocessing.current_process().daemon = False
-            _pools[config.run] = RemoteWorkerPool(root, config)
+            _pools[config.run] = RemoteWorkerPool(config)
             # Run before multiprocessing waits for children, which it does when a process ends.
             Finalize(None, leave, args=(config.run,), exitpriority=10)
-    return ""
+    return "", ""
 
 
 def do(run: str, data: bytes) -> bytes | Failure | None:

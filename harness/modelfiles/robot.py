@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.documents.errors import ReadError
+from physics_crosscheck.harness.engines.protocol import ARMATURES
 from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -234,3 +235,9 @@ def count_notes(notes: Iterable[Note], followers: Collection[str]) -> tuple[Omis
         Omission(what=what, count=count, where=tuple(places[what]))
         for what, count in counts.items()
     )
+
+
+def armatures_of(settings: Mapping[str, object]) -> Mapping[str, float]:
+    """Return the setting `armatures`; empty without it."""
+    given = settings.get(ARMATURES)
+    return given if isinstance(given, Mapping) else {}

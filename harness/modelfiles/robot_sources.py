@@ -19,6 +19,7 @@ from physics_crosscheck.harness.documents.expanded import (
     replaced,
 )
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
+from physics_crosscheck.harness.documents.sdf.expand import sdf_models
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 
 ROBOT = "robot:"
@@ -39,10 +40,31 @@ def source_file(name: str) -> Path | None:
     """
     if name.startswith(ROBOT):
         file: Path | None = _plain(_known_robot(name))
+    elif (path := Path(name)).suffix == ".sdf":
+        return next((one for one in source_files(name, None) if one != path), None)
     else:
-        path = Path(name)
         file = _plain(path) if path.is_file() and is_source(path) else None
     return completed(file or Path(name)) or renamed(Path(name)) or file
+
+
+def source_files(name: str, model: str | None = "") -> list[Path]:
+    """Return the model files that a name stands for.
+
+    Args:
+        name: as in `source_file`.
+        model: the one to read from an SDFormat file of several; empty: each as a file; None: the
+            file itself.
+
+    Raises:
+        FolderError: naming the problem and the remedy.
+    """
+    path = Path(name)
+    if path.suffix != ".sdf" or not path.is_file():
+        return [source_file(name) or path]
+    models = sdf_models(path)
+    if model is None and len(models) > 1:
+        return [path]
+    return [file for key, file in models.items() if not model or key == model] or [path]
 
 
 def is_source(file: Path) -> bool:

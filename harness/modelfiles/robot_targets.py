@@ -9,7 +9,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, similar_path
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, is_robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from physics_crosscheck.harness.modelfiles.robot_sources import source_files
 from physics_crosscheck.harness.results.visible import odd_name, visible
 
 MAX_DEPTH = 4
@@ -36,15 +36,21 @@ class NamedRobots:
     faults: Mapping[str, str]
 
 
-def robot_files(names: Sequence[str]) -> NamedRobots:
-    """Separate robot files, also missing ones, from the other names."""
+def robot_files(names: Sequence[str], model: str | None = "") -> NamedRobots:
+    """Separate robot files, also missing ones, from the other names.
+
+    Args:
+        names: of a command line.
+        model: as in `source_files`.
+    """
     files, others, faults = list[Path](), list[str](), dict[str, str]()
     for name in names:
         try:
-            path = source_file(name) or Path(name)
+            paths = source_files(name, model)
         except FolderError as error:
             faults[name] = visible(str(error))
             continue
+        path = paths[0]
         if path.suffix in FORMATS and not path.exists():
             faults[name] = f"{visible(name)}: there is no such file{similar_path(path)}"
             continue
@@ -58,8 +64,8 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             faults[name] = f"{visible(name)}: {formats}"
         elif (why := odd_name(name)) is not None:
             faults[name] = f"{visible(name)}: its name has {why}; rename it"
-        elif path not in files:
-            files.append(path)
+        else:
+            files += [one for one in paths if one not in files]
     return NamedRobots(files, others, faults)
 
 

@@ -28,12 +28,11 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Task
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, digest_of, states_now
+from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, digest_of, states_now
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.paths import SOURCES, is_own
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import Snapshot
-from physics_crosscheck.harness.records.journal import CacheKey
 from physics_crosscheck.harness.records.write import write_whole
 
 LIBRARIES = ("numpy", "scipy", "sympy", "mpmath")
@@ -43,6 +42,26 @@ DAYS = 30
 """Days after which an unused entry is removed."""
 
 SECONDS_A_DAY = 86_400.0
+
+
+class CacheKey(Record, frozen=True, kw_only=True):
+    """The key of a stored result: a task, and the hash of its dependencies.
+
+    Attributes:
+        kind: Kind of the task.
+        folder: System folder, or the robot file.
+        model: Name of the model file; empty for the whole folder.
+        engine: Name of the engine; empty for the whole folder.
+        scenario: Name of the scenario; empty for tasks other than cases.
+        inputs: Hash of all inputs that are known in advance; empty if unknown.
+    """
+
+    kind: str
+    folder: str
+    model: str = ""
+    engine: str = ""
+    scenario: str = ""
+    inputs: str
 
 
 class _Entry(Record, frozen=True, kw_only=True):
@@ -85,7 +104,7 @@ class Cache:
             OSError, msgspec.MsgspecError, RecursionError, UnicodeDecodeError, ValueError
         ):
             entry = msgspec.json.decode(path.read_bytes(), type=_Entry)
-            if entry.key != key or not _as_they_were(Path(key.folder), entry.reads):
+            if entry.key != key or states_now(Path(key.folder), entry.reads) != entry.reads:
                 return None
             value = msgspec.json.decode(entry.value, type=result)
             os.utime(path)
@@ -102,7 +121,7 @@ class Cache:
         """
         if self.problem or not key.inputs:
             return
-        if UNREADABLE in reads.values():
+        if UNKNOWN in reads.values():
             return
         entry = _Entry(key=key, reads=dict(reads), value=msgspec.Raw(msgspec.json.encode(value)))
         with self._writing():
@@ -132,10 +151,6 @@ class Cache:
                 if now - path.stat().st_mtime > DAYS * SECONDS_A_DAY:
                     path.unlink()
         mark.touch()
-
-
-def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
-    return states_now(folder, reads) == dict(reads)
 
 
 def key_of_folder(folder: Path, options: Mapping[str, object]) -> CacheKey:
@@ -233,4 +248,4 @@ class Reading:
         """Call the function."""
         with record_reads(self._folder) as reads:
             value = self._function(argument)
-        return TaskOutput(value, reads.states())
+        return TaskOutput(value, reads.states)

@@ -11,14 +11,14 @@ from typing import Any
 
 from msgspec import structs
 
-from physics_crosscheck.harness.baseline.fingerprint import model_hashes, with_reads_of_system
+from physics_crosscheck.harness.baseline.fingerprint import model_hashes
 from physics_crosscheck.harness.baseline.known import Accepted
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task
-from physics_crosscheck.harness.modelfiles.path_states import merged
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.planning.cache import (
+    CacheKey,
     Reading,
     TaskOutput,
     file_in_engine,
@@ -39,7 +39,6 @@ from physics_crosscheck.harness.planning.prepared import (
 from physics_crosscheck.harness.planning.result_builder import Jobs, ResultBuilder
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
-from physics_crosscheck.harness.records.journal import CacheKey
 
 Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]
@@ -83,13 +82,13 @@ class TargetPlan:
                 "motion": options.motion,
                 **({"ideal": True} if options.ideal else {}),
             }
-        if not results.keeps and self._cache is None:
+        if self._cache is None:
             return
         # Hash everything before running anything, so that later changes do not count.
         if self.standalone:
             self._key = key_of_file(place, self._reading)
         else:
-            self._key = None if self._cache is None else key_of_folder(place, self._reading)
+            self._key = key_of_folder(place, self._reading)
             self._hashes = model_hashes(place, options.resolution, options.baseline)
 
     @property
@@ -167,13 +166,6 @@ class TargetPlan:
             scenario: scenario of a case or a measurement.
             snapshot: snapshot that a measurement repeats.
         """
-        journal_key = self._journal_key(check.kind, key, scenario, snapshot)
-        if (
-            journal_key is not None
-            and (value := self._sound(self.results.lookup(journal_key))) is not None
-        ):
-            yield from done(value)
-            return
         cache_key = self._cache_key(check.kind, key, scenario, snapshot)
         if (value := self._lookup(cache_key)) is not None:
             self.results.cached += check is CASE
@@ -201,8 +193,8 @@ class TargetPlan:
                     if isinstance(outcome, TaskOutput)
                     else (outcome, {})
                 )
-                if journal_key is not None:
-                    self.results.store(journal_key, value)
+                seen = self.results.reads[str(self.place)]
+                self.results.reads[str(self.place)] = {**seen, **reads}
                 self._store(cache_key, value, reads)
                 return done(value)
 
@@ -249,7 +241,7 @@ class TargetPlan:
     def _store(self, key: CacheKey | None, value: Any, reads: Mapping[str, str]) -> None:
         """Store a value, with the files that it read in addition to those of `system.py`."""
         if key is not None and self._cache is not None:
-            self._cache.store(key, value, merged(self.facts.reads, reads))
+            self._cache.store(key, value, {**self.facts.reads, **reads})
 
     def _inputs(self, key: ModelKey, snapshot: Snapshot | None) -> str:
         """Return a hash of the dependencies of a model in an engine; "" if unknown."""
@@ -261,19 +253,8 @@ class TargetPlan:
         if not self.standalone:
             hashed = self._hashes.get(key, "")
             return with_environment(hashed, key[-1], options.motion, options.thorough)
-        assert self._key is not None  # only needed with a cache or a journal
+        assert self._key is not None  # only needed with a cache
         return file_in_engine(self._key, key[-1], options.resolution, options.thorough)
-
-    def _journal_key(
-        self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
-    ) -> CacheKey | None:
-        """Return the journal's key of a task; None without a journal."""
-        if not self.results.keeps:
-            return None
-        hashed = self._inputs(key, snapshot)
-        if not self.standalone:  # a journal does not store which files the code read
-            hashed = with_reads_of_system(hashed, key, self.facts.reads)
-        return _key_of(kind, key, scenario, hashed) if hashed else None
 
     def _cache_key(
         self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None

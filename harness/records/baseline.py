@@ -127,7 +127,7 @@ class Measurement(Record, frozen=True, kw_only=True):
         uncertainty: Uncertainty of `end`, shape (K, 2n).
         constants: Constants that the motion identifies.
         on_accepted: Result on the accepted segments; None if nothing comparable was accepted.
-        reads: State of each file that the folder's code read or looked for.
+        reads: State of each path that the folder's code read or looked for.
         time_step: Time step of a robot file, seconds; None for a folder.
         integrator: Name of its integrator.
         steps: Its whole steps; None without a law.
@@ -169,8 +169,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         engine_version: Name and version of the engine.
         resolution: Resolution of the run.
         numerics: Version of this package's numerical methods.
-        files: Hashes of all inputs, by path. Files that code looked for have `absent` or
-            `names:HASH`.
+        files: Hashes of all inputs, by path; `unknown` outside the folder.
         snapshot: Key of the snapshot for `end`; empty if the engine refuses the file.
         end: End states of the model, shape (K, 2n).
         end_uncertainty: Uncertainty of `end`.

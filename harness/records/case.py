@@ -459,6 +459,7 @@ class WholeStep(Record, frozen=True, kw_only=True):
         contacts: Number of contacts that were compared with the file's shapes.
         contact_faults: Contacts that the engine finds otherwise, one sentence each.
         unjudged: Contacts that were not compared, with their counts.
+        contact_counts: Pairs of shapes for which another engine finds another number of contacts.
     """
 
     outcome: Outcome | None = None
@@ -481,6 +482,7 @@ class WholeStep(Record, frozen=True, kw_only=True):
     contacts: Count = 0
     contact_faults: tuple[str, ...] = ()
     unjudged: tuple[str, ...] = ()
+    contact_counts: tuple[str, ...] = ()
 
     @property
     def differs(self) -> bool:

@@ -4,8 +4,7 @@ XC1xx is what the audit finds in a file, XC2xx the cause of a difference, XC3xx 
 or is unresolved, XC4xx a file that is refused or not read, XC5xx a change since the baseline, and
 XC6xx a run that failed. A record's code follows from its kind, by this table.
 
-`docs/messages/` has a page for each code, written by
-`python -m physics_crosscheck.harness.results.messages docs/messages`.
+The site has a page for each code (`results.messages`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Difference between two results: accepted and present, two versions of an engine, two runs."""
+"""Difference between two results: accepted and present, or two versions of an engine."""
 
 from __future__ import annotations
 

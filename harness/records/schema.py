@@ -1,9 +1,7 @@
 """JSON Schemas and reference pages of the result files, generated from the records.
 
-`python -m physics_crosscheck.harness.records.schema docs/schema` writes the schemas into this
-folder and the pages into `docs/reference`. A test fails if they are out of date.
-
-Reference pages of the result files, from docstrings: a section per struct, a row per field.
+A page has a section per struct and a row per field, from docstrings. The site has all of them
+(`interfaces.cli.reference`).
 """
 
 from __future__ import annotations
@@ -11,10 +9,8 @@ from __future__ import annotations
 import inspect
 import json
 import re
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -29,8 +25,6 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.system import SystemResult
-from physics_crosscheck.harness.records.versions import Versions
-from physics_crosscheck.harness.records.write import write_whole
 
 HOME = "results"
 """The page that explains the outcomes."""
@@ -178,7 +172,6 @@ SCHEMAS: dict[str, type[Record]] = {
     "baseline": BaselineFile,
     "comparison": ComparisonResult,
     "mutations": Mutations,
-    "versions": Versions,
 }
 """Records by the name of their schema file, `<name>.schema.json`."""
 
@@ -248,15 +241,6 @@ PAGES = (
         schema="mutations",
     ),
     FilePage(
-        name="versions",
-        title="Version comparison files",
-        reader="Scripts that track engine upgrades need this page. It describes every field of the"
-        " comparison of versions.",
-        written="`crosscheck versions --json FILE` writes the file.",
-        records=(Versions,),
-        schema="versions",
-    ),
-    FilePage(
         name="sweep",
         title="Sweep rows",
         reader="Anyone who evaluates a sweep needs this page. It describes every column of the"
@@ -288,15 +272,3 @@ def _described(part: Any) -> Any:
 def schema_text(name: str) -> str:
     """Return the text of a schema file."""
     return json.dumps(schema(SCHEMAS[name]), indent=1, ensure_ascii=False) + "\n"
-
-
-def main(folder: Path) -> None:
-    """Write the schemas into a folder, and the pages into `reference` next to it."""
-    for name in SCHEMAS:
-        write_whole(folder / f"{name}.schema.json", schema_text(name))
-    for name, text in page_texts(PAGES).items():
-        write_whole(folder.parent / "reference" / name, text)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

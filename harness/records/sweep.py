@@ -7,9 +7,8 @@ from typing import Literal
 import msgspec
 
 from physics_crosscheck.harness.records.base import Number, Record
-from physics_crosscheck.harness.records.case import CaseId, CaseKind, DecidedBy
+from physics_crosscheck.harness.records.case import CaseKind, DecidedBy
 from physics_crosscheck.harness.records.codes import case_code
-from physics_crosscheck.harness.records.diff import CaseNumbers
 from physics_crosscheck.harness.records.outcome import Outcome
 
 
@@ -81,28 +80,6 @@ class SweepRow(Record, frozen=True, kw_only=True):
     def name(self) -> str:
         """Name of the case, without its constants."""
         return f"{self.system}/{self.model} [{self.engine}] {self.scenario}"
-
-    @property
-    def id(self) -> CaseId:
-        """Name of the case in a run of its system."""
-        return CaseId(
-            system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
-        )
-
-    @property
-    def numbers(self) -> CaseNumbers:
-        """Numbers that two sweeps are compared by."""
-        return CaseNumbers(
-            outcome=self.outcome,
-            reason=self.reason,
-            discrepancy=self.discrepancy,
-            uncertainty=self.uncertainty,
-            digits=self.digits,
-            global_error=self.global_error,
-            order=self.order,
-            integrator=self.integrator,
-            time_step=self.step,
-        )
 
 
 class SweepPlan(Record, frozen=True, kw_only=True):

@@ -1,19 +1,12 @@
-"""Pages of the message codes: for a terminal, and as Markdown in `docs/messages/`.
-
-`python -m physics_crosscheck.harness.results.messages docs/messages` writes all pages; a test fails
-if they are out of date.
-"""
+"""Pages of the message codes: for a terminal, and as Markdown for the site."""
 
 from __future__ import annotations
 
 import difflib
-import sys
 import textwrap
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 
 from physics_crosscheck.harness.records.codes import GROUPS, Code, codes
-from physics_crosscheck.harness.records.write import write_whole
 
 _INDEX = """# Messages
 
@@ -102,18 +95,3 @@ def list_lines(width: int) -> Iterator[str]:
                     f"{code.code}  {code.title}", max(width, 40), initial_indent="  ",
                     subsequent_indent=" " * 9,
                 )  # fmt: skip
-
-
-def main(folder: Path) -> None:
-    """Write every page into a folder, and remove the pages of deleted codes."""
-    folder.mkdir(parents=True, exist_ok=True)
-    wanted = pages()
-    for path in folder.glob("*.md"):
-        if path.name not in wanted:
-            path.unlink()
-    for name, text in wanted.items():
-        write_whole(folder / name, text)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -16,6 +16,7 @@ import numpy as np
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.laws.soft import (
     SMALLEST,
+    WITHIN,
     Cone,
     Kind,
     Part,
@@ -206,7 +207,8 @@ class Constraints:
             weight += others[0][1]
         size = sum(map(abs, (*positions, *equality.starts, constant)))
         rows.add(Kind.EQUALITY, row, equality.softness, violation, weight, position=size,
-                 part=_equality_part(equality, index, violation))  # fmt: skip
+                 part=_within(Part("equality", index), equality.softness, violation),
+                 )  # fmt: skip
 
     def _position(self, posture: Posture, joint: int, path: int) -> float:
         if joint < 0:
@@ -242,7 +244,7 @@ class Constraints:
             rows.add(
                 Kind.EQUALITY, row[k], equality.softness, float(apart[k]), weight[k],
                 position=size, depth=whole, bias=self.laws.drift * float(bias[k]),
-                part=_equality_part(equality, index, whole),
+                part=_within(Part("equality", index), equality.softness, whole),
             )  # fmt: skip
 
     def _add_limit(self, rows: Rows, posture: Posture, limit: SoftLimit, index: int) -> None:
@@ -255,9 +257,11 @@ class Constraints:
         for sign, bound in ((-1, limit.lower), (1, limit.upper)):
             distance = sign * (bound - position)
             if distance < limit.margin:
+                violation, part = distance - limit.margin, Part("limit", index, sign)
                 rows.add(
-                    Kind.ONE_SIDED, -sign * row, limit.softness, distance - limit.margin, weight,
-                    position=abs(position) + abs(bound), part=Part("limit", index, sign),
+                    Kind.ONE_SIDED, -sign * row, limit.softness, violation, weight,
+                    position=abs(position) + abs(bound),
+                    part=_within(part, limit.softness, violation),
                 )  # fmt: skip
         return None
 
@@ -274,7 +278,7 @@ class Constraints:
         rows.add(
             Kind.ONE_SIDED, row, limit.softness, distance - limit.margin,
             float(self.weights.velocities[there.start]), position=2 * angle,
-            part=Part("limit", index, 1),
+            part=_within(Part("limit", index, 1), limit.softness, distance - limit.margin),
         )  # fmt: skip
 
     def parameters(self, first: int, other: int) -> ContactParameters:
@@ -321,8 +325,10 @@ class Constraints:
             added.add_pyramid(friction, ratio)
 
 
-def _equality_part(equality: SoftEquality, index: int, violation: float) -> Part:
-    return Part("equality", index, int(abs(violation) < equality.softness.impedance[2]))
+def _within(part: Part, softness: Softness, violation: float) -> Part:
+    """Return a part, or that of a small violation."""
+    small = abs(violation) < softness.impedance[2]
+    return part._replace(way=WITHIN * (part.way or 1)) if small else part
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

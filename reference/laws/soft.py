@@ -64,6 +64,12 @@ def impedance(softness: Softness, distance: float) -> tuple[float, float]:
     return start + y * (full - start), full
 
 
+def varies(softness: Softness) -> bool:
+    """Return whether the impedance depends on the violation."""
+    start, full, width, *_ = clipped_impedance(softness)
+    return width > SMALLEST and start != full
+
+
 def gains(reference: Range, full: float, step: float, *, safe: bool) -> tuple[float, float]:
     """Return stiffness k (1/s^2) and damping b (1/s) of aref = -b v - k d r.
 
@@ -83,6 +89,10 @@ def gains(reference: Range, full: float, step: float, *, safe: bool) -> tuple[fl
     return k, 2 / max(SMALLEST, full * constant)
 
 
+WITHIN = 2
+"""Way of a part whose violation is within the width of its impedance."""
+
+
 class Part(NamedTuple):
     """A part of the laws that acts at some states.
 
@@ -90,8 +100,8 @@ class Part(NamedTuple):
         kind: "limit", "dry friction", "equality", "contact", "control", "state", "force", "joint
             force", "tendon force".
         place: index of the limit, friction, equality, contact, drive, joint or sum.
-        way: end of a range, -1 or 1; 1 for friction that slides, and for an equality within the
-            width of its impedance.
+        way: end of a range, -1 or 1; 1 for friction that slides; `WITHIN` for an equality within
+            the width of its impedance, and for a limit too, with the sign of its end.
     """
 
     kind: str
@@ -154,6 +164,7 @@ class Rows:
         velocities: stored, (nv,).
         parts: of the laws that the rows belong to.
         arms: magnitudes of the positions whose differences are arms in each row, (nv,).
+        violations: r of each row, m or rad.
     """
 
     step: float
@@ -168,6 +179,7 @@ class Rows:
     blocks: list[RowBlock] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     arms: list[Array] = field(default_factory=list)
+    violations: list[float] = field(default_factory=list)
 
     def add(
         self,
@@ -202,6 +214,7 @@ class Rows:
         d, full = impedance(softness, violation if depth is None else depth)
         k, b = gains(softness.reference, full, self.step, safe=self.safe)
         rate = float(row @ self.velocities)
+        self.violations.append(violation)
         size = b * float(np.abs(row) @ np.abs(self.velocities)) + abs(bias)
         self._append(
             kind, row, reference=-b * rate - k * d * violation - bias,

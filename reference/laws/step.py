@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from physics_crosscheck.reference.laws.constraints import Constraints
 from physics_crosscheck.reference.laws.drives import Driven, clamps, drive
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
-from physics_crosscheck.reference.laws.soft import Kind, Part, Problem
-from physics_crosscheck.reference.mechanism.laws import ContactPoint
+from physics_crosscheck.reference.laws.soft import WITHIN, Kind, Part, Problem, varies
+from physics_crosscheck.reference.mechanism.laws import ContactPoint, SoftEquality, SoftLimit
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
@@ -189,12 +189,13 @@ class LawModel(Constraints):
         for i, limit in enumerate(laws.limits):
             ball = limit.joint >= 0 and self.tree.tree.links[limit.joint].kind == "ball"
             yield from (Part("limit", i, way) for way in ((1,) if ball else (-1, 1)))
+        soft: dict[str, Sequence[SoftLimit | SoftEquality]]
+        soft = {"limit": laws.limits, "equality": laws.equalities}
+        for kind, rows in soft.items():
+            softness = (row.softness for row in rows)
+            yield from (Part(kind, i, WITHIN) for i, one in enumerate(softness) if varies(one))
         for i in range(len(laws.frictions)):
             yield from (Part("dry friction", i, way) for way in (0, 1))
-        for i, equality in enumerate(laws.equalities):
-            start, full, width, *_ = equality.softness.impedance
-            if width > 0 and start != full:
-                yield Part("equality", i, 1)
         for i, actuator in enumerate(laws.drives):
             ranges = {"control": actuator.control_range, "force": actuator.force_range}
             ranges["state"] = actuator.state_range if actuator.state >= 0 else None
@@ -212,8 +213,14 @@ class LawModel(Constraints):
         forces = np.abs(law.problem.forces(solution.acceleration)[0])
         for part, force, bound in zip(law.parts, forces, law.problem.bounds, strict=True):
             if force:
-                slides = part.kind == "dry friction"
-                yield part._replace(way=int(force >= bound)) if slides else part
+                match part.kind:
+                    case "dry friction":
+                        yield part._replace(way=int(force >= bound))
+                    case "limit" if abs(part.way) == WITHIN:
+                        yield part._replace(way=WITHIN)
+                        yield part._replace(way=part.way // WITHIN)
+                    case _:
+                        yield part
         yield from clamps(self.laws, law.posture, law.driven, solution.controls)
 
     def advance(self, law: LawStep, a: Array) -> Array | None:

@@ -87,7 +87,7 @@ def _failure_problems(result: ProcessResult) -> list[str]:
 
 def _rerun_problems(box: Sandbox, expected: UndisturbedRun) -> list[str]:
     """Return what is wrong with a further run in the same folder, which now has space."""
-    result = box.run("--resume")
+    result = box.run()
     if result.code != 0 or verdicts_by_case(box.results()) != expected.verdicts_of("sound_0"):
         return [f"a run afterwards ends with {result.code}: {result.output[-300:]!r}"]
     return output_problems(result)

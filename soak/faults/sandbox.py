@@ -75,6 +75,7 @@ class Sandbox:
         """Return the command that runs all folders."""
         arguments = ["run", *self.folders(), "--out", str(self.out), "--jobs", "2"]
         arguments += ["--baseline", str(self.folder / "baseline")]
+        arguments += ["--cache", str(self.folder / "cache")]
         return [sys.executable, "-m", "physics_crosscheck", *arguments, *further]
 
     def environment(self) -> dict[str, str]:

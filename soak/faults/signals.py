@@ -59,7 +59,7 @@ def _random_time(seed: int, name: str, expected: UndisturbedRun) -> float:
 def _stop_fault(name: str, number: signal.Signals, seed: int, send: Send) -> Fault:
     """Return a fault that stops the run.
 
-    The run must keep its finished cases, and `--resume` must give the undisturbed verdicts.
+    The run must keep its finished cases, and a further run must give the undisturbed verdicts.
     """
 
     def check(expected: UndisturbedRun) -> list[str]:
@@ -83,12 +83,12 @@ def _stop_fault(name: str, number: signal.Signals, seed: int, send: Send) -> Fau
 
 
 def _resume_problems(box: Sandbox, expected: UndisturbedRun) -> list[str]:
-    result = box.run("--resume")
+    result = box.run()
     wrong = output_problems(result)
     if result.code != 0:
-        wrong.append(f"--resume ends with {result.code}: {result.output[-300:]!r}")
+        wrong.append(f"a further run ends with {result.code}: {result.output[-300:]!r}")
     if verdicts_by_case(box.results()) != expected.verdicts:
-        wrong.append("--resume gives other verdicts than an undisturbed run")
+        wrong.append("a further run gives other verdicts than an undisturbed run")
     return wrong
 
 

@@ -1,13 +1,19 @@
 """Advice about implausible numbers of robots' files: one planted fault of each kind."""
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
+from tests.commands import crosscheck
 
 BOX = '<geometry><box size="0.1 0.1 0.4"/></geometry>'
 
@@ -289,3 +295,52 @@ def test_shape_fitted_to_a_mesh_has_no_size(tmp_path: Path) -> None:
     kinds = [finding.kind for finding in advice(tmp_path, text, suffix=".xml")]
     assert "density" not in kinds
     assert "inertia too small" not in kinds
+
+
+@pytest.mark.parametrize("key", ["effort", "velocity"])
+def test_negative_limit_is_named_by_joint_and_line(tmp_path: Path, key: str) -> None:
+    limit = 'lower="-1" upper="1" effort="100" velocity="1"'
+    wrong = re.sub(rf'{key}="\d+"', f'{key}="-1"', limit)
+    finding = only(tmp_path, "negative limit", link("a"), joint("a", wrong))
+    assert finding.message.startswith(f"the {key} of joint 'a_joint' is -1: ")
+    assert f'{key}="-1"' in text_at(finding)
+    refusal = f"the {key} of joint 'a_joint' is -1, and Pinocchio refuses limits below zero"
+    pytest.importorskip("pinocchio")
+    with pytest.raises(EngineError, match=refusal):
+        model_task(prepare_tree(tmp_path / "robot.urdf", states=2), "pinocchio").load()
+
+
+def test_no_advice_fails_a_case(tmp_path: Path) -> None:
+    """Run files that get advice of every kind and agree; a mesh needs another package."""
+    (tmp_path / "cube.stl").write_text(stl(50.0))
+    mesh = '<geometry><mesh filename="package://r/cube.stl"/></geometry>'
+    links = {
+        "equal": link("equal", 1.0, (0.01,) * 3),
+        "alike": link("alike", 3.0, (0.01,) * 3),
+        "large": link("large", 2.0, (0.5, 0.5, 0.1)),
+        "small": link("small", 2.0, (1e-6,) * 3),
+        "outside": link("outside", center="0 0 0.3"),
+        "dense": link("dense", 100.0, (1.4, 1.4, 0.16)),
+        "swapped": link("swapped", 2.0, (0.0033, 0.0283, 0.0283)),
+        "left_arm": link("left_arm", 2.2),
+        "right_arm": link("right_arm"),
+        "bare": link("bare", 2.0, (0, 0, 0), center="0.04 0 0"),
+        "unit": link("unit", 0.1, (4e-5,) * 3, center="0.025 0.025 0.025", shape=mesh),
+        "weak": link("weak", center="0.04 0 0"),
+        "negative": link("negative"),
+    }
+    limits = {"weak": 0.5, "negative": -1}
+    joints = [
+        joint(name, f'lower="-1" upper="1" effort="{limits.get(name, 1000)}" velocity="1"').replace(
+            'xyz="0.3 0 0"', f'xyz="0.3 {k} 0"'
+        )
+        for k, name in enumerate(links)
+    ]
+    kinds = {one.kind for one in advice(tmp_path, *links.values(), *joints)}
+    text = ARM.format(damping=0.001).replace('range="-60 60"', 'range="10 60"')
+    kinds |= {one.kind for one in advice(tmp_path, text, suffix=".xml")}
+    absent = set() if find_spec("trimesh") else {"mesh unit"}
+    assert kinds == {*get_args(PlausibilityKind)} - absent
+    for file, engine in (("robot.urdf", "pybullet"), ("robot.xml", "mujoco")):
+        done = crosscheck("run", file, "--engine", engine, "--smooth", cwd=tmp_path)
+        assert (done.returncode, "(advice, " in done.stdout) == (0, True), done.stdout

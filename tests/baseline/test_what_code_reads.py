@@ -1,4 +1,4 @@
-"""Dependencies of cases on all files that `system.py` and `space.py` read."""
+"""Reuse of results of a folder, whose code may open, query, list or import anything."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from pathlib import Path
 
 import pytest
 
-import physics_crosscheck.harness.modelfiles.code_reads
 from physics_crosscheck.harness.baseline.fingerprint import (
     OTHER_FILES,
     as_now,
     folder_files,
     with_reads,
 )
+from physics_crosscheck.harness.modelfiles import code_reads
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
-from physics_crosscheck.harness.modelfiles.path_states import is_content
-from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.modelfiles.path_states import ABSENT, UNKNOWN
+from physics_crosscheck.harness.planning.cache import Cache, CacheKey
 from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.journal import CacheKey
 from physics_crosscheck.reference.load import load_system
 from tests.faults.known_folder import SYSTEM
 
@@ -43,176 +42,17 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def reads(folder: Path, code: str) -> set[str]:
-    """Return the files that a declaration with some code reads, except itself."""
+def present(states: dict[str, str]) -> dict[str, str]:
+    """Return the states of paths that exist, or are unknown."""
+    return {name: state for name, state in states.items() if state != ABSENT}
+
+
+def reads(folder: Path, code: str) -> dict[str, str]:
+    """Return the inputs of a declaration with some code."""
     (folder / "system.py").write_text(HERE + code + SYSTEM)
     with record_reads(folder) as recording:
         load_system(folder)
-    return {name for name, state in recording.states().items() if is_content(state)} - {"system.py"}
-
-
-@pytest.mark.parametrize(("code", "name"), [
-    ("with open(HERE / '../shared/mass.txt') as file:\n    file.read()\n", "../shared/mass.txt"),
-    ("(HERE.parent / 'shared' / 'mass.txt').read_text()\n", "../shared/mass.txt"),
-    ("(HERE.parent / 'shared' / 'mass.txt').read_bytes()\n", "../shared/mass.txt"),
-    ("import os\nos.close(os.open(HERE / '.mass', os.O_RDONLY))\n", ".mass"),
-    ("import numpy\nnumpy.loadtxt(HERE / '.hidden' / 'mass.txt')\n", ".hidden/mass.txt"),
-    ("(HERE / 'old' / 'mass.txt').open('rb').close()\n", "old/mass.txt"),
-    ("(HERE / '__pycache__' / 'mass.txt').read_text()\n", "__pycache__/mass.txt"),
-    ("import sys\nsys.path.insert(0, str(HERE.parent / 'shared'))\nimport local_mass\n",
-     "../shared/local_mass.py"),
-])  # fmt: skip
-def test_reads_of_a_declaration_are_recorded(folder: Path, code: str, name: str) -> None:
-    assert reads(folder, code) == {name}
-    # Again, in a process that has already imported it.
-    assert reads(folder, code) == {name}
-
-
-@pytest.mark.parametrize("code", [
-    "import json.tool, wave, sympy.physics.units\n",
-    "(HERE / 'written').write_text('1.3')\n",
-    "Path('/etc/hostname').read_text()\n",
-    "import harness.render.terminal.primes\n",
-])  # fmt: skip
-def test_written_installed_and_system_files_are_not_recorded(folder: Path, code: str) -> None:
-    for name in ("json.tool", "wave", "physics_crosscheck.harness.render.terminal.primes"):
-        sys.modules.pop(name, None)
-    assert reads(folder, code) == set()
-
-
-def test_bytecode_is_neither_read_nor_written(folder: Path) -> None:
-    shared = folder.parent / "shared"
-    source = shared / "local_mass.py"
-    source.write_text("raise SystemError('the bytecode is not this')\n")
-    cached = Path(importlib.util.cache_from_source(str(source)))
-    py_compile.compile(str(source), str(cached), invalidation_mode=_UNCHECKED)
-    source.write_text("MASS = 1.3\n")
-    before = cached.read_bytes()
-    code = f"import sys\nsys.path.insert(0, {str(shared)!r})\nimport local_mass\n"
-    assert reads(folder, code) == {"../shared/local_mass.py"}
-    assert cached.read_bytes() == before
-    assert str(shared) not in sys.path
-
-
-_UNCHECKED = py_compile.PycInvalidationMode.UNCHECKED_HASH
-
-
-def test_bytecode_without_a_source_is_recorded(folder: Path) -> None:
-    source = folder / ".hidden" / "local_bytes.py"
-    source.write_text("MASS = 1.3\n")
-    py_compile.compile(str(source), str(source.with_suffix(".pyc")))
-    source.unlink()
-    code = f"import sys\nsys.path.insert(0, {str(source.parent)!r})\nimport local_bytes\n"
-    assert reads(folder, code) == {".hidden/local_bytes.pyc"}
-
-
-def test_package_metadata_is_not_recorded(folder: Path) -> None:
-    about = folder.parent / "anywhere" / "adapter-1.0.dist-info"
-    about.mkdir(parents=True)
-    (about / "entry_points.txt").write_text("[crosscheck.engines]\n")
-    assert reads(folder, f"open({str(about / 'entry_points.txt')!r}).close()\n") == set()
-
-
-def test_files_in_the_user_cache_are_not_recorded(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Ignore kernels that engines compile and read again from the cache."""
-    kernels = folder.parent / "cache" / "kernels"
-    kernels.mkdir(parents=True)
-    (kernels / "step.bin").write_text("compiled")
-    code = f"open({str(kernels / 'step.bin')!r}).close()\n"
-    assert reads(folder, code) == {"../cache/kernels/step.bin"}
-    monkeypatch.setenv("XDG_CACHE_HOME", str(kernels.parent))
-    physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
-    assert reads(folder, code) == set()
-    physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
-
-
-def test_each_folder_imports_its_own_module(folder: Path, tmp_path: Path) -> None:
-    code = "import sys\nsys.path.insert(0, str(HERE / 'lib'))\nimport local_name\n"
-    for number in (1.5, 2.5):
-        system_folder = tmp_path / f"folder_{number}"
-        (system_folder / "lib").mkdir(parents=True)
-        (system_folder / "lib" / "local_name.py").write_text(f"MASS = {number}\n")
-        text = SYSTEM.replace('"m", 1.3,', '"m", local_name.MASS,')
-        (system_folder / "system.py").write_text(HERE + code + text)
-        with record_reads(system_folder) as recording:
-            assert load_system(system_folder).constants[0].value == number
-        assert {"system.py", "lib/local_name.py"} <= set(recording.states())
-
-
-def test_files_read_elsewhere_count_and_folder_files_count_once(
-    folder: Path,
-) -> None:
-    (folder / "system.py").write_text("")
-    (folder / "space.py").write_text("")
-    (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
-    (folder / "mass.txt").write_text("1.3")
-    (model,) = folder_files(folder).models
-    accepted = with_reads(
-        model,
-        {"mass.txt": CONTENT, "../shared/mass.txt": CONTENT, "system.py": f"{CONTENT}; times:1"},
-    )
-    assert set(accepted) == {*model.copies, OTHER_FILES, "../shared/mass.txt", "./system.py"}
-    now = as_now(model, accepted)
-    assert set(now) == set(accepted)
-    (folder.parent / "shared" / "mass.txt").write_text("1.4")
-    assert as_now(model, accepted) != now
-    (folder.parent / "shared" / "mass.txt").unlink()
-    assert as_now(model, accepted)["../shared/mass.txt"] == "absent"
-
-
-def test_packages_of_other_environments_count_as_installed(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    lent = tmp_path / "lent" / "site-packages"
-    lent.mkdir(parents=True)
-    (lent / "lent_module.py").write_text("number = 1\n")
-    monkeypatch.syspath_prepend(lent)
-    physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
-    try:
-        (folder / "system.py").write_text(f"import lent_module\n{SYSTEM}")
-        with record_reads(folder) as seen:
-            load_system(folder)
-        assert not [name for name in seen.states() if "lent_module" in name]
-        with record_reads(folder):
-            assert "lent_module" in sys.modules, "an installed module must not be dropped"
-    finally:
-        sys.modules.pop("lent_module", None)
-        physics_crosscheck.harness.modelfiles.code_reads._roots.cache_clear()
-
-
-def test_path_that_imports_a_module_does_not_recurse_endlessly(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Catch a failure of every folder in Python 3.12.3, whose `Path` imports `ntpath`."""
-    room = physics_crosscheck.harness.modelfiles.code_reads
-    (folder / "system.py").write_text(SYSTEM)
-
-    def importing() -> frozenset[str]:
-        exec(compile("import ntpath", "/usr/lib/python3.12/pathlib.py", "exec"))
-        return frozenset()
-
-    monkeypatch.setattr(room, "package_folders", importing)
-    room._roots.cache_clear()
-    room._origin.cache_clear()
-    try:
-        with record_reads(folder):
-            assert load_system(folder).name == "oscillator"
-    finally:
-        monkeypatch.undo()
-        room._roots.cache_clear()
-        room._origin.cache_clear()
-
-
-def test_file_created_by_the_code_is_not_recorded(folder: Path, tmp_path: Path) -> None:
-    kept, gone = tmp_path / "kept.csv", tmp_path / "copy.urdf"
-    with record_reads(folder) as reads:
-        for file in (kept, gone):
-            file.write_text("1")
-            file.read_text()
-        gone.unlink()
-    assert reads.states() == {}
+    return recording.states
 
 
 def appear(name: str) -> Callable[[Path], None]:
@@ -314,77 +154,156 @@ def test_changed_reads_invalidate_earlier_results(folder: Path, way: str) -> Non
     shared = folder.parent / "shared"
     (shared / "link").symlink_to("mass.txt")
     (shared / "by_file.py").write_text("MASS = 1.3\n")
-    (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
     (folder / "space.py").write_text("")
     (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
-    # The second run finds the files that the first run created.
-    for _ in range(1 if way == "removed" else 2):
-        with record_reads(folder) as recording:
-            load_system(folder)
-    reads = recording.states()
+    states = reads(folder, SHARED + code)
     (model,) = folder_files(folder).models
-    accepted = with_reads(model, reads)
+    accepted = with_reads(model, states)
     cache = Cache(folder.parent / "cache")
     key = CacheKey(kind="coverage", folder=str(folder), inputs="known")
-    cache.store(key, Coverage(note="kept"), reads)
-    if way != "removed":
-        assert cache.find(key, Coverage) == Coverage(note="kept")
-        assert as_now(model, accepted) == accepted
+    cache.store(key, Coverage(note="kept"), states)
     changed(shared)
     assert cache.find(key, Coverage) is None
-    assert as_now(model, accepted) != accepted
+    assert UNKNOWN in accepted.values() or as_now(model, accepted) != accepted
 
 
-QUIET = {
-    "resolve": "HERE.resolve()\n",
-    "made": "(SHARED / 'made').write_text('1')\n(SHARED / 'made').exists()\n",
-    "made in a folder": (
-        "import tempfile\nwith tempfile.TemporaryDirectory() as made:\n"
-        "    os.makedirs(f'{made}/a/b')\n    os.path.exists(f'{made}/a/no')\n"
-        "    os.listdir(made)\n"),
-    "renamed": (
-        "(SHARED / 'new').write_text('1')\nos.replace(SHARED / 'new', SHARED / 'made')\n"
-        "(SHARED / 'made').read_text()\n"),
-    "installed": "import numpy\nos.listdir(os.path.dirname(numpy.__file__))\n",
-    "of the machine": "os.path.exists('/etc/no')\n",
+INSIDE: dict[str, tuple[str, Callable[[Path], None]]] = {
+    "file": ("(HERE / '.mass').read_text()\n", appear("../oscillator/.mass")),
+    "link": ("(HERE / '../oscillator/.mass').resolve().read_text()\n",
+             appear("../oscillator/.mass")),
+    "low level": ("import os\nos.close(os.open(HERE / '.mass', os.O_RDONLY))\n",
+                  appear("../oscillator/.mass")),
+    "by numpy": ("import numpy\nnumpy.loadtxt(HERE / '.hidden' / 'mass.txt')\n",
+                 lambda shared: (shared / "../oscillator/.hidden/mass.txt").unlink()),
+    "beside results": ("(HERE / 'old' / 'mass.txt').open('r+b').close()\n",
+                       appear("../oscillator/old/mass.txt")),
+    "in a cache": ("(HERE / '__pycache__' / 'mass.txt').read_text()\n",
+                   appear("../oscillator/__pycache__/mass.txt")),
+    "absent": ("(HERE / '.no').exists()\n", appear("../oscillator/.no")),
+    "listing": ("list(HERE.iterdir())\n", appear("../oscillator/.no")),
+    "glob": ("import glob\nglob.glob(str(HERE / '*'))\n", appear("../oscillator/empty/.no")),
+    "module": ("import sys\nsys.path.insert(0, str(HERE / 'old'))\nimport local_k\n",
+               appear("../oscillator/old/local_k.py")),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("code", QUIET.values(), ids=QUIET)
-def test_operations_without_input_are_not_recorded(folder: Path, code: str) -> None:
-    (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
-    with record_reads(folder) as recording:
-        load_system(folder)
-    assert recording.states().keys() == {"system.py"}, recording.states()
+@pytest.mark.parametrize("way", INSIDE)
+def test_reads_inside_are_reused_until_the_content_changes(folder: Path, way: str) -> None:
+    code, changed = INSIDE[way]
+    (folder / "old" / "local_k.py").write_text("MASS = 1.3\n")
+    states = reads(folder, code)
+    assert reads(folder, code) == states  # again, in a process that has imported it
+    cache = Cache(folder.parent / "cache")
+    key = CacheKey(kind="coverage", folder=str(folder), inputs="known")
+    cache.store(key, Coverage(note="kept"), states)
+    assert cache.find(key, Coverage) == Coverage(note="kept")
+    changed(folder.parent / "shared")
+    assert cache.find(key, Coverage) is None
+
+
+UNOBSERVED = {
+    "times": "(HERE / '.mass').stat()\n",
+    "times of an entry": "import os\n[entry.stat() for entry in os.scandir(HERE)]\n",
+    "link": "import os\nos.readlink(HERE / '.link')\n",
+    "process": "import subprocess\nsubprocess.run(['true'])\n",
+    "machine": "Path('/etc/hostname').read_text()\n",
+    "created": "import tempfile\ntempfile.TemporaryFile().close()\n",
+    "thread": "import threading\nthread = threading.Thread(target=(HERE / '../shared/mass.txt')"
+              ".read_text)\nthread.start(), thread.join()\n",
+    "removed from the path": "import sys\nsys.path.insert(0, str(HERE / '../shared'))\n"
+                             "import local_mass\ndel sys.path[0]\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("code", UNOBSERVED.values(), ids=UNOBSERVED)
+def test_folder_whose_inputs_are_unknown_always_runs_again(folder: Path, code: str) -> None:
+    (folder / ".link").symlink_to(".mass")
+    assert UNKNOWN in reads(folder, code).values()
+
+
+@pytest.mark.parametrize("code", [
+    "import json.tool, wave, sympy.physics.units\n",
+    "import physics_crosscheck.harness.render.terminal.primes\n",
+    "HERE.resolve()\n",
+    "import numpy, os\nos.listdir(os.path.dirname(numpy.__file__))\n",
+])  # fmt: skip
+def test_installed_files_are_no_inputs(folder: Path, code: str) -> None:
+    for name in ("json.tool", "wave", "physics_crosscheck.harness.render.terminal.primes"):
+        sys.modules.pop(name, None)
+    assert present(reads(folder, code)) == {}
+
+
+def test_bytecode_is_neither_read_nor_written(folder: Path) -> None:
+    source = folder / "local_mass.py"
+    source.write_text("raise SystemError('the bytecode is not this')\n")
+    cached = Path(importlib.util.cache_from_source(str(source)))
+    py_compile.compile(str(source), str(cached), invalidation_mode=_UNCHECKED)
+    source.write_text("MASS = 1.3\n")
+    before = cached.read_bytes()
+    states = reads(folder, "import sys\nsys.path.insert(0, str(HERE))\nimport local_mass\n")
+    assert "local_mass.py" in states
+    assert UNKNOWN not in states.values()
+    assert cached.read_bytes() == before
+    assert str(folder) not in sys.path
+
+
+_UNCHECKED = py_compile.PycInvalidationMode.UNCHECKED_HASH
+
+
+def test_each_folder_imports_its_own_module(tmp_path: Path) -> None:
+    code = "import sys\nsys.path.insert(0, str(HERE / 'lib'))\nimport local_name\n"
+    for number in (1.5, 2.5):
+        system_folder = tmp_path / f"folder_{number}"
+        (system_folder / "lib").mkdir(parents=True)
+        (system_folder / "lib" / "local_name.py").write_text(f"MASS = {number}\n")
+        text = SYSTEM.replace('"m", 1.3,', '"m", local_name.MASS,')
+        (system_folder / "system.py").write_text(HERE + code + text)
+        with record_reads(system_folder) as recording:
+            assert load_system(system_folder).constants[0].value == number
+        assert "lib/local_name.py" in recording.states
+
+
+def test_files_read_elsewhere_count_and_folder_files_count_once(folder: Path) -> None:
+    (folder / "system.py").write_text("")
+    (folder / "space.py").write_text("")
+    (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
+    (folder / "mass.txt").write_text("1.3")
+    (model,) = folder_files(folder).models
+    accepted = with_reads(model, {"mass.txt": CONTENT, ".mass": CONTENT, "../shared": UNKNOWN})
+    assert set(accepted) == {*model.copies, OTHER_FILES, ".mass", "../shared"}
+    assert as_now(model, accepted)[".mass"] not in (CONTENT, "absent")
+    (folder / ".mass").unlink()
+    assert as_now(model, accepted)[".mass"] == "absent"
+
+
+def test_packages_of_other_environments_count_as_installed(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lent = tmp_path / "lent" / "site-packages"
+    lent.mkdir(parents=True)
+    (lent / "lent_module.py").write_text("number = 1\n")
+    monkeypatch.syspath_prepend(lent)
+    code_reads._roots.cache_clear()
+    try:
+        assert present(reads(folder, "import lent_module\n")) == {}
+        with record_reads(folder):
+            assert "lent_module" in sys.modules, "an installed module must not be dropped"
+    finally:
+        sys.modules.pop("lent_module", None)
+        code_reads._roots.cache_clear()
 
 
 def test_nested_recordings_see_the_same_reads(folder: Path) -> None:
     """Nest two recordings, as caching the measurement of a code model does."""
-    mass = folder.parent / "shared" / "mass.txt"
+    code = compile("open('/etc/hostname').close()", str(folder / "space.py"), "exec")
     with record_reads(folder) as outer, record_reads(folder) as inner:
-        mass.read_text()
-    assert outer.states() == inner.states() != {}
-
-
-def test_read_from_an_unknown_open_folder_prevents_reuse(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    code = (
-        "at = os.open(SHARED, os.O_RDONLY)\nos.close(os.open('mass.txt', os.O_RDONLY, dir_fd=at))\n"
-    )
-    monkeypatch.setattr(physics_crosscheck.harness.modelfiles.code_reads, "_place", lambda *_: None)
-    (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
-    with record_reads(folder) as recording:
-        load_system(folder)
-    assert "can't be read" in recording.states().values()
-    cache, key = Cache(folder / "cache"), CacheKey(kind="coverage", folder="f", inputs="known")
-    cache.store(key, Coverage(), recording.states())
-    assert cache.find(key, Coverage) is None
+        exec(code)
+    assert outer.states == inner.states != {}
 
 
 def test_recording_restores_the_patched_functions(folder: Path) -> None:
-    before = os.stat, os.open, __import__
+    before = os.stat, os.readlink
     (folder / "system.py").write_text("raise SystemExit\n")
     with pytest.raises(SystemExit), record_reads(folder):
         load_system(folder)
-    assert (os.stat, os.open, __import__) == before
+    assert (os.stat, os.readlink) == before

@@ -185,37 +185,45 @@ def test_changed_system_runs_all_models(ran: Path) -> None:
     assert [c.outcome for c in results.cases if c.model == "wrong.known"] == [Outcome.AGREES]
 
 
-def test_files_that_system_py_reads_or_tests_for_count(folder: Path, tmp_path: Path) -> None:
+def test_folder_whose_code_reads_elsewhere_always_runs_again(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "k.txt").write_text("47.0")
     system = folder / "system.py"
-    name = '"own.txt" if (HERE / "own.txt").exists() else "k.txt"'
-    given = f'float((HERE / ({name})).open("r+").read())'  # opened to be written as well
+    given = 'float((HERE / "k.txt").open("r+").read())'  # opened to be written as well
     text = system.read_text().replace('"k", 47.0', f'"k", {given}')
     system.write_text(f"from pathlib import Path\nHERE = Path(__file__).parent.parent\n{text}")
-    run()
-    assert cases_run(run()) == 0
+    for _ in range(2):
+        assert cases_run(run()) == 1
+        line = "crosscheck: osc: always runs again, because its code uses ../k.txt\n"
+        assert line in capsys.readouterr().err
     (tmp_path / "k.txt").write_text("47.5")
     (case,) = run().cases
     assert case.outcome is Outcome.DIFFERS
-    (tmp_path / "own.txt").write_text("47.0")
-    (case,) = run().cases
-    assert case.outcome is Outcome.AGREES
 
 
 def test_files_that_a_python_model_reads_count(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("pymunk")
     monkeypatch.chdir(tmp_path)
     folder = swept_folder(tmp_path / "mass", "space.py")
-    (tmp_path / "note.txt").write_text("one")
-    space = folder / "space.py"
-    reads = 'Path(__file__).resolve().parents[1].joinpath("note.txt").read_text()'
-    space.write_text(f"{space.read_text()}\nfrom pathlib import Path\n\n_ = {reads}\n")
+    for name in ("note.txt", "mass/.note"):
+        (tmp_path / name).write_text("one")
+    space, text = folder / "space.py", (folder / "space.py").read_text()
+    code = "\nfrom pathlib import Path\n\n_ = (Path(__file__).parent / {!r}).read_text()\n"
+    space.write_text(text + code.format(".note"))
     before = run(target="mass")
     assert cases_run(run(target="mass")) == 0
-    (tmp_path / "note.txt").write_text("two")
+    (folder / ".note").write_text("two")
     assert cases_run(run(target="mass")) == len(before.cases)
+    capsys.readouterr()
+    space.write_text(text + code.format("../note.txt"))
+    for _ in range(2):
+        assert cases_run(run(target="mass")) == len(before.cases)
+        assert "mass: always runs again, because its code uses ../note.txt" in (
+            capsys.readouterr().err
+        )
 
 
 def test_declared_bodies_are_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -330,19 +338,20 @@ def test_unwritable_cache_is_reported_and_the_run_continues(
     assert "nothing more is kept in the cache: cache" in capsys.readouterr().err
 
 
-def test_folder_that_no_longer_prepares_is_one_failure(folder: Path, tmp_path: Path) -> None:
+def test_folder_that_no_longer_prepares_is_one_failure(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Cache the facts and change a model, so that a run needs equations that fail."""
     known_folder(folder, {"other": ""})
     without(folder, "driven")
     system = folder / "system.py"
-    # Another process tests for the file, so that the cache does not notice.
-    condition = f'not subprocess.call(["test", "-e", "{tmp_path / "broken"}"])'
-    broken = f"import subprocess\n\nif {condition}:\n    raise ValueError\n"
+    # The environment is not observed, so that the cache does not notice.
+    broken = "import os\n\nif 'IS_BROKEN' in os.environ:\n    raise ValueError\n"
     system.write_text(broken + system.read_text())
     run()
     good = folder / "good.known"
     good.write_text(good.read_text() + "\n# another\n")
-    (tmp_path / "broken").touch()
+    monkeypatch.setenv("IS_BROKEN", "1")
     results = run()
     assert results.cached == 1
     assert [(c.model, c.outcome) for c in results.failed] == [("system.py", Outcome.FAILED)]

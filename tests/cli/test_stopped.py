@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
-import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -13,15 +11,14 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.baseline.fingerprint import with_reads_of_system
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.planning import cache as caches
+from physics_crosscheck.harness.planning.cache import CacheKey
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.journal import NAME, CacheKey, journal
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.hold import locked
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.render.terminal.progress import Progress
 from tests.faults.known_folder import KNOWN_ANSWER, KNOWN_MODEL, SYSTEM, known_folder
@@ -65,13 +62,17 @@ def after(monkeypatch: pytest.MonkeyPatch) -> Callable[[OnCase], None]:
 def test_stopped_run_keeps_its_cases_and_resumes(
     folder: Path, after: Callable[[OnCase], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
+    command = ["run", "osc", "--out", "out", "--jobs", "1"]
     after(lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 1 else None)
-    assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
+    assert main(command) == 130
     output = capsys.readouterr()
-    assert "stopped by SIGINT: 1 case done and kept" in output.err
-    assert "crosscheck run --resume --out out" in output.err
+    stopped = "stopped by SIGINT: 1 case done; "
+    assert f"{stopped}with --cache DIR, the next run reuses what is done" in output.err
     assert "1 of 2 cases agree" in output.out
     assert "stopped by SIGINT, 1 not run" in output.out
+    command += ["--cache", "cache"]
+    assert main(command) == 130
+    assert f"{stopped}the same command runs the others" in capsys.readouterr().err
     first = read_results(Path("out/results.json"))
     assert [case.model for case in first.cases] == ["good.known"]
     assert [str(case) for case in first.not_run] == ["oscillator/slow.known/free [known]"]
@@ -80,7 +81,7 @@ def test_stopped_run_keeps_its_cases_and_resumes(
 
     (folder / "slow.known").write_text(KNOWN_MODEL)
     after(lambda done: None)
-    assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 0
+    assert main(command) == 0
     second = read_results(Path("out/results.json"))
     assert len(second.cases) == 2
     assert not second.not_run
@@ -99,81 +100,7 @@ def test_second_signal_ends_the_run_at_once(
     after(twice)
     assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
     assert capsys.readouterr().err == "crosscheck: stopped by SIGINT\n"
-    assert [path.name for path in Path("out").iterdir()] == [NAME]
-
-
-@pytest.fixture(scope="module")
-def stopped_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Stop a run of a declaration that reads a file after its right case; return the place."""
-    place = tmp_path_factory.mktemp("stopped")
-
-    def stop(_: Progress, done: int, total: int, case: Case | None) -> None:
-        if done == 1:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(KNOWN_ANSWER)
-        patch.chdir(place)
-        patch.setattr(Progress, "__call__", stop)
-        system = hanging(Path("osc")) / "system.py"
-        Path("stiffness.txt").write_text("47.0")
-        system.write_text(system.read_text().replace("47.0", "float(open('stiffness.txt').read())"))
-        assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
-    for name in ("slow.known", "slow.known.toml"):
-        (place / "osc" / name).unlink()
-    return place
-
-
-@pytest.fixture
-def resumed(
-    stopped_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[[], Case]:
-    """Return a function that resumes a copy of that run and returns its case."""
-    monkeypatch.syspath_prepend(KNOWN_ANSWER)
-    monkeypatch.chdir(shutil.copytree(stopped_once, tmp_path / "stopped"))
-
-    def resume() -> Case:
-        main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"])
-        (case,) = read_results(Path("out/results.json")).cases
-        return case
-
-    return resume
-
-
-def test_changed_case_runs_again(resumed: Callable[[], Case]) -> None:
-    Path("osc/good.known").write_text(KNOWN_MODEL.replace("47.0", "47.00047"))
-    assert resumed().outcome is Outcome.DIFFERS
-
-
-def test_contradictory_journal_entry_runs_again(resumed: Callable[[], Case]) -> None:
-    path = Path("out") / NAME
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    damaged = [line["value"] for line in lines if line.get("key", {}).get("kind") == "case"]
-    assert damaged
-    for case in damaged:
-        case["verdict"]["discrepancy"] = 5.2
-    path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
-    verdict = resumed().verdict
-    assert verdict is not None
-    assert verdict.discrepancy != 5.2
-
-
-def test_file_read_by_a_declaration_counts(
-    resumed: Callable[[], Case],
-) -> None:
-    Path("stiffness.txt").write_text("47.00047")
-    assert resumed().outcome is Outcome.DIFFERS
-
-
-def test_dependencies_of_a_python_model_are_unknown(tmp_path: Path) -> None:
-    (tmp_path / "beside.txt").write_text("1")
-    place = str(tmp_path / "osc")
-    space, xml = (place, "space.py", "pymunk"), (place, "m.xml", "mujoco")
-    unread = with_reads_of_system("hash", xml, {})
-    assert with_reads_of_system("hash", space, {}) == ""
-    assert with_reads_of_system("", xml, {"../beside.txt": "1"}) == ""
-    assert with_reads_of_system("hash", xml, {"../beside.txt": "can't be read"}) == ""
-    assert with_reads_of_system("hash", xml, {"../beside.txt": "1"}) not in ("", unread)
+    assert not {path.name for path in Path("out").iterdir()} - {".lock"}
 
 
 ARM = "\n".join((
@@ -190,27 +117,26 @@ def test_run_of_a_robot_file_resumes(
     monkeypatch.chdir(tmp_path)
     Path("arm.urdf").write_text(ARM)
     command = ["run", "arm.urdf", "--out", "out", "--jobs", "1"]
-    command += ["--engine", "mujoco", "--engine", "pybullet"]
+    command += ["--engine", "mujoco", "--engine", "pybullet", "--cache", "cache"]
     after(lambda done: os.kill(os.getpid(), signal.SIGTERM) if done == 1 else None)
     assert main(command) == 128 + signal.SIGTERM
     first = read_results(Path("out/results.json"))
     assert (len(first.cases), len(first.not_run)) == (1, 1)
     after(lambda done: None)
-    assert main([*command, "--resume"]) == 0
+    assert main(command) == 0
     second = read_results(Path("out/results.json"))
     assert len(second.cases) == 2
     assert first.cases[0] in second.cases  # with equal seconds: it did not run again
 
 
-def journal_key(file: Path, **options: Any) -> CacheKey | None:
-    """Return the journal's key of a case of a robot file."""
-    with journal(Path("out"), resume=True) as done:
-        builder = ResultBuilder(lambda *_: None, done)
-        target = TargetPlan(file, Options(**options), builder)
-        return target._journal_key("case", (str(file), file.name, "mujoco"), "states", None)
+def cache_key(file: Path, **options: Any) -> CacheKey | None:
+    """Return the key of a case of a robot file."""
+    builder = ResultBuilder(lambda *_: None)
+    target = TargetPlan(file, Options(cache=caches.Cache(Path("cache")), **options), builder)
+    return target._cache_key("case", (str(file), file.name, "mujoco"), "states", None)
 
 
-def test_journal_key_covers_dependencies_of_a_robot_file(
+def test_cache_key_covers_dependencies_of_a_robot_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -218,30 +144,30 @@ def test_journal_key_covers_dependencies_of_a_robot_file(
     mesh = '<visual><geometry><mesh filename="a.stl"/></geometry></visual></link>'
     mesh = link("base").replace("</link>", mesh)
     file.write_text(ARM.replace(link("base"), mesh))
-    before = journal_key(file)
+    before = cache_key(file)
     assert before is not None
-    assert journal_key(file) == before
-    assert journal_key(file, floating=True) != before
-    assert journal_key(file, resolution=1e-8) != before
+    assert cache_key(file) == before
+    assert cache_key(file, floating=True) != before
+    assert cache_key(file, resolution=1e-8) != before
     with monkeypatch.context() as patch:
         patch.setattr(caches, "_environment", lambda: "another source or engine")
-        assert journal_key(file) != before
+        assert cache_key(file) != before
     Path("a.stl").write_text("solid")
-    assert journal_key(file) != before
+    assert cache_key(file) != before
     Path("a.stl").unlink()
     Path("arm.urdf.toml").touch()
-    assert journal_key(file) != before
+    assert cache_key(file) != before
     Path("arm.urdf.toml").unlink()
-    assert journal_key(file) == before
+    assert cache_key(file) == before
 
 
 def test_two_runs_into_one_folder_are_rejected(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with journal(Path("out"), resume=False):
+    with locked(Path("out"), "run"):
         assert main(["run", "osc", "--out", "out"]) == 2
     output = capsys.readouterr().err
-    assert f"another run (process {os.getpid()}) is writing to out" in output
+    assert "another run is writing to out; choose another folder: --out" in output
     assert len(output.splitlines()) == 1
 
 
@@ -268,7 +194,7 @@ def test_full_disk_keeps_the_previous_results(
     sentence = UNWRITABLE.format("No space left on device")
     assert output == f"crosscheck: out/results.json: {sentence}"
     assert Path("out/results.json").read_text() == "as it was"
-    assert sorted(path.name for path in Path("out").iterdir()) == ["results.json", NAME]
+    assert sorted(path.name for path in Path("out").iterdir()) == ["results.json"]
 
 
 HOSTILE = {

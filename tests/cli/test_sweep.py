@@ -188,7 +188,7 @@ def test_part_that_is_not_parquet_is_reported(
 def test_changed_file_read_by_a_declaration_changes_the_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    system, mass = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "mass.txt"
+    system, mass = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "mass" / ".mass"
     mass.write_text("1")
     text = (system / "system.py").read_text()
     (system / "system.py").write_text(f"open({str(mass)!r}, 'r+').read()\n{text}")

@@ -81,7 +81,7 @@ def test_saved_file_runs_again_and_other_results_stay(place: Path, watching: Wat
     wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
     output = watching.until("watching")
     assert "changed: models/oscillator/wrong.known\n" in output
-    assert "1 case agrees to" in output
+    assert "1 reused from the cache" in output
     assert outcomes(place) == dict.fromkeys(("good.known", "wrong.known"), Outcome.AGREES)
     # A new model runs, and a deleted one is dropped.
     for name in ("wrong.known", "wrong.known.toml"):

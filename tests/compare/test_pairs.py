@@ -45,6 +45,22 @@ URDF = """<robot name="r"><link name="base"/>
 <inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
 </robot>"""
 
+SDF = (Path(__file__).parents[2] / "docs/cases/flap.sdf").read_text()
+
+OF_SDF = (
+    ("<mass>0.7<", "<mass>0.71<", "mass", 10),
+    ("<upper>1<", "<upper>1.1<", "range", 8),
+    ("<effort>20<", "<effort>21<", "effort", 8),
+    ("<friction>0.2<", "<friction>0.3<", "friction", 9),
+    ("<xyz>0 1 0<", "<xyz>1 0 0<", "axis", 8),
+    ("<size>0.1 0.1 0.4<", "<size>0.1 0.1 0.5<", "size of shape", 13),
+    ("<pose>0 0 0.1 0 0 0<", "<pose>0 0 0.11 0 0 0<", "place of shape", 12),
+    ("<mu>0.9<", "<mu>0.8<", "mu", 14),
+    ("<max_step_size>0.002<", "<max_step_size>0.004<", "max_step_size", 3),
+    ("<mass>0.7<", "<mass>7e-1<", "", 0),
+    ('name="m"', 'name="n"', "", 0),
+)  # fmt: skip
+
 RED = (
     ('timestep="0.002"', 'timestep="0.004"', "timestep", 3),
     ('integrator="Euler"', 'integrator="RK4"', "integrator", 3),
@@ -105,8 +121,11 @@ GREEN = (
 )
 
 
+FORMATS = ((URDF, "urdf"), (MJCF, "xml"), (SDF, "sdf"))
+
+
 def edited(folder: Path, old: str, new: str) -> tuple[Path, Path]:
-    text, name = next((t, n) for t, n in ((URDF, "urdf"), (MJCF, "xml")) if old in t)
+    text, name = next((t, n) for t, n in FORMATS if old in t)
     a = written(folder, f"a.{name}", text)
     return a, written(folder, f"b.{name}", text.replace(old, new, 1))
 
@@ -122,6 +141,18 @@ def test_edit_that_a_run_judges_is_red_and_named(
     row = comparison.compared.decisive if comparison.compared else None
     if line and row is not None:
         assert line in {where.line for where in (row.where_a, row.where_b) if where}
+
+
+@pytest.mark.parametrize(("old", "new", "named", "line"), OF_SDF)
+def test_edit_of_an_sdf_is_red_if_a_run_judges_it(
+    old: str, new: str, named: str, line: int, tmp_path: Path
+) -> None:
+    """Catch an edit of an SDF that compare takes for none, or a spelling that it fails."""
+    pytest.importorskip("pydrake")
+    if named:
+        test_edit_that_a_run_judges_is_red_and_named(old, new, named, line, tmp_path)
+    else:
+        test_edit_of_a_spelling_is_green(old, new, tmp_path)
 
 
 @pytest.mark.parametrize(("old", "new"), GREEN)

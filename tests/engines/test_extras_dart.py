@@ -108,14 +108,24 @@ FOLLOWS = """<joint name="k" type="continuous"><parent link="a"/><child link="b"
 <origin xyz="0 0.1 0.2"/><axis xyz="1 0 0"/><mimic joint="j" multiplier="-1"/></joint>"""
 
 
-@pytest.mark.parametrize(("engine", "more", "cause"), [
-    ("dart", LINK.format("b") + FOLLOWS, "without a reaction on the leader (k)"),
-    ("drake", GEARED, "rotor inertia times gear ratio^2 (line 5)"),
-])  # fmt: skip
-def test_own_behaviour_is_named(tmp_path: Path, engine: str, more: str, cause: str) -> None:
-    need(engine)
+def test_own_behaviour_is_named(tmp_path: Path) -> None:
+    need("dart")
     file = tmp_path / "r.urdf"
-    file.write_text(ROTOR.format(link=LINK.format("a"), more=more))
-    task = model_task(prepare_tree(file, states=8), engine)
+    file.write_text(ROTOR.format(link=LINK.format("a"), more=LINK.format("b") + FOLLOWS))
+    task = model_task(prepare_tree(file, states=8), "dart")
     (explanation,) = diagnose_robot(task, is_reference=True).explanations
-    assert cause in str(explanation.causes[0])
+    assert "without a reaction on the leader (k)" in str(explanation.causes[0])
+
+
+@pytest.mark.parametrize(("effort", "acts"), [
+    ("", True), ('<limit effort="9" velocity="1"/>', True),
+    ('<limit effort="0" velocity="1"/>', False),
+])  # fmt: skip
+def test_rotors_of_a_transmission_act_in_drake(effort: str, acts: bool, tmp_path: Path) -> None:
+    need("drake")
+    file = tmp_path / "r.urdf"
+    robot = ROTOR.format(link=LINK.format("a"), more=GEARED)
+    file.write_text(robot.replace("</joint>", f"{effort}</joint>", 1))
+    task = model_task(prepare_tree(file, states=8), "drake")
+    assert judge(task).outcome is Outcome.AGREES
+    assert (judge(task.with_settings(rotors=False)).outcome is Outcome.DIFFERS) is acts

@@ -250,12 +250,17 @@ def test_wrong_number_is_named_with_its_line(address: str, value: str, tmp_path:
     assert [one.line for one in cause.locations] == [place.line]
 
 
-def test_drake_extensions_are_ignored_in_a_standalone_check(tmp_path: Path) -> None:
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("effort", ["", "<effort>9</effort>", "<effort>0</effort>"])
+def test_rotors_are_equations_of_the_file_in_drake(
+    effort: str, smooth: bool, tmp_path: Path
+) -> None:
     rotor = "<drake:rotor_inertia>0.5</drake:rotor_inertia><drake:gear_ratio>3</drake:gear_ratio>"
-    sdf = text("<limit><effort>9</effort></limit>").replace("</joint>", rotor + "</joint>")
+    sdf = text(f"<limit>{effort}</limit>").replace("</joint>", rotor + "</joint>")
     sdf = sdf.replace("<sdf ", '<sdf xmlns:drake="http://drake.mit.edu" ')
-    assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
-    assert outcome("drake", sdf, tmp_path, smooth=False) is Outcome.DIFFERS
+    assert outcome("drake", sdf, tmp_path, smooth=smooth) is Outcome.AGREES
+    without = outcome("drake", sdf, tmp_path, smooth=smooth, rotors=False)
+    assert without is (Outcome.AGREES if "0" in effort else Outcome.DIFFERS)
 
 
 def test_dart_evaluates_springs_and_dampers_at_the_end_of_a_step(tmp_path: Path) -> None:

@@ -214,8 +214,16 @@ def test_annotations_and_the_summary_name_the_changed_line(robots: Robots) -> No
     assert set(statuses(robots.gate()).values()) == {Status.SAME}
 
 
-def test_comment_changes_no_motion(robots: Robots) -> None:
+def test_comment_order_and_the_robots_name_change_no_motion(robots: Robots) -> None:
+    """Catch a file that fails since an exporter wrote it in another order."""
     robots.edit('<link name="base">', '<!-- the base --><link name="base">')
+    robots.edit('<robot name="arm">', '<robot name="crane">')
+    robots.edit('<parent link="base"/><child link="boom"/>', "")
+    robots.edit("</joint>", '<child link="boom"/><parent link="base"/></joint>')
+    text = robots.arm.read_text()
+    boom = text[text.index('  <link name="boom">') : text.index("  <joint")]
+    robots.edit(boom, "")
+    robots.edit("</robot>", f"{boom}</robot>")
     assert statuses(robots.gate()) == {
         ARM_CASE: Status.WITHIN, TWIN_CASE: Status.SAME, SCENE_CASE: Status.SAME,
     }  # fmt: skip

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.interfaces.cli.reference import generated_pages
 from tests.commands import crosscheck
 from tests.installed.conftest import CHECKOUT
 from tests.installed.documents import ROOT, check_shown, commands
@@ -127,10 +128,12 @@ def test_readme_is_short() -> None:
 
 def test_pages_begin_with_reader_and_result() -> None:
     """Check pages except those of message codes, which begin with the message."""
-    for path in (ROOT / "docs").rglob("*.md"):
-        first = path.read_text().split("\n\n")[1]
+    texts = {str(path): path.read_text() for path in (ROOT / "docs").rglob("*.md")}
+    texts |= {path: text for path, text in generated_pages().items() if path.endswith(".md")}
+    for path, text in texts.items():
+        first = text.split("\n\n")[1]
         named = re.search(r"Afterwards|needs? this page|you have", first)
-        assert named or path.name.startswith("XC"), f"{path}: {first}"
+        assert named or "/XC" in path, f"{path}: {first}"
 
 
 def test_contributor_pages_and_glossary_are_short() -> None:

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.reference.laws.solids import KINDS, Solid, distance, gap, overlap
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
-from tests.laws.scenes import URDF_BOX
+from tests.laws.scenes import URDF_BOX, URDF_LEG
 
 pytest.importorskip("mujoco")
 
@@ -110,15 +110,36 @@ BOX = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/><body pos="0 0 .1"
 <geom type="box" size=".1 .1 .1" pos="0 .01 0" friction=".7"/></body></worldbody></mujoco>"""
 
 
+PLANTED = {
+    "mujoco": (BOX, "geom_(size|pos|solref)|body_mass|opt.timestep", 5),
+    "pybullet": (URDF_BOX, "mass|lateralFriction|restitution|setCollisionFilter.*", 4),
+    "drake": (URDF_LEG, "set_(contact_model|position_limits)|SetMass|SetCenter.*", 4),
+    "dart": (URDF_LEG.replace('damping=".2"', 'damping=".2" friction=".3"'),
+             "set(CoulombFriction|Mass|MomentOfInertia|DampingCoefficient)", 4),
+}  # fmt: skip
+"""Files, and patterns of arrays or setters whose faults must all be detected."""
+
+
 @pytest.mark.usefixtures("few_states")
-def test_no_changed_array_is_wrongly_green(tmp_path: Path) -> None:
-    """Catch an array of a loaded model that acts, counts as tested and makes no difference."""
-    file = tmp_path / "box.xml"
-    file.write_text(BOX)
-    only = "geom_(size|pos|solref)|body_mass|opt.timestep"
-    table = plant_in([file], seed=1, only=only)
-    assert len(table) == 5
-    assert {verdict for counts in table.values() for verdict in counts} == {"detected"}
+@pytest.mark.parametrize("engine", PLANTED)
+def test_no_changed_number_is_wrongly_green(tmp_path: Path, engine: str) -> None:
+    """Catch a number of a loaded model that acts, counts as tested and makes no difference."""
+    pytest.importorskip({"drake": "pydrake", "dart": "dartpy"}.get(engine, engine))
+    text, only, count = PLANTED[engine]
+    file = tmp_path / ("robot.urdf" if text.startswith("<robot") else "box.xml")
+    file.write_text(text)
+    table = plant_in([file], seed=2, only=only, engine=engine, each=2, floating=engine != "dart")
+    assert sum(counts["detected"] > 0 for counts in table.values()) == count
+    assert {verdict for counts in table.values() for verdict in counts} <= {"detected", "no effect"}
+
+
+def test_repeated_contacts_are_counted(tmp_path: Path) -> None:
+    """Catch four equal contacts of MJX at one corner, where MuJoCo finds one."""
+    pytest.importorskip("mujoco.mjx")
+    text = SCENES["slab"].partition('<body pos=".3')[0] + "</body></worldbody></mujoco>"
+    text = text.replace('.11"', '.13" euler="3 5 0"')
+    counts = check(tmp_path, text, _no_change, "mjx").record.contact_counts
+    assert any("4 contacts, 1 in MuJoCo" in one for one in counts)
 
 
 def test_excluded_contact_is_named(tmp_path: Path) -> None:

@@ -13,7 +13,11 @@ from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_comparison import LawComparison
-from physics_crosscheck.harness.checks.law_states import drawn_states, evaluated_states
+from physics_crosscheck.harness.checks.law_states import (
+    KeptSteps,
+    drawn_states,
+    evaluated_states,
+)
 from physics_crosscheck.harness.checks.prepare import prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
@@ -23,6 +27,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.laws.soft import Part
 from tests.laws.scenes import (
     CONNECT,
     DRIVES,
@@ -328,6 +333,34 @@ def test_wrong_gap_agrees(tmp_path: Path) -> None:
     assert [(fault.acts, fault.outcome) for fault in faults] == [(0.0, "AGREES")] * 2
 
 
+TETRAHEDRON = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ('mesh filename="bad.obj"', "bad.obj"),
+        ('box size="2e6 1 1"', "its collision geometry"),
+    ],
+)
+def test_shape_that_stops_its_link_is_the_cause(tmp_path: Path, form: str, name: str) -> None:
+    """Catch a lost limit as the cause: PyBullet stops links whose boxes are not finite."""
+    file = tmp_path / "arm.urdf"
+    (tmp_path / "bad.obj").write_text(TETRAHEDRON.replace("v 0 .1 0", "v 1e20 .1 0"))
+    link = '<link name="arm"><inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1"/>'
+    file.write_text(
+        f'<robot name="r"><link name="base"/>\n{link}</inertial><collision><geometry>\n<{form}/>'
+        '</geometry></collision></link><joint name="j" type="revolute"><parent link="base"/>'
+        '<child link="arm"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1"/></joint>'
+        "</robot>"
+    )
+    case = run_case(model_task(prepare(file), "pybullet"))
+    assert (case.outcome, case.kind) == (Outcome.DIFFERS, "compiled number")
+    line = 2 if name.startswith("its") else 3
+    assert case.reason.startswith(f"arm.urdf:{line}: the shape of link 'arm' is larger than")
+    assert f"check {name};" in case.reason
+
+
 MESHED = """<mujoco><asset><mesh file="absent.stl"/></asset><worldbody><body>
 <joint name="hinge" axis="0 1 0" range="-60 60"/><inertial pos="0 0 -.5" mass="2"
  diaginertia=".1 .06 .05"/><geom type="mesh" mesh="absent"/></body></worldbody></mujoco>"""
@@ -375,6 +408,29 @@ STIFF = """<mujoco><option gravity="0 0 -3"/><worldbody><body pos="0 0 1">
 <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass=".5"/></body></body></worldbody>
 <actuator><position joint="a" kp="3000" ctrlrange="-.3 1.2" forcerange="-2 3"/>
 <position joint="b" kp="900" kv="9" ctrlrange="-1 .5" forcerange="-3 3"/></actuator></mujoco>"""
+
+
+HELD = """<mujoco><compiler angle="radian"/><worldbody><body pos="0 0 1">
+<joint name="a" axis="0 1 0" range="-.5 .7" solimplimit=".7 .95 .002 .4 3"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".04" mass="1"/><body pos=".4 0 0">
+<joint name="b" axis="0 1 0"/><site name="tip" pos=".3 0 0"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass=".5"/></body></body>
+<site name="eye" pos="-.1 .2 1.3"/><body pos="0 1 1"><joint name="c"/>
+<geom size=".1" pos=".1 0 0"/></body></worldbody>
+<tendon><spatial range="0 .9"><site site="tip"/><site site="eye"/></spatial></tendon>
+<equality><joint joint1="b" joint2="c" solimp=".8 .95 .003"/></equality></mujoco>"""
+
+
+@use_few_states
+def test_softening_limits_and_equalities_act(tmp_path: Path) -> None:
+    """Catch widths of impedances, and limits of tendons, that no drawn state shows."""
+    file, steps = tmp_path / "held.xml", KeptSteps()
+    file.write_text(HELD)
+    check_whole_step(file, ModelSpec(file), "mujoco", 1e-9, steps)
+    comparison, evaluated = steps.kept("mujoco")
+    assert isinstance(comparison, LawComparison)
+    missing = comparison.missing_parts(evaluated)
+    assert missing <= {Part("limit", 1, -1)}  # no length is below 0
 
 
 @use_few_states

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.expanded import in_source, source_of
 from physics_crosscheck.harness.engines.sdf import load_sdf, sdf_remarks
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
@@ -353,7 +355,61 @@ def test_one_of_several_moving_models_is_selected_by_name(tmp_path: Path) -> Non
     assert [one.value for one in numbers.numerals] == [1.9, 7.0]
 
 
-def test_included_models_and_joints_between_models_are_refused(tmp_path: Path) -> None:
+NESTED = f"""<model name='n'><pose>0.2 0.3 0.1 0.3 0.1 0.2</pose>{ARM}
+<frame name='tip'><pose>0.1 0 0 0 0 0.4</pose></frame></model>"""
+BETWEEN = """<joint name='q' type='revolute'><parent>{}base</parent><child>{}arm</child>
+<pose relative_to='{}tip'/><axis><xyz>0.2 -1 0.3</xyz></axis></joint>"""
+
+
+@pytest.mark.parametrize(("inner", "world", "links"), [
+    (f"{BASE}{WELD}{NESTED}{BETWEEN.format('', 'n::', 'n::')}", "", ["n__arm"]),
+    (f"{BASE}{WELD}<include><uri>model://part</uri><name>n</name></include>"
+     + BETWEEN.format("", "n::", "n::"), "", ["n__arm"]),
+    (f"{BASE}{WELD}<include merge='true'><uri>part</uri></include>"
+     + BETWEEN.format("", "", ""), "", ["arm"]),
+    (f"{BASE}{WELD}", NESTED + BETWEEN.format("m::", "n::", "n::"), ["n__arm"]),
+])  # fmt: skip
+def test_nested_and_included_models_become_one(
+    tmp_path: Path, inner: str, world: str, links: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "models" / "part").mkdir(parents=True)
+    (tmp_path / "models" / "part" / "model.sdf").write_text(f"<sdf version='1.9'>{NESTED}</sdf>")
+    (tmp_path / "part").symlink_to(tmp_path / "models" / "part")
+    model = f"<model name='m'>{inner}</model>"
+    file = tmp_path / "robot.sdf"
+    file.write_text(f"<sdf version='1.9'>\n<world name='w'>{model}{world}</world></sdf>")
+    (copy,) = robot_files([str(file)]).files
+    ours = tree_of(read_robot(copy))
+    by_hand = ARM.replace("<pose>", "<pose relative_to='n'>", 1)
+    frames = (
+        "<frame name='n'><pose>0.2 0.3 0.1 0.3 0.1 0.2</pose></frame><frame name='tip'"
+        " attached_to='n'><pose>0.1 0 0 0 0 0.4</pose></frame>"
+    )
+    lines = f"{BASE}{WELD}{frames}{by_hand}{BETWEEN.format('', '', '')}"
+    file.write_text(f"<sdf version='1.9'><model name='m'>{lines}</model></sdf>")
+    expected = tree_of(read_robot(file))
+    for q in (np.array([0.0]), np.array([0.7])):
+        first, second = Recursion(ours), Recursion(expected)
+        np.testing.assert_allclose(first.mass(q), second.mass(q), rtol=1e-13)
+        for placed, wanted in zip(first.placements(q), second.placements(q), strict=True):
+            np.testing.assert_allclose(placed.rotation, wanted.rotation, atol=1e-14)
+    assert source_of(copy) == file
+    (mass, *_) = [one for one in Document(copy).elements if one.tag == "mass"]
+    assert in_source(str(copy), Document(copy).line(mass)) == (str(file), 2)
+
+
+def test_each_moving_model_runs_in_turn(tmp_path: Path) -> None:
+    read(tmp_path, BASE, ARM, WELD, joint(), world=f"{STATIC}{SECOND}")
+    file = tmp_path / "robot.sdf"
+    files = robot_files([str(file)]).files
+    assert [one.name for one in files] == ["robot.second.sdf", "robot.m.sdf"]
+    assert [[link.mass for link in tree_of(read_robot(one)).links] for one in files] == [[7], [2]]
+    assert robot_files([str(file)], "m").files == files[1:]
+    assert robot_files([str(file)], "none").files == [file]
+
+
+def test_models_that_are_not_there_are_refused_by_line(tmp_path: Path) -> None:
     file = tmp_path / "robot.sdf"
     include = "<include><uri>model://arm</uri></include>"
     file.write_text(f"<sdf version='1.9'>\n<world name='w'>{STATIC}\n{include}</world></sdf>")

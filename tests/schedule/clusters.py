@@ -160,11 +160,6 @@ def opened(file: Path) -> tuple[str, str, Path, str]:
     return file.read_text(), str(file), file.resolve(), f"{file}: of {Path.cwd()}"
 
 
-def where(file: Path) -> list[str]:
-    """Return the path of a copy in parts, so that it is not translated as a path."""
-    return list(file.resolve().parts)
-
-
 def refuse(file: Path) -> None:
     print(f"about {file}")
     raise ValueError(f"{file}: nothing in it")

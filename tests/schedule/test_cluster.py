@@ -15,14 +15,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 from msgspec import structs
 
-from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare, prepare_system
 from physics_crosscheck.harness.extras.sweep.store import read_rows
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.jobs import payload
+from physics_crosscheck.harness.jobs import remote_workers
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import ClusterError, Executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -43,7 +41,6 @@ from tests.schedule.clusters import (
     spin,
     square,
     unsendable,
-    where,
 )
 from tests.standing import keep_default_engines
 from tests.sweep.made import swept_folder
@@ -139,7 +136,7 @@ def outcomes(pool: Executor, *tasks: tuple[Any, Any]) -> list[Any]:
     return [pool.outcome(task) for task in pending]
 
 
-def test_tasks_read_the_sent_copies_under_local_names(
+def test_tasks_read_shared_files_under_local_names(
     cluster: Loopback, pendulum: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(pendulum.parent.parent)
@@ -149,26 +146,23 @@ def test_tasks_read_the_sent_copies_under_local_names(
     ]  # fmt: skip
     with executor(jobs=1, limits=LIMITS) as local:
         here = outcomes(local, *tasks)
-    mine = prepare_system(pendulum)
-    unsent = Path("beside.txt")
-    unsent.write_text("not sent")
     with executor(
         scheduler=cluster.address, files=lambda: [Path("mine/pendulum")], engines=ENGINE
     ) as pool:
-        pendulum.parent.rename(pendulum.parent.with_name("gone"))
         assert outcomes(pool, *tasks) == here
-        theirs = outcomes(pool, (prepare, pendulum))[0]
-        missing = outcomes(pool, (opened, unsent), (opened, unsent.with_name("nowhere")))
-    assert isinstance(theirs, PreparedSystem)
-    assert theirs.place == pendulum
-    assert record(theirs) == record(mine)
-    # A local file was not sent; a missing file gives the same error as locally.
-    assert missing[0].reason.endswith("put everything else that it reads into the folder")
-    assert missing[1].reason.endswith("nowhere'")
 
 
-def record(prepared: PreparedSystem) -> Any:
-    return msgspec.to_builtins(msgspec.structs.replace(prepared.record, seconds=0.0))
+def test_worker_that_sees_other_files_is_rejected(
+    cluster: Loopback, pendulum: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = remote_workers.contents([str(pendulum)])
+    (pendulum / "system.py").write_text("# edited on one machine\n")
+    contents = "physics_crosscheck.harness.jobs.cluster.contents"
+    for there in (seen, {str(pendulum / "nowhere"): "0123456789ab"}):
+        monkeypatch.setattr(contents, lambda _, there=there: there)
+        refused = pytest.raises(ClusterError, match=f"does not see {next(iter(there))} as it is")
+        with refused, executor(scheduler=cluster.address, engines=ENGINE):
+            raise AssertionError("the run was taken")
 
 
 def test_killed_worker_loses_no_task(cluster: Loopback, tmp_path: Path) -> None:
@@ -207,18 +201,14 @@ def until(holds: Callable[[], object]) -> None:
         time.sleep(0.05)
 
 
-def test_running_tasks_and_copies_end_with_the_run(cluster: Loopback, tmp_path: Path) -> None:
-    pid_file, sent = tmp_path / "pid", tmp_path / "kept.txt"
-    sent.write_text("kept")
-    with executor(scheduler=cluster.address, files=lambda: [sent], engines=ENGINE) as pool:
-        copy = Path(*outcomes(pool, (where, sent))[0])
-        assert copy.read_text() == "kept"
+def test_running_tasks_end_with_the_run(cluster: Loopback, tmp_path: Path) -> None:
+    pid_file = tmp_path / "pid"
+    with executor(scheduler=cluster.address, engines=ENGINE) as pool:
         for _ in range(9):
             pool.submit(nap, str(pid_file))
         until(lambda: pool.turn() is not None and pid_file.is_file() and pid_file.read_text())
         napping = int(pid_file.read_text())
     until(lambda: not alive(napping))
-    assert not copy.exists()
 
 
 def test_scheduler_does_not_import_this_package(cluster: Loopback, pool: Executor) -> None:
@@ -240,7 +230,7 @@ def test_lost_scheduler_is_reported_and_finished_cases_are_kept(
         pool.submit(nap, str(pid_file))
         until(lambda: pool.turn() is not None and pid_file.is_file())
         os.kill(running.scheduler, signal.SIGKILL)
-        with pytest.raises(ClusterError, match="finished cases are kept"):
+        with pytest.raises(ClusterError, match="reuses finished cases"):
             until(pool.turn)
 
 
@@ -302,12 +292,3 @@ def test_missing_extra_is_reported(
 def test_distributed_is_not_imported_without_a_scheduler() -> None:
     code = "import sys, harness.run; sys.exit('distributed' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, env=environment())
-
-
-def test_oversized_input_files_are_rejected(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "big.bin").write_bytes(bytes(3000))
-    monkeypatch.setattr(payload, "MOST_SENT", 2000)
-    with pytest.raises(payload.PayloadError, match=r"exceed .* with .*big\.bin, too much to send"):
-        payload.input_files([tmp_path])

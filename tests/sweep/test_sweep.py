@@ -226,7 +226,7 @@ def test_sweep_resumes_its_own_plan_only(folder: Path, workers: Workers, tmp_pat
     before = {path: path.read_bytes() for path in parts(out)}
     sweep(whole, out, workers, ignore_progress)
     assert {path: path.read_bytes() for path in parts(out)} == before
-    with locked_rows(out), pytest.raises(SweepError, match="another sweep is writing there"):
+    with locked_rows(out), pytest.raises(SweepError, match="another sweep is writing to"):
         sweep(whole, out, workers, ignore_progress)
     other = plan_of(folder, options("k=20:60", count=4, seed=6), workers)
     with pytest.raises(SweepError, match=r"another plan \(seed: 5, now 6\); choose another --out"):

@@ -1,33 +1,17 @@
-"""Pages of the message codes: current, short and complete."""
+"""Pages of the message codes: short and complete."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.codes import Code, codes
-from physics_crosscheck.harness.results.messages import code_lines, pages
-from physics_crosscheck.harness.results.messages import main as write
+from physics_crosscheck.harness.results.messages import code_lines
 
-COMMITTED = Path(__file__).parents[2] / "docs" / "messages"
 LONGEST = 25
 """Words of a sentence."""
-
-
-def test_committed_pages_are_current() -> None:
-    committed = {path.name: path.read_text() for path in COMMITTED.iterdir()}
-    assert committed == pages(), (
-        "python -m physics_crosscheck.harness.results.messages docs/messages"
-    )
-
-
-def test_page_of_removed_code_is_deleted(tmp_path: Path) -> None:
-    (tmp_path / "XC999.md").write_text("old")
-    write(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == set(pages())
 
 
 @pytest.mark.parametrize("code", codes().values(), ids=str)

@@ -7,20 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.extras.versions.asked import (
-    AskedVersion,
-    asked_models,
-    asked_versions,
-)
+from physics_crosscheck.harness.extras.versions.main import requested_targets, requested_versions
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from tests.faults.known_folder import SYSTEM
 
 
 def test_versions_and_user_environments_are_parsed_in_order(tmp_path: Path) -> None:
-    name, versions = asked_versions(["pymunk", "7.0", f"7.1.0={tmp_path}"])
+    name, versions = requested_versions(["pymunk", "7.0", f"7.1.0={tmp_path}"])
     assert name == "pymunk"
-    assert versions == (AskedVersion("7.0"), AskedVersion("7.1.0", tmp_path))
+    assert versions == {"7.0": None, "7.1.0": tmp_path}
 
 
 @pytest.mark.parametrize(
@@ -40,7 +36,7 @@ def test_versions_and_user_environments_are_parsed_in_order(tmp_path: Path) -> N
 )
 def test_invalid_arguments_are_rejected(words: list[str], message: str) -> None:
     with pytest.raises(FolderError, match=re.escape(message)):
-        asked_versions(words)
+        requested_versions(words)
 
 
 def folder(place: Path, engine: str) -> Path:
@@ -54,18 +50,19 @@ def folder(place: Path, engine: str) -> Path:
 def test_targets_that_the_engine_does_not_run_are_reported(tmp_path: Path) -> None:
     mine, other = folder(tmp_path / "mine", "pymunk"), folder(tmp_path / "other", "pybullet")
     robot = tmp_path / "arm.urdf"
-    models = asked_models("pymunk", [mine, other], [robot])
-    assert (models.folders, models.robots) == ((mine,), ())
-    assert models.left_out == (
+    robot.write_text("<robot/>")
+    targets, left_out = requested_targets("pymunk", [str(mine), str(other), str(robot)])
+    assert targets == [mine]
+    assert left_out == [
         f"{other}: no model of it names pymunk; left out",
         f"{robot}: pymunk reads no .urdf files; left out",
-    )
+    ]
 
 
 def test_folder_with_unreadable_sidecar_is_kept(tmp_path: Path) -> None:
     mine = folder(tmp_path / "mine", "pymunk")
     (mine / "robot.urdf.toml").write_text("engines =\n")
-    assert asked_models("pybullet", [mine], []).folders == (mine,)
+    assert requested_targets("pybullet", [str(mine)]) == ([mine], [])
 
 
 def test_no_remaining_target_is_a_usage_error(

@@ -6,9 +6,9 @@ a package index. This package is installed too; `test_mujoco_versions.py` runs f
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -18,12 +18,14 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.extras.sweep.store import read_rows
-from physics_crosscheck.harness.extras.versions.environments import interpreter, site_folders
+from physics_crosscheck.harness.extras.versions.main import (
+    VersionError,
+    interpreter,
+    site_folders,
+)
+from physics_crosscheck.harness.records.baseline import Gate
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
-from physics_crosscheck.harness.records.versions import Versions
-from tests.commands import crosscheck
 from tests.faults.known_folder import ROOT, SYSTEM
 
 PAGE = (ROOT / "docs" / "engines" / "adapter.md").read_text(encoding="utf-8")
@@ -69,7 +71,7 @@ class Home:
         """Run a command in it."""
         clean = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "PYTHON"))}
         return subprocess.run(
-            [interpreter(self.place / "home"), "-m", "physics_crosscheck", *words],
+            [self.place / "home" / "bin" / "python", "-m", "physics_crosscheck", *words],
             cwd=self.place,
             capture_output=True,
             text=True,
@@ -118,8 +120,13 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
 @pytest.fixture(scope="module")
 def done(home: Home) -> subprocess.CompletedProcess[str]:
     """Compare three versions."""
-    words = "oscillator", "--engine", "toy", "1.0", "2.0", "3.0=own", "--json", "found.json"
-    return home.versions(*words)
+    return home.versions("oscillator", "--engine", "toy", "1.0", "2.0", "3.0=own")
+
+
+def gate_of(home: Home, version: str) -> Gate:
+    """Return the record of the upgrade to a version."""
+    path = home.place / "reports" / "versions" / f"toy-{version}" / "gate.json"
+    return decoded(path.read_bytes(), Gate)
 
 
 @pytest.mark.release
@@ -127,43 +134,26 @@ def test_change_and_its_reversal_are_reported(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
     assert done.returncode == 1, done.stdout + done.stderr
-    comparison = decoded((home.place / "found.json").read_bytes(), Versions)
-    steps = [(upgrade.before, upgrade.after) for upgrade in comparison.upgrades]
-    assert steps == [("1.0", "2.0"), ("2.0", "3.0")]
-    for upgrade, outcomes in zip(
-        comparison.upgrades,
-        [(Outcome.AGREES, Outcome.DIFFERS), (Outcome.DIFFERS, Outcome.AGREES)],
-        strict=True,
+    for version, outcomes in (
+        ("2.0", (Outcome.AGREES, Outcome.DIFFERS)),
+        ("3.0", (Outcome.DIFFERS, Outcome.AGREES)),
     ):
-        assert {case.scenario for case in upgrade.cases} == {"free", "driven"}
-        for case in upgrade.cases:
-            assert case.changed[:2] == ("verdict", "limit")
+        cases = gate_of(home, version).cases
+        assert {case.scenario for case in cases} == {"free", "driven"}
+        for case in cases:
             assert case.outcomes == outcomes
             assert case.moved is not None
             assert 1e-5 < case.moved < 1e-2
-        (model,) = upgrade.models
-        assert "linearization" in model.kinds
-    assert "\nFAIL  toy 1.0 -> 3.0 changes results. Check them before you upgrade" in done.stdout
-
-
-@pytest.mark.release
-def test_page_links_the_report_of_each_version(
-    home: Home, done: subprocess.CompletedProcess[str]
-) -> None:
-    out = home.place / "reports" / "versions"
-    page = (out / "index.html").read_text()
-    for version in ("1.0", "2.0", "3.0"):
-        assert (out / f"toy-{version}" / "results.json").is_file()
-        assert f'href="toy-{version}/index.html"' in page
-        assert (out / f"toy-{version}" / "index.html").is_file()
-    assert done.stdout.splitlines()[-1].startswith("reports/versions/index.html")
+    assert "toy 1.0 -> 2.0\nFAIL  toy 1.0 -> toy 2.0 changed 2 of 2 cases" in done.stdout
+    assert "toy 2.0 -> 3.0\nok  " in done.stdout
+    assert "improved  XC504 oscillator/good.toy" in done.stdout
+    assert "crosscheck accept" not in done.stdout
 
 
 @pytest.mark.release
 def test_missing_environment_is_created_and_user_environment_is_used(
     home: Home, done: subprocess.CompletedProcess[str]
 ) -> None:
-    assert "toy 1.0: the one that is installed here" in done.stdout
     assert done.stdout.count("its environment is made, once") == 1
     wrong = home.versions("oscillator", "--engine", "toy", "2.5=own", "1.0")
     assert wrong.returncode == 3
@@ -182,64 +172,20 @@ def test_unavailable_version_is_reported_before_running(home: Home) -> None:
     assert not list((home.place / "cache").rglob("toy-9.9-*/"))
 
 
-@pytest.mark.release
-def test_sweep_runs_the_same_cases_under_each_version(
-    home: Home, done: subprocess.CompletedProcess[str]
+@pytest.mark.parametrize("version", ["2.0", "9.9"])
+def test_uv_provides_a_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str
 ) -> None:
-    words = "sweep", "oscillator", "--out", "rows", "--versions", "toy", "1.0"
-    ran = home.run(*words, "3.0=own", "2.0")
-    assert ran.returncode == 1, ran.stdout + ran.stderr
-    assert "is made, once" not in ran.stdout
-    rows = {
-        version: {row.index: row for row in read_rows(home.place / "rows" / f"toy-{version}")}
-        for version in ("1.0", "2.0")
-    }
-    assert {len(cases) for cases in rows.values()} == {2}
-    for index, row in rows["1.0"].items():
-        assert row.outcome.value == "AGREES"
-        assert rows["2.0"][index].outcome.value == "DIFFERS"
-    lines = ran.stdout.splitlines()
-    same, moved = (line for line in lines if line.startswith("toy") and " -> " in line)
-    assert same == "toy 1.0 -> 3.0: 2 cases: none changed"
-    assert moved.startswith(
-        "toy 3.0 -> 2.0: 2 cases: 2 with another verdict; 2 with another discrepancy"
-    )
-    # A row's command repeats its case under the same version.
-    _, *again = shlex.split(rows["2.0"][1].command)
-    assert again[-5:] == ["--versions", "toy", "2.0", "--only", "1"]
-    single = home.run(*again)
-    assert single.returncode == 1
-    assert "FAIL  #1 " in single.stdout
-    check_usage_error(home.run(*words, "2.0", "--vary", "m=none"), "none")
-
-
-@pytest.mark.parametrize("worst", [0, 1, 3])
-def test_sweep_without_a_change_ends_with_the_worst_exit_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, worst: int
-) -> None:
-    codes = iter((worst, 0))
-    launch = "physics_crosscheck.harness.extras.sweep.versions.launch"
-    monkeypatch.setattr(launch, lambda *_: next(codes))
-    interpreter(tmp_path).parent.mkdir()
-    interpreter(tmp_path).touch()
-    words = "sweep", "simple_pendulum", "--versions", "pymunk", "1.0=.", "2.0=."
-    assert crosscheck(*words, cwd=tmp_path).returncode == worst
-
-
-@pytest.mark.parametrize(("words", "message"), [
-    (("1.0",), "name two versions of it or more"),
-    (("1.0", "2.0", "--engine", "mujoco"), "--engine names another engine"),
-    (("1.0", "2.0", "--scheduler", "tcp://x"), "leave out --scheduler"),
-])  # fmt: skip
-def test_invalid_sweep_of_versions_is_reported_once(
-    tmp_path: Path, words: tuple[str, ...], message: str
-) -> None:
-    ran = crosscheck("sweep", "simple_pendulum", "--versions", "pymunk", *words, cwd=tmp_path)
-    check_usage_error(ran, message)
-
-
-def check_usage_error(ran: subprocess.CompletedProcess[str], message: str) -> None:
-    assert ran.returncode == 2, ran.stdout + ran.stderr
-    (line,) = ran.stderr.strip().splitlines()
-    assert line.startswith("crosscheck: ")
-    assert message in line
+    uv = tmp_path / "uv"
+    uv.write_text('#!/bin/sh\ncase "$*" in *9.9*) echo error: no 9.9; exit 1;; esac\nexit 0\n')
+    uv.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    if version == "9.9":
+        with pytest.raises(VersionError, match=r"pymunk 9.9 can't be installed: error: no 9.9"):
+            interpreter("pymunk", version, None, tmp_path)
+        return
+    command = interpreter("pymunk", version, None, tmp_path)
+    assert command[:4] == [str(uv), "run", "--no-project", "--isolated"]
+    assert "pymunk==2.0" in command
+    assert f"numpy=={importlib.metadata.version('numpy')}" in command
+    assert command[-1] == "python"

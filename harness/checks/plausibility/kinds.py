@@ -17,6 +17,7 @@ import numpy as np
 from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.plausibility.facts import COMPILED, RobotFacts, WeldedBody
 from physics_crosscheck.harness.checks.plausibility.hull import Hull
+from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
@@ -487,6 +488,24 @@ def weak_drives(facts: RobotFacts) -> Iterator[Advice]:
         )
 
 
+def negative_limits(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield efforts and velocities of a URDF's joints below zero."""
+    for document in () if facts.robot.file.suffix == COMPILED else facts.documents:
+        for joint in document.root.findall("joint"):
+            name, limit = joint.get("name"), joint.find("limit") or joint
+            for key in ("effort", "velocity"):
+                for value in finite_numbers(limit.get(key)) or ():
+                    if value < 0:
+                        yield Advice(
+                            kind="negative limit",
+                            subject=(name, key),
+                            message=f"the {key} of joint {quote(name)} is {value:g}: engines "
+                            "refuse the file, or ignore the limit. Write a positive number",
+                            line=SourceLine(file=str(document.path), line=document.line(limit)),
+                            actual=value,
+                        )
+
+
 def _named(body: WeldedBody) -> str:
     """Return the name of a body's heaviest link, and how many links are welded to it."""
     others = len(body.parts) - 1
@@ -573,6 +592,7 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     rest_outside_limits,
     weak_drives,
     damping_ratios,
+    negative_limits,
 )
 """Functions that yield advice about a file."""
 

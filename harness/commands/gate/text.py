@@ -7,6 +7,7 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Collection, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TypeVar
 
@@ -43,19 +44,20 @@ breaks it.
 """
 
 
-def gate_lines(result: GateResult, width: int = 80, given: Sequence[str] = ()) -> list[str]:
+def gate_lines(result: GateResult, width: int = 80, given: Sequence[str] | None = ()) -> list[str]:
     """Return the lines for a terminal: the verdict, the edit, the remedy, each case, and a total.
 
     Args:
         result: result of the gate.
         width: columns of the terminal.
-        given: options that `crosscheck accept` needs to see the same cases.
+        given: options that `crosscheck accept` needs to see the same cases; None: no remedy.
     """
     if not result.changes:
         return [*_headline(result, width), *_failures(result, width)]
     if result.passes:
-        return [*_headline(result, width), *_remarks(result, width)]
-    lines = [*_headline(result, width), *_edit_list(result, width), *_remedy(result, width, given)]
+        return [*_headline(result, width), *_remarks(result, width, given is not None)]
+    lines = [*_headline(result, width), *_edit_list(result, width)]
+    lines += [] if given is None else _remedy(result, width, given)
     lines += _failures(result, width)
     for text in _causes(result):
         lines += wrapped(text, width)
@@ -153,7 +155,7 @@ def _edit_list(result: GateResult, width: int) -> list[str]:
     diffs = _concerned(result)
     edits = [(diff, line) for diff in diffs for line in diff.changes if line.edit]
     shown = [] if _sole_edit(result) else edits[:MAX_EDITS]
-    lines = []
+    lines: list[str] = []
     for diff, line in shown:
         lines += wrapped(f"  {_where(diff, line)} {line.edit}", width)
     more = sum(diff.more for diff in diffs) + len(edits[len(shown) :] if shown else ())
@@ -201,12 +203,14 @@ def _failures(result: GateResult, width: int) -> list[str]:
     return [each for line in lines for each in wrapped(line, width)]
 
 
-def _remarks(result: GateResult, width: int) -> list[str]:
+def _remarks(result: GateResult, width: int, with_remedy: bool) -> list[str]:
     """Return a line for the cases that pass but are not simply as accepted."""
-    lines = []
+    lines: list[str] = []
     if better := _groups(result.with_status(Status.IMPROVED)):
         names = ", ".join(group[0].id.path for group in better)
-        lines += wrapped(f"  improved: {names}; crosscheck accept keeps the improvement", width)
+        remedy = f"  improved: {names}; crosscheck accept keeps the improvement"
+        texts = [_group_lines(group, width, with_audit=False) for group in better]
+        lines += wrapped(remedy, width) if with_remedy else chain.from_iterable(texts)
     known_differences = Counter(
         f"{change.id.path}: {change.entry.outcome} ({change.entry.reason})"
         for change in result.with_status(Status.EXPECTED)
@@ -274,7 +278,7 @@ def accepted_lines(
         width: columns.
         with_cases: whether to list the cases.
     """
-    lines = []
+    lines: list[str] = []
     for system, number in Counter(case.system for case in cases).items():
         lines += wrapped(f"Accepted {counted(number, 'case')} of {system}", width)
     if not cases:

@@ -304,6 +304,7 @@ def _moving(
         stiffness=number["spring_stiffness"],
         rest=number["spring_reference"],
         limits=_bounds(document, element, axis),
+        armature=document.armatures.get(name, 0.0),
     )
 
 

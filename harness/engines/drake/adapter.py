@@ -17,16 +17,19 @@ Drake's SDFormat parser ignores `<mimic>` and defines its own element.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.document import finite_numbers
+from physics_crosscheck.harness.documents.document import Document, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.sdf.read import has_no_weight
 from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.drake.model import (
@@ -54,6 +57,7 @@ from physics_crosscheck.harness.engines.mjcf_engine import (
 )
 from physics_crosscheck.harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
 from physics_crosscheck.harness.engines.protocol import (
+    ARMATURES,
     Array,
     Engine,
     LoadedModel,
@@ -90,15 +94,15 @@ WORLD = "world"
 SPACE = {"xmlns:drake": "http://drake.mit.edu"}
 
 
+ROTORS = (f"{PREFIX}rotor_inertia", f"{PREFIX}gear_ratio")
+
+
 def without_own(model: XmlElement) -> None:
-    """Remove joint elements that only Drake reads, such as rotor inertias."""
+    """Remove joint elements that only Drake reads, except rotors."""
     for joint in model.findall("joint"):
         for part in list(joint):
-            if part.tag.startswith(PREFIX):
+            if part.tag.startswith(PREFIX) and part.tag not in ROTORS:
                 joint.remove(part)
-
-
-ROTORS = (f"{PREFIX}rotor_inertia", f"{PREFIX}gear_ratio")
 
 
 def without_rotors(model: XmlElement) -> None:
@@ -106,6 +110,42 @@ def without_rotors(model: XmlElement) -> None:
     for element in list(model.iter()):
         for part in [one for one in element if one.tag in ROTORS]:
             element.remove(part)
+
+
+def reflected_inertias(root: XmlElement) -> dict[str, float]:
+    """Return gear ratio^2 times rotor inertia by joint, of a URDF's or SDFormat's root.
+
+    Drake adds them to the mass matrix where an actuator drives the joint: one of a simple
+    transmission of a URDF, or any of SDFormat, unless its effort is limited to zero.
+    """
+    joints = {one.get("name"): one for one in root.iter("joint") if one.get("type")}
+    rows = list(joints.items())
+    for transmission in root.findall("transmission"):
+        kind = transmission.findtext("type") or transmission.get("type")
+        driven, actuator = transmission.find("joint"), transmission.find("actuator")
+        if "SimpleTransmission" in kind and driven is not None and actuator is not None:
+            rows.append((driven.get("name"), actuator))
+    result = {}
+    for name, element in rows:
+        rotor, gear = _number(element, ROTORS[0], 0.0), _number(element, ROTORS[1], 1.0)
+        if rotor and name in joints and _effort(joints[name]):
+            result[name] = gear**2 * rotor
+    return result
+
+
+def _number(element: XmlElement, tag: str, default: float) -> float:
+    """Return a number of an attribute, as in a URDF, or of a text."""
+    part = element.find(tag)
+    text = "" if part is None else part.get("value") or part.text
+    return (finite_numbers(text) or [default])[0] if text.strip() else default
+
+
+def _effort(joint: XmlElement) -> float:
+    limit = joint.find("limit") or joint.find("axis/limit")
+    if limit is None:
+        return math.inf
+    text = limit.get("effort") or limit.findtext("effort")
+    return (finite_numbers(text) or [math.inf])[0] if text.strip() else math.inf
 
 
 def rotor_cause(model: XmlElement) -> str:
@@ -167,6 +207,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
             no_friction="Drake",
             no_stops="Drake" if self.stepping == CONTINUOUS else "",
             stops_turns="Drake",
+            positive_limits="Drake",
         )
         changes = _changes(spec, self.stepping, touches=touches)
         UrdfModel.__init__(self, spec, "Drake", reader, defaults, changes)
@@ -195,7 +236,7 @@ class DrakeUrdf(DrakeModel, UrdfModel):
         settings: dict[str, Mapping[str, object]] = (
             {MIMICS: {"stepping": SAP}} if self.ignores_mimics else {}
         )
-        if self._rotors and self.settings["rotors"]:
+        if self._rotors and self.settings["rotors"] and not self.settings.get(ARMATURES):
             settings[self._rotors] = {"rotors": False}
         if self._weightless and not self.lifts:
             settings[weight_cause(self._weightless)] = {"weightless_links": True}
@@ -424,6 +465,15 @@ class DrakeEngine(UrdfEngine):
             model = DrakeUrdf(whole, DEFAULTS, touches=True)
             robot = model.declared.robot
             return DrakeWhole(model, robot, tuple(without_law(robot, FORMS)))
+
+    def armatures(self, path: Path) -> Mapping[str, float]:
+        """Return reflected inertias of rotors, by joint."""
+        if path.suffix not in (".urdf", SDF):
+            return {}
+        try:
+            return reflected_inertias(Document(path).root)
+        except LocationError:
+            return {}  # loading it reports the error
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""

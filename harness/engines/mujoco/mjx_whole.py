@@ -35,7 +35,9 @@ _EDITS = (
 
 
 class MjxWhole(MujocoWhole):
-    """A compiled model that JAX steps in 64 bits; MuJoCo only draws its states."""
+    """A compiled model that JAX steps in 64 bits; MuJoCo draws its states."""
+
+    peer = "MuJoCo"
 
     def __init__(self, model: Any) -> None:
         import jax
@@ -57,6 +59,10 @@ class MjxWhole(MujocoWhole):
         """
         kinds = {first, other}
         return kinds <= {"plane", "sphere"} or kinds == {"plane", "capsule"}
+
+    def peer_contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
+        """Return the contacts by MuJoCo's own functions."""
+        return super().evaluate(state).contacts
 
     def applied(self, laws: Laws) -> Laws:
         """Return the laws with the choices of MJX."""

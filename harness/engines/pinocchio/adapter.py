@@ -188,6 +188,7 @@ READER = UrdfReader(
     no_inertial="no mass and no moments",
     no_friction="Pinocchio",
     no_stops="Pinocchio",
+    positive_limits="Pinocchio",
 )
 
 

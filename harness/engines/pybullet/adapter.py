@@ -59,6 +59,7 @@ from physics_crosscheck.harness.engines.pybullet.settings import (
 from physics_crosscheck.harness.engines.pybullet.shapes import (
     LinkShape,
     link_shapes,
+    refuse_large_shapes,
     simple_shapes,
 )
 from physics_crosscheck.harness.engines.pybullet.stepper import (
@@ -267,7 +268,9 @@ class PybulletEngine(Engine):
             return None
         whole = replace(spec, settings={**spec.settings, **WHOLE_SETTINGS})
         with engine_errors(spec.path, self.title):
-            model = PybulletModel(whole, load_urdf(spec.path), [], (without_visuals,))
+            file = load_urdf(spec.path)
+            model = PybulletModel(whole, file, [], (without_visuals,))
+            refuse_large_shapes(model.loaded_stepper().body, file.document.root)
             return PybulletWhole(model, model.loaded_stepper)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.protocol import ShapeError
 from physics_crosscheck.harness.engines.pybullet.base import real_first
 from physics_crosscheck.harness.engines.pybullet.stepper import link_places
 from physics_crosscheck.harness.engines.urdf_copy import collision_shapes
@@ -58,6 +59,36 @@ def simple_shapes(robot: XmlElement) -> None:
                 link.remove(shape)
             elif form.tag == "mesh":
                 form.set("filename", cube)
+
+
+LARGEST = 1e6
+"""Length of a bounding box from which on PyBullet stops simulating a body, m."""
+
+
+def refuse_large_shapes(body: int, robot: XmlElement) -> None:
+    """Refuse links whose bounding box makes PyBullet stop their simulation.
+
+    Meshes and scales that are not finite do so. Source: `btCollisionWorld::updateSingleAabb`.
+
+    Raises:
+        ShapeError: naming file, line, link and meshes.
+    """
+    import pybullet as p
+
+    places = link_places(body)
+    for link in robot.findall("link"):
+        index = places.get(f"link:{link.get('name')}")
+        box = np.zeros((2, 3)) if index is None else np.array(p.getAABB(body, index))
+        if not np.linalg.norm(box[1] - box[0]) < LARGEST:
+            meshes = link.findall("collision/geometry/mesh")
+            names = ", ".join(one.get("filename") for one in meshes) or "its collision geometry"
+            file, line = (*meshes, link)[0].place
+            raise ShapeError(
+                f"the shape of link {link.get('name')!r} is larger than 1000 km or not finite, so "
+                f"PyBullet stops simulating the link; check {names}",
+                file=file,
+                line=line,
+            )
 
 
 def link_shapes(body: int, robot: XmlElement) -> Mapping[str, LinkShape]:

@@ -6,7 +6,6 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-from physics_crosscheck.harness.extras.versions.command import ENVIRONMENTS
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.help import INTERRUPTED, Command, group, option
 
@@ -84,15 +83,6 @@ _VARIANTS = (
         metavar="NAME",
         help="Integrator to try; repeatable [each model's own]",
     ),
-    option(
-        "Variants",
-        "--versions",
-        nargs="+",
-        default=[],
-        metavar=("NAME", "VERSION"),
-        help="Engine and versions to try, as VERSION or VERSION=ENVIRONMENT",
-    ),
-    option("Variants", "--under", nargs=2, default=[], help=argparse.SUPPRESS),
 )
 
 COMMAND = Command(
@@ -106,7 +96,7 @@ COMMAND = Command(
     },
     exit_codes={
         "0": "Every case agrees.",
-        "1": "A case differs or is unresolved; with --versions, a case changed.",
+        "1": "A case differs or is unresolved.",
         "2": "Wrong usage, an unknown target, or a name that nothing matches.",
         "3": "A case failed, or rows are damaged.",
         **INTERRUPTED,
@@ -124,7 +114,6 @@ COMMAND = Command(
             metavar="NAME",
             help="Scenario to run; repeatable [all]",
         ),
-        ENVIRONMENTS,
         arguments.resolution_of,
         arguments.thorough,
         arguments.limits,

@@ -9,6 +9,7 @@ import argparse
 import platform
 import shlex
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -37,7 +38,6 @@ from physics_crosscheck.harness.extras.sweep.store import (
 )
 from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.extras.sweep.survey import SourceSurvey, SurveyTask, survey
-from physics_crosscheck.harness.extras.sweep.versions import under_versions
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     AGREE,
@@ -57,7 +57,7 @@ from physics_crosscheck.harness.modelfiles.choice import NamedModel
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.input_files import input_files
 from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import digest_of
+from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, digest_of
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -174,10 +174,13 @@ def plan_record(whole: CasePlan) -> SweepPlan:
 
 
 def _content_seen(survey: SourceSurvey) -> str:
-    """Hash the content of a folder and of other files that its code read or looked for."""
+    """Hash the content of a folder; rows of one whose code reads elsewhere are never of the
+    same plan.
+    """
     if not survey.reads:
         return survey.content
-    return digest_of(repr((survey.content, sorted(survey.reads.items()))).encode())
+    once = time.time_ns() if UNKNOWN in survey.reads.values() else 0
+    return digest_of(repr((survey.content, sorted(survey.reads.items()), once)).encode())
 
 
 def content_of(place: Path) -> str:
@@ -281,8 +284,6 @@ def main(options: argparse.Namespace) -> int:
     try:
         if options.summary is not None:
             return _summary(options.summary)
-        if options.versions:
-            return under_versions(options, _command(options))
         return _sweep(options)
     except SweepError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
@@ -359,8 +360,6 @@ def _command(options: argparse.Namespace) -> list[str]:
     if options.resolution != 1e-9:
         words += ["--resolution", f"{options.resolution!r}"]
     words += ["--thorough"] if options.thorough else []
-    if options.under:
-        words += ["--versions", *options.under]
     return words
 
 

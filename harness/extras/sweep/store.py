@@ -18,8 +18,9 @@ from typing import Any
 import msgspec
 
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
-from physics_crosscheck.harness.records.hold import hold
+from physics_crosscheck.harness.records.hold import locked
 from physics_crosscheck.harness.records.outcome import contradiction
+from physics_crosscheck.harness.records.read import ResultsError
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.results.status import counted
@@ -294,13 +295,11 @@ def locked_rows(out: Path) -> Iterator[None]:
     Raises:
         SweepError: if another sweep has locked it.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    with (out / ".lock").open("w") as file:
-        if not hold(file.fileno()):
-            raise SweepError(
-                f"{out}: another sweep is writing there; wait for it, or choose another --out"
-            )
-        yield
+    try:
+        with locked(out, "sweep"):
+            yield
+    except ResultsError as error:
+        raise SweepError(str(error)) from None
 
 
 @contextlib.contextmanager

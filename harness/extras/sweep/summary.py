@@ -7,7 +7,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -16,26 +15,14 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
 
 
-class Numbered(Protocol):
-    """A row of a sweep, or a result made from rows."""
+class LargestRows:
+    """The largest rows up to a maximum number; of equal ones, those with the lowest numbers."""
 
-    @property
-    def index(self) -> int:
-        """Number in the plan."""
-        ...
-
-
-Item = TypeVar("Item", bound=Numbered)
-
-
-class LargestItems(Generic[Item]):
-    """The largest items up to a maximum number; of equal ones, those with the lowest numbers."""
-
-    def __init__(self, size: Callable[[Item], float | None], count: int) -> None:
+    def __init__(self, size: Callable[[SweepRow], float | None], count: int) -> None:
         self._size, self._count = size, count
-        self._heap: list[tuple[float, int, Item]] = []
+        self._heap: list[tuple[float, int, SweepRow]] = []
 
-    def add(self, entry: Item) -> None:
+    def add(self, entry: SweepRow) -> None:
         """Add an item, unless it has no size."""
         value = self._size(entry)
         if value is None or math.isnan(value):
@@ -46,7 +33,7 @@ class LargestItems(Generic[Item]):
         elif item > self._heap[0]:
             heapq.heapreplace(self._heap, item)
 
-    def items(self) -> list[Item]:
+    def items(self) -> list[SweepRow]:
         """Return the items, largest first."""
         return [one for *_, one in sorted(self._heap, reverse=True)]
 
@@ -94,9 +81,9 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
     outcomes, digits = Counter[str](), Counter[str]()
     groups: dict[tuple[str, str, str], _Group] = {}
     extremes = (
-        LargestItems(_badness, TROUBLES),
-        LargestItems(_few_digits, EXTREMES),
-        LargestItems(_error, EXTREMES),
+        LargestRows(_badness, TROUBLES),
+        LargestRows(_few_digits, EXTREMES),
+        LargestRows(_error, EXTREMES),
     )
     rng = np.random.default_rng(0)
     sampled: list[SweepRow] = []

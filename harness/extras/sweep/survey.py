@@ -12,7 +12,6 @@ from physics_crosscheck.harness.extras.sweep.case import swept
 from physics_crosscheck.harness.extras.sweep.factors import Factor, matching_factors
 from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
-from physics_crosscheck.harness.modelfiles.path_states import merged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +115,7 @@ def survey(task: SurveyTask) -> SourceSurvey:
     return SourceSurvey(
         folder=task.folder,
         content=task.content,
-        reads=_with_earlier(task, seen.states()),
+        reads=_with_earlier(task, seen.states),
         system=source.name,
         constants=source.constants,
         signed=source.signed,
@@ -143,7 +142,7 @@ def _with_earlier(task: SurveyTask, reads: Mapping[str, str]) -> Mapping[str, st
     if Path(task.folder).is_file():  # the content of a robot file covers all files that it names
         return {}
     key = task.folder, task.content
-    _READS[key] = merged(_READS.get(key, {}), reads)
+    _READS[key] = {**_READS.get(key, {}), **reads}
     return _READS[key]
 
 

@@ -20,7 +20,7 @@ COMMAND = Command(
     group="Compare",
     purpose="Compare several versions of an engine",
     description="Run the same models in several versions of an engine and compare them.\n"
-    "Each version gets its own environment. Write index.html.",
+    "Each version runs in its own environment. The gate compares them.",
     examples={
         "Compare two versions of MuJoCo": "crosscheck versions arm.urdf"
         " --engine mujoco 3.3.7 3.4.0",
@@ -48,7 +48,6 @@ COMMAND = Command(
         arguments.resolution_of,
         arguments.diagnose,
         partial(arguments.out, default="reports/versions"),
-        arguments.json_file,
         ENVIRONMENTS,
         arguments.limits,
         arguments.jobs,

@@ -201,7 +201,7 @@ def ideal(command: argparse.ArgumentParser) -> None:
     )
 
 
-def chosen_model(command: argparse.ArgumentParser, default: str = "the only movable one") -> None:
+def chosen_model(command: argparse.ArgumentParser, default: str = "each that moves") -> None:
     """Add --model; `default` describes what is read without it."""
     group(command, "Robot files").add_argument(
         "--model",

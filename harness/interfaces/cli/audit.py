@@ -42,7 +42,9 @@ from physics_crosscheck.harness.results.messages import explain_hint, with_code
 def main(options: argparse.Namespace) -> int:
     """Audit the named models and print the findings."""
     check_engines(options.engine)
-    wanted = resolve_targets(options.folders, standalone=options.standalone)
+    wanted = resolve_targets(
+        options.folders, standalone=options.standalone, model=options.chosen_model
+    )
     warn_unknown(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
     model_audits = audits(

@@ -33,7 +33,9 @@ def main(options: argparse.Namespace) -> int:
     """Print the equations of each system folder and each robot file."""
     form: Form = "latex" if options.latex else "text"
     width = terminal().width
-    targets = resolve_targets(options.folders, standalone=options.standalone)
+    targets = resolve_targets(
+        options.folders, standalone=options.standalone, model=options.chosen_model
+    )
     warn_unknown(targets.named)
     describe_robot = partial(
         describe_file,

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from physics_crosscheck.harness.baseline.fingerprint import always_lines
 from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
@@ -45,6 +46,8 @@ def main(options: argparse.Namespace) -> int:
     lines = gate_lines(result, console.width, _accept_options(options))
     print_status_lines(console, lines)
     print_hint(console, code_hint(result))
+    for line in always_lines({one.id.system: one.files for one in result.changes}):
+        print(f"crosscheck: {line}", file=sys.stderr)
     print_commands(commands(notes(result), os.environ))
     sys.stdout.flush()
     text = summary(result)
@@ -111,7 +114,7 @@ def _named(names: Sequence[str], baseline: Path) -> list[Path]:
     rest = [name for name in names if not (name and robots_below(Path(name)))]
     if not rest:
         return list(dict.fromkeys(below))
-    targets = resolve_targets(rest, standalone=False)
+    targets = resolve_targets(rest, standalone=False, model=None)
     models = [
         *(one.folder / one.model for models in targets.choice.models.values() for one in models),
         *(file for file in targets.robots if (file.parent / "system.py").is_file()),

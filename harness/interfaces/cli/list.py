@@ -23,7 +23,7 @@ def main(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     matching(options.words)
     names = options.folders or models_below(Path())
-    targets = resolve_targets(names, standalone=options.standalone)
+    targets = resolve_targets(names, standalone=options.standalone, model=options.chosen_model)
     choice = replace(targets.choice, words=options.words)
     listing = listed(
         targets.paths, options.engine, floating=options.floating, model=options.chosen_model

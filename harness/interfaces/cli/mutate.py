@@ -27,7 +27,9 @@ def main(options: argparse.Namespace) -> int:
     as a fault; 3 if an unmodified model fails, or no fault could be tested.
     """
     check_engines(options.engine)
-    targets = resolve_targets(options.folders, standalone=options.standalone)
+    targets = resolve_targets(
+        options.folders, standalone=options.standalone, model=options.chosen_model
+    )
     if targets.named.faults:
         raise FolderError("; ".join(targets.named.faults.values()))
     missing = [

@@ -1,7 +1,6 @@
-"""Reference pages of commands and settings, made from the parsers.
+"""Generated pages of the site: commands and settings, result files with schemas, messages.
 
-`python -m physics_crosscheck.harness.interfaces.cli.reference docs/reference` writes both; a test
-fails if they are out of date.
+`python -m physics_crosscheck.harness.interfaces.cli.reference FOLDER` writes all of them.
 """
 
 from __future__ import annotations
@@ -17,7 +16,9 @@ from physics_crosscheck.harness.interfaces.cli.help import CommandParser, metava
 from physics_crosscheck.harness.interfaces.cli.main import build_parser, subparsers
 from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
 from physics_crosscheck.harness.interfaces.cli.settings import SETTINGS
+from physics_crosscheck.harness.records.schema import PAGES, SCHEMAS, page_texts, schema_text
 from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.results.messages import pages
 
 _CONFIGURATION = """\
 # Configuration
@@ -104,11 +105,15 @@ def configuration_page() -> str:
     return f"{_CONFIGURATION}\n" + "\n".join(lines) + "\n" + _VARIABLES
 
 
-def main(folder: Path) -> None:
-    """Write both pages into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / "command-line.md", command_line_page())
-    write_whole(folder / "configuration.md", configuration_page())
+def generated_pages() -> dict[str, str]:
+    """Return the text of every generated file by its path in the site."""
+    return {
+        "reference/command-line.md": command_line_page(),
+        "reference/configuration.md": configuration_page(),
+        **{f"reference/{name}": text for name, text in page_texts(PAGES).items()},
+        **{f"schema/{name}.schema.json": schema_text(name) for name in SCHEMAS},
+        **{f"messages/{name}": text for name, text in pages().items()},
+    }
 
 
 def _command_lines(name: str, command: CommandParser) -> Iterator[str]:
@@ -157,4 +162,5 @@ def _defaults(commands: Mapping[str, list[str]]) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    for path, content in generated_pages().items():
+        write_whole(Path(sys.argv[1]) / path, content)

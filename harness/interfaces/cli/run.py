@@ -1,10 +1,6 @@
 """`crosscheck run`: compare models with their equations, and print the verdict.
 
-`crosscheck run --watch`: run models again when their files change.
-
-A model runs again if the content of one of its files changes: the model file, its sidecar, a mesh,
-`system.py`, any file in the folder that no other model names, or a file elsewhere that `system.py`
-has read or looked for.
+`crosscheck run --watch`: run again when a file changes; the cache reuses all other results.
 """
 
 from __future__ import annotations
@@ -12,13 +8,14 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.fingerprint import OTHER_FILES, folder_files
+from physics_crosscheck.harness.baseline.fingerprint import always_lines
 from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
@@ -30,21 +27,18 @@ from physics_crosscheck.harness.interfaces.cli.targets import (
     with_unknown,
 )
 from physics_crosscheck.harness.jobs.stop import asking
-from physics_crosscheck.harness.modelfiles.choice import NamedModel
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
-    NamedFolders,
     builtin,
     check_engines,
     system_folders,
 )
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines, unread_lines
 from physics_crosscheck.harness.modelfiles.parts import named_files
-from physics_crosscheck.harness.modelfiles.path_states import UNREADABLE, states_now
+from physics_crosscheck.harness.modelfiles.path_states import states_now
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.planning.cache import Cache
-from physics_crosscheck.harness.records.journal import Journal, journal
-from physics_crosscheck.harness.records.merged import merged
+from physics_crosscheck.harness.records.hold import locked
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -62,16 +56,10 @@ from physics_crosscheck.harness.results.github import (
 from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
-from physics_crosscheck.harness.run import Options, RunControl, run
+from physics_crosscheck.harness.run import Options, run
 
 POLL = 0.25
 """Seconds between two scans of the files; scanning a hundred takes a millisecond."""
-
-Place = tuple[str, str]
-"""A folder and a model in it. Without a model: the whole folder, or a robot file."""
-
-Hashes = Mapping[Place, Mapping[str, str]]
-"""Hashes of the files of each place, by path; of the folder's other files, by the folder's."""
 
 Stamps = Mapping[str, tuple[int, int]]
 """Modification time and size of each file."""
@@ -88,35 +76,25 @@ class Ran:
     """Result of a run.
 
     Attributes:
-        results: all current results.
         code: exit code of the command.
         stopped: whether it was interrupted.
         reads: states of files that each folder's code has read, by name relative to it.
     """
 
-    results: Results
     code: int
     stopped: bool
     reads: Reads
 
 
-Run = Callable[[Targets, Callable[[Results], Results]], Ran]
-"""Runs targets; the second argument transforms the results before they are written and returned."""
-
-
-def watch(wanted: Targets, run: Run) -> int:
-    """Run all, then what changes, until interrupted; return the exit code of the last run."""
-    before = _hashes(wanted)
-    ran = run(wanted, lambda results: results)
-    reads = dict(ran.reads)
-    before = _with_reads(before, reads)  # states at the time of reading
+def watch(wanted: Targets, run: Callable[[], Ran]) -> int:
+    """Run all, and again after each change, until interrupted; return the last exit code."""
+    before = _states(_watched(wanted, {}))
+    ran = run()
     while not ran.stopped:
-        files_watched = counted(len(_stamps(wanted, before)), "file")
+        before = {**_states(_watched(wanted, ran.reads)), **before}
+        files_watched = counted(len(_stamps(before)), "file")
         _print_line(f"watching {files_watched} for changes; press Ctrl-C to end")
-        before, again, files = _wait(wanted, before, reads)
-        part = _part(wanted, again)
-        if not (part.folders or part.robots):
-            continue
+        before, files = _wait(wanted, before, ran.reads)
         if sys.stdout.isatty():
             print("\x1b[2J\x1b[H", end="", flush=True)
         names = ", ".join(files[:MAX_NAMED_FILES]) + (
@@ -124,112 +102,51 @@ def watch(wanted: Targets, run: Run) -> int:
         )
         _print_line(f"{time.strftime('%H:%M:%S')}  changed: {names}")
         try:
-            ran = run(part, _with_others(ran.results, again))
-            reads |= ran.reads
-            before = _with_reads(before, ran.reads)
+            ran = run()
         except FolderError as error:
             _print_line(f"crosscheck: {error}")
     return ran.code
 
 
-def _with_others(last: Results, again: set[Place]) -> Callable[[Results], Results]:
-    """Return a function that merges new results with those of the unchanged models."""
-    whole = {folder for folder, model in again if not model}
-
-    def merge_results(now: Results) -> Results:
-        def is_again(folder: str, model: str) -> bool:
-            return folder in whole or (folder, model) in again
-
-        return merged(last, now, is_again)
-
-    return merge_results
-
-
-def _part(wanted: Targets, again: set[Place]) -> Targets:
-    """Return the targets that changed."""
-    whole = {folder for folder, model in again if not model}
-    models = dict(wanted.choice.models)
-    for folder in map(str, wanted.folders):
-        if folder in whole:
-            continue
-        changed = {model for where, model in again if where == folder}
-        named = models.get(folder)
-        if named is None:
-            named = tuple(NamedModel(folder=Path(folder), model=m) for m in sorted(changed))
-        models[folder] = tuple(one for one in named if one.model in changed)
-    folders = [f for f in wanted.folders if str(f) in whole or models.get(str(f))]
-    robots = [file for file in wanted.robots if str(file) in whole]
-    return Targets(NamedFolders(folders, {}), robots, replace(wanted.choice, models=models))
-
-
 def _wait(
-    wanted: Targets, before: Hashes, reads: Reads
-) -> tuple[Hashes, set[Place], Sequence[str]]:
-    """Wait until the content of a file changes; return the new hashes, changed places and files.
+    wanted: Targets, before: Mapping[str, str], reads: Reads
+) -> tuple[Mapping[str, str], list[str]]:
+    """Wait until the content of a file changes; return the states and the changed files.
 
     A file must stay unchanged for a moment, so that a partly written one is not used.
     """
     stamps: Stamps = {}  # the first scan finds changes during the run
     while True:
         time.sleep(POLL)
-        now = _stamps(wanted, before)
+        paths = _watched(wanted, reads)
+        now = _stamps(paths)
         if now == stamps:
             continue
         time.sleep(POLL)
-        if now != _stamps(wanted, before):
+        if now != _stamps(_watched(wanted, reads)):
             continue
-        hashes_now = _with_reads(_hashes(wanted), _now(reads))
-        again = {key for key in {*before, *hashes_now} if before.get(key) != hashes_now.get(key)}
-        if again:
-            return hashes_now, again, list(dict.fromkeys(_changed(before, hashes_now, again)))
-        before, stamps = hashes_now, now
+        stamps, states = now, _states(paths)
+        every = sorted({**before, **states})
+        if files := [path for path in every if before.get(path) != states.get(path)]:
+            return states, files
 
 
-def _changed(before: Hashes, now: Hashes, again: set[Place]) -> Iterator[str]:
-    """Yield the paths of changed files."""
-    for place in sorted(again):
-        old, new = before.get(place, {}), now.get(place, {})
-        yield from (name for name in sorted({*old, *new}) if old.get(name) != new.get(name))
-
-
-def _hashes(wanted: Targets) -> Hashes:
-    """Return hashes of all targets; those of unreadable files have no model name."""
-    hashes: dict[Place, Mapping[str, str]] = {}
+def _watched(wanted: Targets, reads: Reads) -> set[str]:
+    """Return the paths of all files of the targets, and those that code has read."""
+    files = list(wanted.robots)
     for folder in wanted.folders:
-        whole = str(folder), ""
-        try:
-            scan = folder_files(folder)
-        except OSError as error:  # being written, or deleted
-            hashes[whole] = {str(error.filename or folder): UNREADABLE}
-            continue
-        for model_files in scan.models:
-            hashes[str(folder), model_files.model] = {
-                str(folder) if name == OTHER_FILES else os.path.normpath(folder / name): value
-                for name, value in model_files.hashes.items()
-            }
-        if scan.broken or not scan.models:
-            hashes[whole] = {str(folder): "\n".join((scan.system, *scan.broken))}
-    for file in wanted.robots:
-        hashes[str(file), ""] = states_now(Path(), dict.fromkeys(_of_robot(file), ""))
-    return hashes
+        files += [path.with_suffix("") for path in folder.glob("*.toml")]
+    paths = {*_inside(wanted.folders), *(path for file in files for path in _of_model(file))}
+    read = {os.path.join(folder, name) for folder, states in reads.items() for name in states}
+    return set(map(os.path.normpath, paths | read))
 
 
-def _now(reads: Reads) -> Reads:
-    return {folder: states_now(Path(folder), known) for folder, known in reads.items()}
+def _states(paths: Iterable[str]) -> Mapping[str, str]:
+    return states_now(Path(), dict.fromkeys(paths, ""))
 
 
-def _with_reads(hashes: Hashes, reads: Reads) -> Hashes:
-    """Add files that the code of folders has read: they affect all models of the folder."""
-    extended = dict(hashes)
-    for folder, states in reads.items():
-        named = {os.path.normpath(Path(folder, name)): states[name] for name in states}
-        if named:
-            extended[folder, ""] = {**extended.get((folder, ""), {}), **named}
-    return extended
-
-
-def _of_robot(file: Path) -> list[str]:
-    """Return the paths of a robot file, its sidecar, and the files that it names."""
+def _of_model(file: Path) -> list[str]:
+    """Return the paths of a model file, its sidecar, and the files that it names."""
     try:
         named = named_files(file)
     except OSError:
@@ -237,10 +154,10 @@ def _of_robot(file: Path) -> list[str]:
     return [str(file), f"{file}.toml", *map(str, named)]
 
 
-def _stamps(wanted: Targets, hashes: Hashes) -> Stamps:
-    """Return the stamps of all files in the folders, and of all other hashed files."""
+def _stamps(paths: Iterable[str]) -> Stamps:
+    """Return the stamps of those paths that exist."""
     stamps = {}
-    for path in {*_inside(wanted.folders), *(name for names in hashes.values() for name in names)}:
+    for path in paths:
         try:
             status = os.stat(path)
         except OSError:
@@ -270,10 +187,12 @@ def main(options: argparse.Namespace) -> int:
     if not (wanted.folders or wanted.robots):
         return AGREE
     if not options.watch:
-        return _run(options, wanted, lambda results: results).code
+        return _run(options, wanted).code
     if options.format != "text":
         raise FolderError(f"--watch prints text, not {options.format}; leave one of both out")
-    return watch(wanted, partial(_run, options))
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as cache:
+        options.cache = options.cache or Path(cache)
+        return watch(wanted, partial(_run, options, wanted))
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -282,8 +201,8 @@ def demo(options: argparse.Namespace) -> int:
     return main(options)
 
 
-def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results], Results]) -> Ran:
-    """Run once; `among` merges the results into those that stay, which are written together."""
+def _run(options: argparse.Namespace, wanted: Targets) -> Ran:
+    """Run once, and write and print the results."""
     check_page(options.out / "index.html")
     warn_unknown(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
@@ -304,25 +223,20 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         thorough=options.thorough,
         strict=options.strict or options.exact,
     )
-    with journal(options.out, resume=options.resume) as done:
-        with Progress(every=options.verbose) as progress:
-            with asking() as stop:
-                control = RunControl(stop, done)
-                ran = run(wanted.folders, run_options, progress, control, wanted.robots)
-            results = ran.results
-            if not (results.cases or stop.requested or run_options.choice.everything):
-                done.remove()
-                why = "no case has such a name, or its engine is not installed"
-                raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
-            whole, results = among(results), with_sources(results)
-            written = with_sources(whole)
-            progress.phase("writing the report")
-            write_whole(options.out / "results.json", encoded(written))
-            write_report(options.out / "index.html", written)
-        if not stop.requested:
-            done.remove()
+    with locked(options.out, "run"), Progress(every=options.verbose) as progress:
+        with asking() as stop:
+            ran = run(wanted.folders, run_options, progress, stop, wanted.robots)
+        if not (ran.results.cases or stop.requested or run_options.choice.everything):
+            why = "no case has such a name, or its engine is not installed"
+            raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
+        results = with_sources(ran.results)
+        progress.phase("writing the report")
+        write_whole(options.out / "results.json", encoded(results))
+        write_report(options.out / "index.html", results)
     _print(results, options)
-    _print_stopped(results, options.out, done)
+    for line in always_lines(ran.reads):
+        print(f"crosscheck: {line}", file=sys.stderr)
+    _print_stopped(results, options)
     if cache is not None and cache.problem:
         print(f"crosscheck: {cache.problem}", file=sys.stderr)
     if options.verbose and run_options.choice.everything:
@@ -338,7 +252,7 @@ def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results]
         )
         code = FAIL
     code = SIGNALLED + stop.number if stop.requested else code
-    return Ran(whole, code, bool(stop.requested), ran.reads)
+    return Ran(code, bool(stop.requested), ran.reads)
 
 
 def _print(results: Results, options: argparse.Namespace) -> None:
@@ -370,13 +284,13 @@ def _print_absent(lines: Sequence[str]) -> None:
         print(f"crosscheck: not installed: {names}; {how}", file=sys.stderr)
 
 
-def _print_stopped(results: Results, out: Path, done: Journal) -> None:
+def _print_stopped(results: Results, options: argparse.Namespace) -> None:
     """Print the missing parts of an interrupted run, and how to resume it."""
-    if done.problem:
-        print(f"crosscheck: {done.problem}; a stopped run can't be resumed here", file=sys.stderr)
     if results.stopped:
-        what = f"stopped by {results.stopped}: {counted(len(results.cases), 'case')} done and kept"
-        how = f"`crosscheck run --resume --out {out}`, with the same folders, resumes the run"
+        what = f"stopped by {results.stopped}: {counted(len(results.cases), 'case')} done"
+        how = "the same command runs the others"
+        if options.cache is None:
+            how = "with --cache DIR, the next run reuses what is done"
         print(f"crosscheck: {what}; {how}", file=sys.stderr)
 
 

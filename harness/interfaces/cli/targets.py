@@ -62,16 +62,17 @@ def select_targets(options: argparse.Namespace) -> Targets:
             print("crosscheck: the last run has no failed case; nothing to run", file=sys.stderr)
             return Targets(NamedFolders([], {}), [], CaseSelection(only=only))
         names = names or list(dict.fromkeys(folder for folder, _ in only))
-    targets = resolve_targets(names, standalone=options.standalone)
+    targets = resolve_targets(names, standalone=options.standalone, model=options.chosen_model)
     return replace(targets, choice=replace(targets.choice, words=options.words, only=only))
 
 
-def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
+def resolve_targets(names: Sequence[str], *, standalone: bool, model: str | None = "") -> Targets:
     """Return the folders, robot files and models that names mean, and the unknown names.
 
     Args:
         names: names on a command line; none: all built-in folders.
         standalone: whether files in a system folder are robot files, too.
+        model: as in `robot_files`.
 
     Raises:
         FolderError: if no name means a target.
@@ -79,7 +80,7 @@ def resolve_targets(names: Sequence[str], *, standalone: bool) -> Targets:
     models: dict[str, tuple[NamedModel, ...]] = {}
     if not standalone:
         names, models = chosen_models(names)
-    robots = robot_files(expand_folders(names))
+    robots = robot_files(expand_folders(names), model)
     has_files = bool(robots.files or robots.faults)
     if robots.others or not has_files:
         named = named_folders(robots.others, allow_none=has_files)

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from physics_crosscheck.harness.baseline.fingerprint import folder_files
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.interfaces.notebook import motions
 from physics_crosscheck.harness.interfaces.notebook.columns import Columns
@@ -32,7 +33,7 @@ from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import states_now
+from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, states_now
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 SAMPLES = 1000
@@ -175,7 +176,11 @@ _KEPT: OrderedDict[MotionRequest, Solved] = OrderedDict()
 def _solved(request: MotionRequest) -> Solved:
     """Return the motion, from memory if none of its input files has changed."""
     solved = _KEPT.pop(request, None)
-    if solved is None or solved.reads != _states_now(solved.reads, request.subject):
+    if (
+        solved is None
+        or UNKNOWN in solved.reads.values()
+        or solved.reads != _states_now(solved.reads, request.subject)
+    ):
         solved = _done(motions.solved, request, request.subject)
     _KEPT[request] = solved
     while len(_KEPT) > KEPT:
@@ -185,8 +190,10 @@ def _solved(request: MotionRequest) -> Solved:
 
 def _states_now(reads: Mapping[str, str], subject: NotebookSubject) -> dict[str, str]:
     """Return the current state of the input files of a motion."""
-    named = {} if subject.folder is not None else part_digests(subject.place.absolute())
-    return {**states_now(subject.base, reads), **named}
+    if subject.folder is None:
+        return part_digests(subject.place.absolute())
+    content = folder_files(subject.folder).system
+    return {**states_now(subject.base, reads), motions.CONTENT: content}
 
 
 def _done(function: Callable[[T], V], task: T, subject: NotebookSubject) -> V:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 
+from physics_crosscheck.harness.baseline.fingerprint import folder_files
 from physics_crosscheck.harness.checks.findings import settings_of
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.not_run import not_of_a_tree
@@ -136,6 +137,10 @@ def solved(request: MotionRequest) -> Solved:
     return Solved(declaration=declaration, motion=motion, reads=source.reads)
 
 
+CONTENT = "(content)"
+"""Name of the hash of all files of a folder, among its inputs."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Source:
     """A mechanism that was read.
@@ -154,16 +159,14 @@ class _Source:
 def _source(subject: NotebookSubject) -> _Source:
     if subject.folder is None:
         assert subject.file is not None
-        with record_reads(subject.file.parent) as reads:
-            robot = read_robot(subject.file)
-            system = robot_system(robot)
-        # A compiler opens files without Python's audit hooks.
-        read = {**reads.states(), **part_digests(subject.file.absolute())}
-        return _Source(declaration=system, robot=robot, reads=read)
+        read = part_digests(subject.file.absolute())
+        robot = read_robot(subject.file)
+        return _Source(declaration=robot_system(robot), robot=robot, reads=read)
+    content = folder_files(subject.folder).system
     with record_reads(subject.folder) as reads:
         declared = load_declaration(subject.folder)
     whole = declared.tree_system if isinstance(declared, MultibodySystem) else declared
-    return _Source(declaration=whole, robot=None, reads=reads.states())
+    return _Source(declaration=whole, robot=None, reads={**reads.states, CONTENT: content})
 
 
 def _scenario(source: _Source, request: MotionRequest) -> Scenario:

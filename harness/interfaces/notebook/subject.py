@@ -64,7 +64,7 @@ def model_named(name: Name) -> NotebookSubject:
                 " scenario and engine apart from it"
             )
         return NotebookSubject(folder=built_in.folder, file=built_in.folder / built_in.model)
-    robots = robot_files([text])
+    robots = robot_files([text], None)
     if robots.files:
         return NotebookSubject(folder=None, file=robots.files[0])
     if robots.faults:

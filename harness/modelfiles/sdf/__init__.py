@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot import Robot, armatures_of
 from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
 from physics_crosscheck.harness.modelfiles.sdf.read import read_sdf_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:
     """Read a robot; `model` names one of several models."""
-    return read_sdf_robot(file, model=str(settings.get("model", "")))
+    return read_sdf_robot(
+        file, model=str(settings.get("model", "")), armatures=armatures_of(settings)
+    )
 
 
 def numbers(file: Path, settings: Mapping[str, object]) -> SdfNumbers:
     """Return the numbers of the chosen model."""
     held = settings.get("held")
-    return SdfNumbers(file, str(settings.get("model", "")), held if isinstance(held, list) else [])
+    return SdfNumbers(
+        file,
+        str(settings.get("model", "")),
+        held if isinstance(held, list) else [],
+        armatures_of(settings),
+    )

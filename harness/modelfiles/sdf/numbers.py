@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -36,6 +37,8 @@ class SdfNumbers:
     Args:
         path: of the file.
         model: name of one of several moving models; empty for a single one.
+        held: joints that are fixed.
+        armatures: as in `Document`.
 
     Attributes:
         numerals: those that do not belong to another model, in the file's order.
@@ -45,8 +48,15 @@ class SdfNumbers:
 
     unread: tuple[str, ...] = ()
 
-    def __init__(self, path: Path, model: str = "", held: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        path: Path,
+        model: str = "",
+        held: Collection[str] = (),
+        armatures: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self._document, self._chosen, self._held = Document(path), model, held
+        self._document.armatures = armatures
         model_element, _ = chosen_model(self._document, model)
         self.numerals: tuple[Number, ...] = tuple(
             one

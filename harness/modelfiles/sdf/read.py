@@ -143,7 +143,9 @@ def _unread(element: XmlElement, name: str) -> Iterator[Note]:
             yield from _unread(child, owner)
 
 
-def read_sdf_robot(path: Path, *, model: str = "") -> Robot:
+def read_sdf_robot(
+    path: Path, *, model: str = "", armatures: Mapping[str, float] = MappingProxyType({})
+) -> Robot:
     """Read one model of an SDFormat file completely.
 
     `sdf_frames` resolves poses. A joint moves its child along or about `<axis>`, which is in the
@@ -156,11 +158,13 @@ def read_sdf_robot(path: Path, *, model: str = "") -> Robot:
     Args:
         path: of the file.
         model: name of one of several moving models; empty for a single one.
+        armatures: as in `Document`.
     """
     try:
         document = Document(path)
     except LocationError as error:
         return refused(path, path.stem, [ReadError.unreadable(error, path)])
+    document.armatures = armatures
     with np.errstate(all="ignore"):  # overflow is reported
         return read_document(document, model)
 

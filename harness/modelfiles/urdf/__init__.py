@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.robot import Robot
+from physics_crosscheck.harness.modelfiles.robot import Robot, armatures_of
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:
     """Read a robot; `floating` lets its root link move."""
-    return read_urdf_robot(file, floating=bool(settings.get("floating")))
+    return read_urdf_robot(
+        file, floating=bool(settings.get("floating")), armatures=armatures_of(settings)
+    )
 
 
 def numbers(file: Path, settings: Mapping[str, object]) -> UrdfNumbers:
@@ -22,4 +24,5 @@ def numbers(file: Path, settings: Mapping[str, object]) -> UrdfNumbers:
         file,
         floating=bool(settings.get("floating")),
         held=held if isinstance(held, list) else [],
+        armatures=armatures_of(settings),
     )

@@ -11,6 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -63,6 +64,7 @@ class UrdfNumbers:
         path: of the file.
         floating: whether its root moves freely.
         held: joints that are fixed.
+        armatures: as in `Document`.
 
     Attributes:
         numerals: all of them, in the file's order.
@@ -73,8 +75,16 @@ class UrdfNumbers:
 
     unread: tuple[str, ...] = ()
 
-    def __init__(self, path: Path, *, floating: bool, held: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        floating: bool,
+        held: Collection[str] = (),
+        armatures: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self._document = Document(path)
+        self._document.armatures = armatures
         self._file = file = read_urdf(self._document)
         self._held, self.floats = held, floating and file.can_float
         every = numerals(self._document)

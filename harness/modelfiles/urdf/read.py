@@ -151,7 +151,13 @@ def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
             yield f"{key} of <{element.tag}>", name
 
 
-def read_urdf_robot(path: Path, *, gravity: Triple = GRAVITY, floating: bool = False) -> Robot:
+def read_urdf_robot(
+    path: Path,
+    *,
+    gravity: Triple = GRAVITY,
+    floating: bool = False,
+    armatures: Mapping[str, float] = MappingProxyType({}),
+) -> Robot:
     """Read a URDF completely.
 
     `<origin>` gives a joint's frame in the parent link's; its rpy rotates about the fixed axes x, y
@@ -164,11 +170,13 @@ def read_urdf_robot(path: Path, *, gravity: Triple = GRAVITY, floating: bool = F
         gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
             fixed to the world, like a link named `world`.
+        armatures: as in `Document`.
     """
     try:
         document = Document(path)
     except LocationError as error:
         return refused(path, path.stem, [ReadError.unreadable(error, path)])
+    document.armatures = armatures
     with np.errstate(all="ignore"):  # overflow is reported
         return _read(document, gravity, floating)
 
@@ -243,14 +251,14 @@ def body_of(
         parent=joint.parent,
         position=ZERO if loose else joint.origin,
         rpy=ZERO if loose else joint.rpy,
-        joints=(_joint(joint, file.springs),) if moves else (),
+        joints=(_joint(file, joint),) if moves else (),
     )
 
 
-def _joint(joint: UrdfJoint, springs: Mapping[str, tuple[float, float]]) -> Joint:
+def _joint(file: UrdfFile, joint: UrdfJoint) -> Joint:
     """Return the joint of a body, with its spring."""
     assert joint.kind is not None  # it moves
-    stiffness, rest = springs.get(joint.name, (0.0, 0.0))
+    stiffness, rest = file.springs.get(joint.name, (0.0, 0.0))
     return Joint(
         name=joint.name,
         kind=joint.kind,
@@ -259,4 +267,5 @@ def _joint(joint: UrdfJoint, springs: Mapping[str, tuple[float, float]]) -> Join
         stiffness=stiffness,
         rest=rest,
         limits=None if joint.bounds == ENDLESS else joint.bounds,
+        armature=file.document.armatures.get(joint.name, 0.0),
     )

@@ -305,6 +305,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
             ("contacts otherwise", steps.contact_faults),
             ("never acted", steps.inactive),
             ("not compared", steps.unjudged),
+            ("numbers of contacts", steps.contact_counts),
         )
         if sentences
     )

@@ -501,6 +501,11 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         more = f"; {unresolved} more unresolved" if unresolved else ""
         lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}{more}")
         lines += _not_compared(alike)
+    lines += [
+        f"whole steps in {case.engine}: {one}"
+        for step, case in steps
+        for one in step.contact_counts
+    ]
     unsettled = [
         f"{case.id}: whole steps {why}" for case in cases if (why := unsettled_steps(case))
     ]
