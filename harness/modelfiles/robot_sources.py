@@ -40,7 +40,7 @@ def source_file(name: str) -> Path | None:
     """
     if name.startswith(ROBOT):
         file: Path | None = _plain(_known_robot(name))
-    elif (path := Path(name)).suffix == ".sdf":
+    elif (path := Path(name)).suffix == ".sdf" and path.is_file():
         return next((one for one in source_files(name, None) if one != path), None)
     else:
         file = _plain(path) if path.is_file() and is_source(path) else None
