@@ -46,10 +46,10 @@ _ADDED = {
     "flag limit": (r"(</?worldbody>)", r'<option><flag limit="disable"/></option>\1'),
     "flag contact": (r"(<worldbody>)", r'<option><flag contact="disable"/></option>\1'),
     "noslip": (r"<option ", '<option noslip_iterations="3" '),
-    "mask": (r"<geom (?![^>]*contype)(?=[^>]*size)", '<geom contype="2" conaffinity="4" '),
+    "mask": (r"<geom (?![^>]*con(type|aff))(?=[^>]*size)", '<geom contype="2" conaffinity="4" '),
     "gap": (r"<geom (?![^>]*gap)(?=[^>]*size)", '<geom margin="0.02" gap="0.01" '),
     "mimic removed": (r"<mimic[^>]*/>", ""),
-    "dry friction in SDF": (r"(<dynamics>)", r"\1<friction>0.7</friction>"),
+    "dry friction in SDF": (r"(<dynamics>)(?!.{0,200}<friction>)", r"\1<friction>0.7</friction>"),
     "floor removed": (r'<geom [^>]*type="plane"[^>]*/>', ""),
     "collision removed": (r"<collision>.*?</collision>", ""),
 }
