@@ -160,10 +160,12 @@ def _trial(kind: str, file: Path, edited: Path, result: GateResult) -> EditTrial
 def table(done: Sequence[EditTrial]) -> str:
     """Return the counts by kind as a Markdown table."""
     rows = dict[str, Counter[str]]()
-    for one in done:
-        words = {"edits": True, "fail": not one.passed, "named": one.named,
-                 "XC519": one.untested, "pass": one.passed}  # fmt: skip
-        rows.setdefault(one.kind, Counter()).update(word for word, holds in words.items() if holds)
+    for trial in done:
+        words = {"edits": True, "fail": not trial.passed, "named": trial.named,
+                 "XC519": trial.untested, "pass": trial.passed}  # fmt: skip
+        rows.setdefault(trial.kind, Counter()).update(
+            word for word, holds in words.items() if holds
+        )
     rows["all"] = sum(rows.values(), Counter[str]())
     heads = ("edits", "fail", "named", "XC519", "pass")
     lines = [
