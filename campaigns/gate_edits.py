@@ -46,10 +46,10 @@ _ADDED = {
     "flag limit": (r"(</?worldbody>)", r'<option><flag limit="disable"/></option>\1'),
     "flag contact": (r"(<worldbody>)", r'<option><flag contact="disable"/></option>\1'),
     "noslip": (r"<option ", '<option noslip_iterations="3" '),
-    "mask": (r"<geom (?![^>]*contype)(?=[^>]*size)", '<geom contype="2" conaffinity="4" '),
+    "mask": (r"<geom (?![^>]*con(type|aff))(?=[^>]*size)", '<geom contype="2" conaffinity="4" '),
     "gap": (r"<geom (?![^>]*gap)(?=[^>]*size)", '<geom margin="0.02" gap="0.01" '),
     "mimic removed": (r"<mimic[^>]*/>", ""),
-    "dry friction in SDF": (r"(<dynamics>)", r"\1<friction>0.7</friction>"),
+    "dry friction in SDF": (r"(<dynamics>)(?!.{0,200}<friction>)", r"\1<friction>0.7</friction>"),
     "floor removed": (r'<geom [^>]*type="plane"[^>]*/>', ""),
     "collision removed": (r"<collision>.*?</collision>", ""),
 }
@@ -160,10 +160,12 @@ def _trial(kind: str, file: Path, edited: Path, result: GateResult) -> EditTrial
 def table(done: Sequence[EditTrial]) -> str:
     """Return the counts by kind as a Markdown table."""
     rows = dict[str, Counter[str]]()
-    for one in done:
-        words = {"edits": True, "fail": not one.passed, "named": one.named,
-                 "XC519": one.untested, "pass": one.passed}  # fmt: skip
-        rows.setdefault(one.kind, Counter()).update(word for word, holds in words.items() if holds)
+    for trial in done:
+        words = {"edits": True, "fail": not trial.passed, "named": trial.named,
+                 "XC519": trial.untested, "pass": trial.passed}  # fmt: skip
+        rows.setdefault(trial.kind, Counter()).update(
+            word for word, holds in words.items() if holds
+        )
     rows["all"] = sum(rows.values(), Counter[str]())
     heads = ("edits", "fail", "named", "XC519", "pass")
     lines = [
