@@ -33,7 +33,7 @@ SCENES = {"plane": SHAPES.format("plane", 0), "slab": SHAPES.format("box", -0.1)
 
 
 TILTED = URDF_BOX.replace('"0 0 0"/><geometry><box', '"0 0 0" rpy="0 5e-5 0"/><geometry><box')
-"""A box that lies on the floor but for a tilt that FCL neglects."""
+"""A box on the floor, with a tilt that FCL neglects."""
 
 
 def check(

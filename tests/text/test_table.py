@@ -321,7 +321,9 @@ def test_whole_steps_that_differ_or_are_unresolved_are_listed() -> None:
     assert properties(cases[2])["whole steps"].startswith("differ at 19 states")
     page = case_view(cases[1], "id", "", None, None, None)
     assert "whole steps are unresolved at 19 states" in str(page.reason)
-    many = replace(cases[0], whole_step=replace(good, contact_counts=("a and b have 4 contacts",)))
+    repeated = replace(
+        cases[0], whole_step=replace(good, contact_counts=("a and b have 4 contacts",))
+    )
     assert "whole steps in drake: a and b have 4 contacts" in whole_step_lines(
         [many], details=False
     )
