@@ -325,7 +325,7 @@ def test_whole_steps_that_differ_or_are_unresolved_are_listed() -> None:
         cases[0], whole_step=replace(good, contact_counts=("a and b have 4 contacts",))
     )
     assert "whole steps in drake: a and b have 4 contacts" in whole_step_lines(
-        [many], details=False
+        [repeated], details=False
     )
 
 
