@@ -48,7 +48,10 @@ EXACT, ROUGH = 1e-9, 1e-3
 """Largest error of a distance relative to the shapes: in closed form, and by iteration."""
 
 MIN_TILT = 1e-7
-"""Tilt below which an engine may take a cylinder for one that stands, rad."""
+"""Tilt below which an engine may take a cylinder for one that stands, rad.
+
+A box may lie if a cosine is that close to 1 (FCL's `halfspaceIntersectTolerance`).
+"""
 
 FLAT = {"box", "capsule", "sphere"}
 """Kinds whose supporting planes bound a contact to the last digits."""
@@ -402,8 +405,11 @@ class _Judge:
             if turned > NORMAL + slack / _least(*pair):
                 self._note(surfaces, "has another normal", turned, f"{turned:.3g} rad off")
         off = _off_surface(*pair, contact, surfaces, self._model.point_share)
-        # Where a cylinder nearly stands or lies, some engines take the middle of its end or side.
-        middle = self._model.point_share is None and "cylinder" in (pair[0].kind, pair[1].kind)
+        # Where a cylinder or box nearly lies, some engines take the middle of its side or edge.
+        kinds, middle = {one.kind for one in pair}, False
+        if self._model.point_share is None:
+            middle = "cylinder" in kinds or (kinds == {"plane", "box"} and _lies(*pair))
+            slack += MIN_TILT * _extent(*pair)
         if off > POINT * size + slack and not middle:
             self._note(surfaces, "is elsewhere", off / size, f"{off:.3g} m off the surfaces")
 
@@ -493,6 +499,12 @@ def _size(first: Solid, other: Solid) -> float:
     """Return the size of two shapes with their places, m."""
     far = float(np.linalg.norm(first.origin) + np.linalg.norm(other.origin))
     return _extent(first, other) + far
+
+
+def _lies(first: Solid, other: Solid) -> bool:
+    """Return whether a side of a box is about parallel to a plane."""
+    plane, box = (first, other) if first.kind == "plane" else (other, first)
+    return float(np.max(np.abs(box.rotation.T @ plane.axis))) > 1 - MIN_TILT
 
 
 def _extent(first: Solid, other: Solid) -> float:
