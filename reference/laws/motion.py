@@ -589,9 +589,13 @@ def check_room(room: float, usual: float, last: float) -> None:
         EventError: if they are not.
     """
     if room / 2 < LEAST_SHARE * usual:
+        remedy = (
+            f"end the motion before t = {last:.6g} s, until which it can be compared"
+            if last > 0
+            else "shorten the motion, which has too few segments for its events"
+        )
         raise EventError(
-            f"two events are {room:.2e} s apart, nearer than a coarsest step; end the motion "
-            f"before t = {last:.6g} s, until which it can be compared"
+            f"two events are {room:.2e} s apart, nearer than a coarsest step; {remedy}"
         )
 
 

@@ -128,19 +128,45 @@ def check_interactions(system: Declaration, interactions: tuple[Interaction, ...
         DeclarationError: with one sentence that names the wrong entry.
     """
     symbols, names = dimensions(system), set[str]()
+    nominal = {constant.symbol: constant.value for constant in system.constants}
     for item in interactions:
         place = f"system {system.name!r}: the interaction {item.name}"
         with about(type(item).__name__, item.name):
             if item.name in names:
                 raise DeclarationError(f"{place} is declared twice")
             names.add(item.name)
-            for label, (value, unit) in _quantities(item, symbols).items():
+            for label, (stated, unit) in _quantities(item, symbols).items():
                 where = f"{place}: {label}"
-                expression = expression_of(value, where)
+                expression = expression_of(stated, where)
                 check_real(expression, where)
                 check_symbols(expression, symbols, where)
                 if expression != 0 and unit is not None:
                     check_dimension(expression, unit, symbols, where)
+                value = sp.sympify(expression.xreplace(nominal))
+                _check_range(item, label, expression, value, where)
+
+
+_SIZES = ("mu", "e", "stiffness", "damping", "limit")
+
+
+def _check_range(
+    item: Interaction, label: str, expression: sp.Expr, value: sp.Expr, where: str
+) -> None:
+    """Refuse negative sizes, and gaps that bodies can't close since they never change their sign.
+
+    Raises:
+        DeclarationError: with the number or the factor.
+    """
+    is_size = label in _SIZES or (label == "force" and isinstance(item, DryFriction))
+    if is_size and value.is_number and value < 0:
+        raise DeclarationError(f"{where} is {float(value):g}; write a number of at least 0")
+    if label == "gap":
+        for factor, power in sp.factor_list(expression)[1]:
+            if power % 2 == 0:
+                raise DeclarationError(
+                    f"{where} has the factor ({factor})**{power}, which is never negative; write a "
+                    "distance that is negative where the bodies overlap"
+                )
 
 
 def _quantities(

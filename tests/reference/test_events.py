@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -401,12 +402,31 @@ def test_simultaneous_impacts_are_refused() -> None:
         solve_events(derive(falling), falling.scenarios[0])
 
 
-def test_interaction_with_an_unknown_symbol_is_refused() -> None:
-    stray = sp.Symbol("stray", real=True)
+@pytest.mark.parametrize(
+    ("item", "message"),
+    [
+        (DryFriction("rub", slip=x.v, force=sp.Symbol("stray", real=True)), "force uses stray"),
+        (DryFriction("rub", slip=x.v, force=-GRAVITY), "force is -9.81; write a number of at"),
+        (Contact("floor", gap=y.q, slip=0, mu=-0.3, e=0), "mu is -0.3; write a number of at"),
+        (Contact("floor", gap=y.q, slip=0, mu=0, e=-HALF / HALF), "e is -1; write a number of at"),
+        (Contact("floor", gap=y.q**2, slip=0, mu=0, e=0), "is never negative"),
+        (Contact("floor", gap=(y.q - HALF) ** 2, slip=0, mu=0, e=0), "is never negative"),
+    ],
+)
+def test_interaction_with_a_wrong_number_or_symbol_is_refused(
+    item: Interaction, message: str
+) -> None:
     start = Scenario("s", "s", q=dict.fromkeys((x, y, angle), 0), v=dict.fromkeys((x, y, angle), 0),
                      inputs={}, duration=0.5)  # fmt: skip
-    with pytest.raises(DeclarationError, match=r"friction: force uses stray"):
-        planar((DryFriction("friction", slip=x.v, force=stray),), start)
+    with pytest.raises(DeclarationError, match=re.escape(message)):
+        planar((item,), start)
+
+
+def test_motion_too_long_for_its_events_is_refused() -> None:
+    system = load_system(EVENTS / "bouncing_ball")
+    long = replace(system.scenario("drop"), duration=1e5)
+    with pytest.raises(EventError, match="shorten the motion"):
+        solve_events(derive(system), long)
 
 
 def test_accumulating_impacts_are_rejected_with_a_valid_duration() -> None:
