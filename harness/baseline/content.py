@@ -78,13 +78,13 @@ def _statements(document: Document, suffix: str) -> list[Statement]:
         rows = [
             row
             for row in _rows(element)
-            if f"{path}@{row[0]}" not in _TITLES and not _only_looks(path, row[0], suffix)
+            if f"<{path} {row[0]}" not in _TITLES and not _only_looks(path, row[0], suffix)
         ]
         statements.append((element.depth, element.tag, tuple(rows)))
     return statements
 
 
-_TITLES = ("robot@name", "mujoco@model")
+_TITLES = ("<robot name", "<mujoco model")
 """Names that nothing refers to."""
 
 

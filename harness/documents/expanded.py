@@ -135,7 +135,8 @@ def completed(file: Path) -> Path | None:
     """
     is_urdf = file.suffix == ".urdf" and file.is_file() and not Path(f"{file}.toml").exists()
     data = file.read_bytes() if is_urdf else b"<inertial"
-    if b"<inertial" in data and not re.search(rb"""["']world["']""", data):
+    is_complete = b"<inertial" in data and not re.search(rb"""["']world["']""", data)
+    if is_complete or b"<joint" not in data:
         return None
     try:
         robot = Document(file).root.copy()

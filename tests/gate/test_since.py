@@ -10,9 +10,7 @@ import pytest
 from rich.console import Console
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.interfaces.cli.accept import main
-from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
-from physics_crosscheck.harness.interfaces.cli.help import CommandParser
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.results import Results
@@ -41,11 +39,9 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         (folder / f"space.py{end}").unlink()
         for name in ("gone.xml", "left.xml"):
             shutil.copy(folder / f"mujoco.xml{end}", folder / f"{name}{end}")
-    parser = CommandParser()
-    parser.declare(COMMANDS["accept"])
     place = home / "baseline"
     given = ["--reason", "first", "--folder", str(folder), "--engine", "mujoco"]
-    assert main(parser.parse_args([*given, "--baseline", str(place)])) == 0
+    assert main(["accept", *given, "--baseline", str(place)]) == 0
     for name, old, new in (
         ("mujoco.xml", 'timestep="0.002"', 'timestep="0.001"'),
         ("robot.urdf.toml", "step = 0.002", "step = 0.004"),

@@ -27,7 +27,7 @@ URDF = """<robot name="arm">
  <collision><origin rpy="0.5 0 0"/><geometry><cylinder radius="0.04" length="0.2"/></geometry>
  </collision>
  <collision><geometry><plane normal="0 0 1"/></geometry></collision>
- <collision><origin xyz="0.2 0 0"/><geometry><mesh filename="lost.obj" scale="2 2 3"/></geometry>
+ <collision><origin xyz="0.2 0 0"/><geometry><mesh filename="wedge.obj" scale="2 2 3"/></geometry>
  </collision>
  <collision><origin xyz="0.3 0 0"/><geometry><capsule radius="0.05" length="0.4"/></geometry>
  </collision></link>
@@ -36,21 +36,27 @@ URDF = """<robot name="arm">
  <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
 
+WEDGE = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+
 in_both = pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
 
 
 def case_after(folder: Path, old: str, new: str, engine: str) -> Case:
     """Compare the edited file in an engine with the equations of the original."""
-    return case_of_edited(folder / "arm.urdf", URDF, old, new, engine)
+    (folder / "wedge.obj").write_text(WEDGE)
+    text = URDF
+    if engine == "pybullet":  # it stops a link with a plane
+        text = text.replace('<plane normal="0 0 1"/>', '<sphere radius="0.01"/>')
+    return case_of_edited(folder / "arm.urdf", text, old, new, engine)
 
 
 @in_both
 def test_shapes_agree(tmp_path: Path, engine: str) -> None:
-    """Stopped by a plane, which has no size, or by a mesh without a file."""
+    """Stopped by a plane, which has no size, in MuJoCo."""
     case = case_after(tmp_path, 'radius="0.06"', 'radius="0.06"', engine)
     assert case.outcome is Outcome.AGREES
     assert case.poses is not None
-    assert (case.poses.shapes, case.poses.wrong) == (5, ())
+    assert (case.poses.shapes, case.poses.wrong) == (5 if engine == "mujoco" else 6, ())
     assert (case.poses.uncertainty or 1) < 1e-12
 
 

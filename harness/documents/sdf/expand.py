@@ -11,7 +11,6 @@ import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from xml.sax.saxutils import escape, quoteattr
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -96,6 +95,8 @@ def _single_model(
 
 
 def _lines(element: XmlElement) -> Iterator[str]:
+    from xml.sax.saxutils import escape, quoteattr  # it loads urllib.request
+
     attributes = "".join(f" {key}={quoteattr(text)}" for key, text in element.attributes.items())
     yield f"<{element.tag}{attributes}>{escape(element.text.strip())}"
     for child in element:

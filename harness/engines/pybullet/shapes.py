@@ -68,7 +68,8 @@ LARGEST = 1e6
 def refuse_large_shapes(body: int, robot: XmlElement) -> None:
     """Refuse links whose bounding box makes PyBullet stop their simulation.
 
-    Meshes and scales that are not finite do so. Source: `btCollisionWorld::updateSingleAabb`.
+    Meshes and scales that are not finite do so, and planes.
+    Source: `btCollisionWorld::updateSingleAabb`.
 
     Raises:
         ShapeError: naming file, line, link and meshes.
@@ -80,12 +81,13 @@ def refuse_large_shapes(body: int, robot: XmlElement) -> None:
         index = places.get(f"link:{link.get('name')}")
         box = np.zeros((2, 3)) if index is None else np.array(p.getAABB(body, index))
         if not np.linalg.norm(box[1] - box[0]) < LARGEST:
-            meshes = link.findall("collision/geometry/mesh")
-            names = ", ".join(one.get("filename") for one in meshes) or "its collision geometry"
-            file, line = (*meshes, link)[0].place
+            planes = link.findall("collision/geometry/plane")
+            shapes = planes or link.findall("collision/geometry/mesh")
+            names = ", ".join(one.get("filename", f"its {one.tag}") for one in shapes)
+            file, line = (*shapes, link)[0].place
             raise ShapeError(
                 f"the shape of link {link.get('name')!r} is larger than 1000 km or not finite, so "
-                f"PyBullet stops simulating the link; check {names}",
+                f"PyBullet stops simulating the link; check {names or 'its collision geometry'}",
                 file=file,
                 line=line,
             )
