@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -341,24 +342,31 @@ TETRAHEDRON = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\
     [
         ('mesh filename="bad.obj"', "bad.obj"),
         ('box size="2e6 1 1"', "its collision geometry"),
+        ('plane normal="0 0 1"', "its plane"),
     ],
 )
 def test_shape_that_stops_its_link_is_the_cause(tmp_path: Path, form: str, name: str) -> None:
     """Catch a lost limit as the cause: PyBullet stops links whose boxes are not finite."""
     file = tmp_path / "arm.urdf"
     (tmp_path / "bad.obj").write_text(TETRAHEDRON.replace("v 0 .1 0", "v 1e20 .1 0"))
-    link = '<link name="arm"><inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1"/>'
+    inertial = '<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1"/></inertial>'
     file.write_text(
-        f'<robot name="r"><link name="base"/>\n{link}</inertial><collision><geometry>\n<{form}/>'
+        f'<robot name="r"><link name="base">{inertial}</link>\n'
+        f'<link name="arm">{inertial}<collision><geometry>\n<{form}/>'
         '</geometry></collision></link><joint name="j" type="revolute"><parent link="base"/>'
         '<child link="arm"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1"/></joint>'
         "</robot>"
     )
     case = run_case(model_task(prepare(file), "pybullet"))
     assert (case.outcome, case.kind) == (Outcome.DIFFERS, "compiled number")
-    line = 2 if name.startswith("its") else 3
+    line = 2 if name == "its collision geometry" else 3
     assert case.reason.startswith(f"arm.urdf:{line}: the shape of link 'arm' is larger than")
     assert f"check {name};" in case.reason
+    # A base at rest is not stopped.
+    swapped = {"base": "arm", "arm": "base"}
+    words = r'(?<=link name=")(base|arm)'
+    file.write_text(re.sub(words, lambda one: swapped[one[0]], file.read_text()))
+    assert run_case(model_task(prepare(file), "pybullet")).outcome is not Outcome.DIFFERS
 
 
 MESHED = """<mujoco><asset><mesh file="absent.stl"/></asset><worldbody><body>

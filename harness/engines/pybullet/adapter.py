@@ -270,7 +270,8 @@ class PybulletEngine(Engine):
         with engine_errors(spec.path, self.title):
             file = load_urdf(spec.path)
             model = PybulletModel(whole, file, [], (without_visuals,))
-            refuse_large_shapes(model.loaded_stepper().body, file.document.root)
+            body, is_free = model.loaded_stepper().body, bool(spec.settings.get("floating"))
+            refuse_large_shapes(body, file.document.root, floating=is_free)
             return PybulletWhole(model, model.loaded_stepper)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:

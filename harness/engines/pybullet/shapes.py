@@ -65,8 +65,8 @@ LARGEST = 1e6
 """Length of a bounding box from which on PyBullet stops simulating a body, m."""
 
 
-def refuse_large_shapes(body: int, robot: XmlElement) -> None:
-    """Refuse links whose bounding box makes PyBullet stop their simulation.
+def refuse_large_shapes(body: int, robot: XmlElement, *, floating: bool) -> None:
+    """Refuse moving links whose bounding box makes PyBullet stop their simulation.
 
     Meshes and scales that are not finite do so, and planes.
     Source: `btCollisionWorld::updateSingleAabb`.
@@ -76,7 +76,11 @@ def refuse_large_shapes(body: int, robot: XmlElement) -> None:
     """
     import pybullet as p
 
-    places = link_places(body)
+    moves = {-1: floating}
+    for joint in range(p.getNumJoints(body)):
+        info = p.getJointInfo(body, joint)
+        moves[joint] = info[2] != p.JOINT_FIXED or moves[info[16]]
+    places = {name: index for name, index in link_places(body).items() if moves[index]}
     for link in robot.findall("link"):
         index = places.get(f"link:{link.get('name')}")
         box = np.zeros((2, 3)) if index is None else np.array(p.getAABB(body, index))
