@@ -98,10 +98,14 @@ def _lines(element: XmlElement) -> Iterator[str]:
     from xml.sax.saxutils import escape, quoteattr  # it loads urllib.request
 
     attributes = "".join(f" {key}={quoteattr(text)}" for key, text in element.attributes.items())
-    yield f"<{element.tag}{attributes}>{escape(element.text.strip())}"
+    start, end = f"<{element.tag}{attributes}>{escape(element.text.strip())}", f"</{element.tag}>"
+    if not element.children:
+        yield start + end  # DART takes a line break for a part of a name
+        return
+    yield start
     for child in element:
         yield from _lines(child)
-    yield f"</{element.tag}>"
+    yield end
 
 
 def _marks(element: XmlElement, above: tuple[str, int]) -> Iterator[tuple[str, int]]:

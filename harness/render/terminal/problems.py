@@ -129,9 +129,9 @@ def problems(results: Results, *, details: bool = False) -> list[PrintedProblem]
 
 
 def is_single_file(results: Results) -> bool:
-    """Return whether a run checks a single model file, so that only engines need names."""
-    places = {(case.folder, case.model) for case in results.cases}
-    return len(places) == 1 and all(folder.endswith(model) for folder, model in places)
+    """Return whether a run checks a single robot of a file, so that only engines need names."""
+    robots = {(case.folder, case.model, case.system) for case in results.cases}
+    return len(robots) == 1 and all(folder.endswith(model) for folder, model, _ in robots)
 
 
 def _print_problem(console: Console, problem: PrintedProblem, width: int) -> None:
