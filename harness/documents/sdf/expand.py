@@ -100,7 +100,7 @@ def _lines(element: XmlElement) -> Iterator[str]:
     attributes = "".join(f" {key}={quoteattr(text)}" for key, text in element.attributes.items())
     start, end = f"<{element.tag}{attributes}>{escape(element.text.strip())}", f"</{element.tag}>"
     if not element.children:
-        yield start + end  # DART takes a line break for a part of a name
+        yield start + end  # some readers keep a line break in a name
         return
     yield start
     for child in element:
