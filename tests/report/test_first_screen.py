@@ -188,6 +188,13 @@ def test_partly_fixable_cause_has_no_patch() -> None:
     assert "axis of x reversed explains the motion" in issue.sentence
 
 
+def test_accepted_difference_is_not_counted_again() -> None:
+    sample = results(2)
+    cases = list(sample.cases)
+    cases[0] = replace(judged(cases[0], Outcome.DIFFERS, "off"), accepted="within its own 3e-08")
+    assert report(replace(sample, cases=tuple(cases))).verdict.startswith("1 difference accepted.")
+
+
 def test_agreeing_page_lists_outliers() -> None:
     seen = report(results(2))
     assert seen.verdict == "Every motion matches the equations. Nothing to change."

@@ -278,10 +278,10 @@ def verdict(results: Results, collect_issues: Sequence[IssueView]) -> str:
     """Return the verdict in words and, on failure, what to do."""
     if not results.cases:
         return "Nothing was run."
-    counts = Counter(case.outcome for case in results.cases)
+    counts = Counter(case.outcome for case in results.cases if not case.accepted)
     parts = [f"{n} {said[n > 1]}" for one, said in _PHRASES.items() if (n := counts[one])]
     if accepted := sum(bool(case.accepted) for case in results.cases):
-        parts.append(f"{accepted} accepted")
+        parts.append(f"{counted(accepted, 'difference')} accepted")
     sentence = ", ".join(parts) or "every motion matches the equations"
     sentence = f"{sentence[0].upper()}{sentence[1:]}."
     if fixes := sum(len(one.remedy.fixes) for one in collect_issues):
