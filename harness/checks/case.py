@@ -66,7 +66,6 @@ from physics_crosscheck.reference.solving.segments import Motion
 MAX_LOSS = 1e-5
 """Largest relative difference that an engine's documented loss of precision excuses."""
 
-
 POSES_ONLY = "poses only: no link has an <inertial>; 1 kg and 1 kg m^2 stand for each"
 """Reason of a case that tests no masses."""
 
@@ -177,6 +176,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
                 components=task.target.components,
             )
     reason = "; ".join(filter(None, (reason, *judged.model.reservations)))
+    excuse = _precision_limit(task, model, verdict, parts)
     case = structs.replace(
         _case(task, outcome, reason),
         kind=kind,
@@ -189,9 +189,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         stepping=judged.stepping_record(task.target.components),
         forward_dynamics=dynamics_record(judged.dynamics, tuple(judged.model.coordinates)),
         skipped=() if task.thorough else tuple(_skipped(judged, study)),
-        accepted=""
-        if outcome is not verdict.outcome
-        else _precision_limit(task, model, verdict, parts),
+        accepted=excuse if outcome is verdict.outcome else "",
     )
     if has_stand_ins(task.file) and case.outcome is Outcome.AGREES and case.verdict is not None:
         judged_by = structs.replace(case.verdict, decided_by="poses")
@@ -216,10 +214,8 @@ def _precision_limit(
         exact = judge(task.with_settings(**settings))
     except (EngineError, BlownUpError):
         return ""
-    if exact.outcome is not Outcome.AGREES:
-        return ""
     whose = f"{engines()[task.engine].title}'s own {percent(off)}"
-    return f"within {whose}: {'; '.join(limits)}"
+    return f"within {whose}: {'; '.join(limits)}" if exact.outcome is Outcome.AGREES else ""
 
 
 def _inertias(target: Prepared, model: LoadedModel) -> tuple[EngineInertia, ...]:

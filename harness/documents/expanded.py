@@ -50,8 +50,6 @@ RENAMED = {".mjcf": ".xml", ".world": ".sdf"}
 STAND_INS = "stand-ins"
 """Folder in the user's cache of copies with inertias that their files lack."""
 
-_NO_PRODUCTS = {"ixy": "0", "ixz": "0", "iyz": "0"}
-
 SEARCH_SECONDS = 10.0
 """Time after which a package is looked for again."""
 
@@ -101,9 +99,8 @@ def expand(source: Path) -> Path:
             given = dict(word.split(":=", 1) for word in words)
             tree = xacro.process_file(str(whole), mappings=given)
     except Exception as error:  # macros evaluate any Python expression
-        raise (
-            absent[0] if absent else ExpansionError(f"{source}: xacro: {_reason(error)}")
-        ) from None
+        failure = absent[0] if absent else ExpansionError(f"{source}: xacro: {_reason(error)}")
+        raise failure from None
     if not tree.getElementsByTagName("link") and b"xacro:macro" in whole.read_bytes():
         raise ExpansionError(f"{source}: it defines macros, not a robot. {_users(whole)}")
     for mesh in tree.getElementsByTagName("mesh"):
@@ -134,17 +131,14 @@ def completed(file: Path) -> Path | None:
     lacks neither or has a sidecar, or isn't XML.
     """
     is_urdf = file.suffix == ".urdf" and file.is_file() and not Path(f"{file}.toml").exists()
-    data = file.read_bytes() if is_urdf else b"<inertial"
-    is_complete = b"<inertial" in data and not re.search(rb"""["']world["']""", data)
-    if is_complete or b"<joint" not in data:
+    data = without_comments(file.read_bytes()) if is_urdf else b""
+    lacks_inertia = b"<inertial" not in data
+    if b"<joint" not in data or not (lacks_inertia or re.search(rb"""["']world["']""", data)):
         return None
-    try:
-        robot = Document(file).root.copy()
-    except LocationError:
-        return None  # reading it reports the error
+    if (robot := _root_copy(file)) is None:
+        return None
     parents = {one.get("link") for one in robot.findall("joint/parent")}
     lacks_world = "world" in parents - {one.get("name") for one in robot.findall("link")}
-    lacks_inertia = b"<inertial" not in data
     if not parents or not (lacks_world or lacks_inertia):
         return None
     if lacks_world:
@@ -153,7 +147,8 @@ def completed(file: Path) -> Path | None:
         if link.get("name") != "world":
             inertial = link.add("inertial")
             inertial.add("mass", {"value": "1"})
-            inertial.add("inertia", {"ixx": "1", "iyy": "1", "izz": "1", **_NO_PRODUCTS})
+            products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+            inertial.add("inertia", {"ixx": "1", "iyy": "1", "izz": "1", **products})
     for mesh in robot.iter("mesh"):
         if (shape := locate_file(file, mesh.get("filename", ""))) is not None:
             mesh.set("filename", str(shape.resolve()))
@@ -166,11 +161,7 @@ def renamed(file: Path) -> Path | None:
     Lines stay. Names of files are those of the file's folder.
     """
     suffix = RENAMED.get(file.suffix)
-    if suffix is None or not file.is_file():
-        return None
-    try:
-        root = Document(file).root.copy()
-    except LocationError:
+    if suffix is None or not file.is_file() or (root := _root_copy(file)) is None:
         return None
     folder = file.absolute().parent
     if suffix == ".xml":
@@ -186,6 +177,17 @@ def renamed(file: Path) -> Path | None:
             uri.parent.remove(uri)
             uri.parent.add("uri", text=str(place.resolve()))
     return _copied(file, root, "renamed", f"{file.stem}{suffix}")
+
+
+def without_comments(data: bytes) -> bytes:
+    """Return XML without its comments."""
+    return re.sub(rb"(?s)<!--.*?-->", b"", data)
+
+
+def _root_copy(file: Path) -> XmlElement | None:
+    with suppress(LocationError):  # reading the file reports the error
+        return Document(file).root.copy()
+    return None
 
 
 def _copied(file: Path, root: XmlElement, kind: str, name: str) -> Path:

@@ -17,6 +17,7 @@ from physics_crosscheck.harness.documents.expanded import (
     expanded_name,
     renamed,
     replaced,
+    without_comments,
 )
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.sdf.expand import sdf_models
@@ -72,8 +73,8 @@ def is_source(file: Path) -> bool:
     if file.suffix != ".urdf":
         return file.suffix == XACRO
     try:
-        text = re.sub(rb"(?s)<!--.*?-->", b"", read_regular(file, MAX_MODEL_BYTES))
-        return re.search(rb"<xacro:|\$\(optenv ", text) is not None
+        data = read_regular(file, MAX_MODEL_BYTES)
+        return bool(re.search(rb"<xacro:|\$\(optenv ", without_comments(data)))
     except OSError:
         return False
 

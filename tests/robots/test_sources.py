@@ -214,7 +214,7 @@ def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     assert locate_file(model, "package://arm/meshes/absent.stl") is None
 
 
-PLANNED = """<robot name="planned"><link name="base"/>
+PLANNED = """<robot name="planned"><link name="base"/><!-- <inertial/> -->
 <link name="a"/><link name="b"/>
 <joint name="j" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
 <limit lower="-1" upper="1" effort="5" velocity="1"/></joint>
