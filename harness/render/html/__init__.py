@@ -28,6 +28,7 @@ from physics_crosscheck.harness.render.html.parts import (
     part_of_group,
     write_parts,
 )
+from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
 from physics_crosscheck.harness.render.html.view import Report, report
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 
@@ -158,9 +159,16 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
+        finalize=safe,
     )
-    environment.filters["unbroken"] = unbroken
+    filters = {"unbroken": unbroken, "sci": sci, "percent": percent, "quantity": quantity}
+    environment.filters |= filters
     return environment
+
+
+def safe(value: object) -> object:
+    """Make invisible characters of a value visible; markup of this program stays as it is."""
+    return value if isinstance(value, Markup) else shown(value)
 
 
 def unbroken(text: object) -> Markup:
@@ -169,7 +177,7 @@ def unbroken(text: object) -> Markup:
     Browsers break a line after the hyphen of `1.2e-10`.
     """
     kept = r'<span class="unbroken">\g<0></span>'
-    return Markup(re.sub(r"\d(?:\.\d+)?e[-+]\d+", kept, str(escape(text))))
+    return Markup(re.sub(r"\d(?:\.\d+)?e[-+]\d+", kept, str(escape(safe(text)))))
 
 
 def _script(plots: bool, scenes: bool) -> str:
