@@ -19,17 +19,29 @@ from markupsafe import Markup, escape
 
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.render.html import (
+    linearizations,
+    matrix,
+    overview,
+    remedies,
+    systems,
+)
+from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView
+from physics_crosscheck.harness.render.html.diagnoses import short_places
+from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.html.parts import (
     WHOLE,
     CaseFile,
     divided,
     forget_parts,
     part_of_cases,
-    part_of_group,
+    part_of_folder,
     write_parts,
 )
-from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
-from physics_crosscheck.harness.render.html.view import Report, report
+from physics_crosscheck.harness.render.html.text import exact, percent, quantity, sci, shown
+from physics_crosscheck.harness.render.html.view import FolderView, Report, worst_scene
+from physics_crosscheck.harness.render.terminal.table import summary
+from physics_crosscheck.harness.results import coverage, next_steps
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 
 PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "tabs", "figures", "motion")
@@ -75,21 +87,26 @@ def write_report(path: Path, results: Results) -> None:
     Raises:
         OSError: if the file can't be written; an existing page stays unchanged.
     """
-    view = report(results, path.parent)
+    report = Report(results, path.parent)
     places, names = "", frozenset[str]()
     if len(results.cases) > WHOLE:
-        places, names = write_parts(path, _parts(view))
-    write_whole(path, _page(view, places))
+        places, names = write_parts(path, _parts(report))
+    write_whole(path, _page(report, places))
     forget_parts(path, names)
 
 
-def _parts(view: Report) -> Iterator[CaseFile]:
+def _parts(report: Report) -> Iterator[CaseFile]:
     """Yield the files of a report's folders and cases."""
     page = _environment().get_template("part.html")
-    for group in view.groups:
-        yield part_of_group(group, page.render(groups=[group], cases=()), view.packs)
-    for cases in divided(view.groups):
-        yield part_of_cases(cases, page.render(groups=(), cases=cases), view.packs)
+
+    def filled(folder: FolderView, views: Sequence[CaseView]) -> str:
+        return page.render(report=report, group=folder, cases=views)
+
+    for folder in report.folders.values():
+        yield part_of_folder(folder, filled(folder, ()), report)
+    for folder in report.folders.values():
+        for views in divided(folder):
+            yield part_of_cases(views, filled(folder, views), report.content)
 
 
 def render(results: Results, out: Path = DEFAULT_OUT) -> str:
@@ -99,27 +116,31 @@ def render(results: Results, out: Path = DEFAULT_OUT) -> str:
         results: results of a run.
         out: folder of the report, as its commands name it.
     """
-    return _page(report(results, out))
+    return _page(Report(results, out))
 
 
-def _page(view: Report, places: str = "") -> str:
+def _page(report: Report, places: str = "") -> str:
     """Return the page of a report.
 
     Args:
-        view: view of the report.
+        report: its content.
         places: JSON with the file of each case; empty if the page contains all cases.
     """
-    script = _inline(_script(plots=bool(view.packs), scenes=view.has_scenes))
+    content, folders = report.content, report.folders.values()
+    scenes = any(view.scene for view in report.cases)
+    script = _inline(_script(plots=bool(content.names), scenes=scenes))
     elsewhere: set[str] = set()
     if places:
-        elsewhere = {name for case in view.cases for name in case.packs}
-        elsewhere.update(name for group in view.groups for name in group.packs)
+        elsewhere = {name for view in report.cases for name in view.packs}
+        elsewhere.update(name for folder in folders for name in folder.packs)
     return template(
         "report.html",
-        [script, *([view.code] if view.code else [])],
+        [script, *([content.code] if content.code else [])],
         bool(places),
-        report=view,
-        packs=((name, view.packs[name]) for name in view.packs if name not in elsewhere),
+        title=report.title,
+        report=report,
+        folders=folders,
+        packs=((name, content.text(name)) for name in content.names if name not in elsewhere),
         early=Markup(EARLY),
         script=Markup(script),
         whole=not places,
@@ -161,8 +182,19 @@ def _environment() -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
         finalize=safe,
     )
-    filters = {"unbroken": unbroken, "sci": sci, "percent": percent, "quantity": quantity}
-    environment.filters |= filters
+    environment.filters |= {
+        "exact": exact,
+        "mathml": mathml,
+        "percent": percent,
+        "places": short_places,
+        "quantity": quantity,
+        "sci": sci,
+        "unbroken": unbroken,
+        "visible": shown,
+    }
+    environment.globals |= {"summary": summary, "symbols": SYMBOLS, "worst_scene": worst_scene}
+    for module in (systems, linearizations, overview, matrix, remedies, coverage, next_steps):
+        environment.globals[module.__name__.rpartition(".")[2]] = module
     return environment
 
 
