@@ -99,14 +99,14 @@ def _parts(report: Report) -> Iterator[CaseFile]:
     """Yield the files of a report's folders and cases."""
     page = _environment().get_template("part.html")
 
-    def filled(folder: FolderView, views: Sequence[CaseView]) -> str:
+    def render_views(folder: FolderView, views: Sequence[CaseView]) -> str:
         return page.render(report=report, group=folder, cases=views)
 
     for folder in report.folders.values():
-        yield part_of_folder(folder, filled(folder, ()), report)
+        yield part_of_folder(folder, render_views(folder, ()), report)
     for folder in report.folders.values():
         for views in divided(folder):
-            yield part_of_cases(views, filled(folder, views), report.content)
+            yield part_of_cases(views, render_views(folder, views), report.content)
 
 
 def render(results: Results, out: Path = DEFAULT_OUT) -> str:

@@ -97,7 +97,7 @@ def linear_errors(linearization: EngineLinearization) -> tuple[str, ...]:
         sci(linearization.b_error),
         sci(linearization.transfer_error),
         NOTHING if alike is None else sci(max(0.0, 1.0 - alike)),
-        sci(step and step.error),
+        sci(None if step is None else step.error),
         NOTHING if step is None or step.radius is None else f"{step.radius:.6f}",
     )
 

@@ -91,7 +91,7 @@ def issue_views(
         if cases and alike[0].diagnosis is not None and alike[0].diagnosis.explained:
             explained |= keys
             causes.append(_diagnosed(alike, diagnoses, Outcome.DIFFERS, "case", cases))
-    left = ([view for view in group if not _is_covered(view, explained)] for group in groups)
+    unexplained = ([view for view in group if not _is_covered(view, explained)] for group in groups)
     failures = (
         IssueView(
             id="", outcome=Outcome.FAILED, name=str(model.id), count="", sentence=f"{what}: {why}"
@@ -109,7 +109,7 @@ def issue_views(
     )
     return (
         *causes,
-        *(_unexplained(group, diagnoses) for group in left if group),
+        *(_unexplained(group, diagnoses) for group in unexplained if group),
         *failures,
         *audits,
     )

@@ -241,36 +241,42 @@ def symbols(system: SystemResult) -> Iterator[tuple[object, ...]]:
 
 def constants(system: SystemResult) -> Iterator[tuple[object, ...]]:
     """Yield the symbol of each constant, its value, unit, meaning and source."""
-    for one in system.constants:
-        yield mathml(one.latex), repr(one.value), one.unit, one.description, one.source
+    for constant in system.constants:
+        yield (
+            mathml(constant.latex),
+            repr(constant.value),
+            constant.unit,
+            constant.description,
+            constant.source,
+        )
 
 
 def errata(system: SystemResult) -> Iterator[tuple[str, ...]]:
-    """Yield each published equation with the derived one and their difference."""
+    """Yield each published equation with the derived erratum and their difference."""
     names = [coordinate.name for coordinate in system.coordinates]
-    for one in system.derivation.errata if system.derivation else ():
+    for erratum in system.derivation.errata if system.derivation else ():
         yield (
-            one.number,
-            one.published,
-            primed(one.derived, names),
-            f"{VERDICTS[one.verdict]} {one.verdict}",
-            primed(one.difference, names) or NOTHING,
-            one.note,
+            erratum.number,
+            erratum.published,
+            primed(erratum.derived, names),
+            f"{VERDICTS[erratum.verdict]} {erratum.verdict}",
+            primed(erratum.difference, names) or NOTHING,
+            erratum.note,
         )
 
 
 def scenarios(system: SystemResult) -> Iterator[tuple[str, ...]]:
     """Yield each scenario with its inputs and the bounds of its reference."""
-    for one in system.scenarios:
+    for scenario in system.scenarios:
         yield (
-            one.name,
-            one.description,
-            quantity(one.duration, "s"),
-            "; ".join(f"{name} = {text}" for name, text in one.inputs.items()),
-            str(one.segments),
-            one.method,
-            sci(one.bound),
-            sci(one.global_bound),
+            scenario.name,
+            scenario.description,
+            quantity(scenario.duration, "s"),
+            "; ".join(f"{name} = {text}" for name, text in scenario.inputs.items()),
+            str(scenario.segments),
+            scenario.method,
+            sci(scenario.bound),
+            sci(scenario.global_bound),
         )
 
 
