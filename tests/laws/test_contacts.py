@@ -84,7 +84,8 @@ def test_right_contacts_agree(tmp_path: Path, text: str, engine: str) -> None:
     result = check(tmp_path, text, _no_change, engine)
     assert not result.record.differs
     assert result.record.contacts > 10
-    assert result.record.unjudged == ()
+    partly = any("exact depths" in one for one in result.record.omitted)
+    assert len(result.record.omitted) == partly == (text == SCENES["slab"])
 
 
 FAULTS = {
@@ -116,7 +117,7 @@ BOX = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/><body pos="0 0 .1"
 
 PLANTED = {
     "mujoco": (BOX, "geom_(size|pos|solref)|body_mass|opt.timestep", 5),
-    "pybullet": (URDF_BOX, "mass|lateralFriction|restitution|setCollisionFilter.*", 4),
+    "pybullet": (URDF_BOX, "mass|lateralFriction|restitution|setCollisionFilter.*", 5),
     "drake": (URDF_LEG, "set_(contact_model|position_limits)|SetMass|SetCenter.*", 4),
     "dart": (URDF_LEG.replace('damping=".2"', 'damping=".2" friction=".3"'),
              "set(CoulombFriction|Mass|MomentOfInertia|DampingCoefficient)", 4),

@@ -304,7 +304,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
             ("not read from the text", steps.unread),
             ("contacts otherwise", steps.contact_faults),
             ("never acted", steps.inactive),
-            ("not compared", steps.unjudged),
+            ("not compared", steps.omitted),
             ("numbers of contacts", steps.contact_counts),
         )
         if sentences
