@@ -103,9 +103,9 @@ def array_faults(
         path = f"mujoco(/.*)?/{ELEMENTS.get(first, first)}@({key or '-'})"
         for place in map(int, chosen):
             row, word = divmod(place, np.size(values) // max(1, len(np.atleast_1d(values))))
-            owner, taken = _owner(model, first, row), tuple(_chain(stated, model, first, row))
+            owner, sources = _owner(model, first, row), tuple(_chain(stated, model, first, row))
             for share in (None,) if whole else SHARES:
-                yield LoadedFault(name, _change(name, place, share), path, owner, word, taken)
+                yield LoadedFault(name, _change(name, place, share), path, owner, word, sources)
 
 
 def _chain(stated: StatedLaws, model: Any, kind: str, row: int) -> Iterator[Place]:
