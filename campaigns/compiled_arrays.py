@@ -146,10 +146,11 @@ def _change(name: str, place: int, share: float | None) -> Plant:
     return plant
 
 
-def run_with(task: TreeTask, plant: Plant | None) -> Outcome:
-    """Run a case whose engine changes each model after loading it."""
+def run_with(task: TreeTask, plant: Plant | None) -> tuple[Outcome, bool]:
+    """Run a case whose engine changes each model after loading it; True if it compares steps."""
     with planting(task.engine, plant):
-        return run_case(task.with_target(steps=KeptSteps())).outcome
+        case = run_case(task.with_target(steps=KeptSteps()))
+    return case.outcome, case.whole_step is not None and case.whole_step.outcome is not None
 
 
 class PlantedRobot:
@@ -161,7 +162,8 @@ class PlantedRobot:
         self.engine, self._spec = spec_of(file, engine, floating=floating)
         prepared = prepare_tree(file, states=8, floating=floating)
         self.task = model_task(prepared, self.engine).with_settings(**self._spec.settings)
-        self.agrees = run_with(self.task, None) is Outcome.AGREES
+        outcome, self._compares = run_with(self.task, None)
+        self.agrees = outcome is Outcome.AGREES
         self.faults = list[LoadedFault]()
         if not self.agrees:
             return
@@ -236,8 +238,11 @@ class PlantedRobot:
     def verdict(self, fault: LoadedFault) -> str:
         """Return what a fault that acts leads to."""
         try:
-            if run_with(self.task, fault.plant) is not Outcome.AGREES:
+            outcome, compares = run_with(self.task, fault.plant)
+            if outcome is not Outcome.AGREES:
                 return "detected"
+            if self._compares and not compares:
+                return "listed"  # the run states that it compares no whole steps, and why
         except (FileError, BlownUpError):
             return "detected"
         tested = fault.stated(self.numbers)
