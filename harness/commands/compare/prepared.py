@@ -171,8 +171,8 @@ def _lock(
         for name, damping in joints.items()
     ]
     for i, others in enumerate(({b: a for a, b in pairs.items()}, pairs)):
-        partners = [others[name] for name in locked[1 - i] if name in others]
-        still[i] = {**still[i], **_held(models[i], [*locked[i], *partners])}
+        shared = [others[name] for name in locked[1 - i] if name in others]
+        still[i] = {**still[i], **_held(models[i], [*locked[i], *shared])}
         if notes and set(still[i]) >= set(models[i].coordinates):
             raise CompareError(
                 f"{models[i].candidate.name}: no joint moves: {'; '.join(notes)}; lower the "
