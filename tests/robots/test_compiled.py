@@ -357,7 +357,8 @@ def test_problem_in_an_included_file_is_located_in_that_file(
 
 @pytest.mark.parametrize(("inertial", "sentence"), [
     ("", r"parts \(missing\); it gives body 'hand' its inertia: add it, or state an <in"),
-    ('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>', r"parts \(missing\): add it, or correct <mesh"),
+    ('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>',
+     r"parts \(missing\): add it, or correct <mesh"),
 ])  # fmt: skip
 def test_missing_mesh_is_named_with_its_line(tmp_path: Path, inertial: str, sentence: str) -> None:
     file = tmp_path / "arm.xml"
