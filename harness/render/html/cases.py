@@ -97,9 +97,10 @@ class CaseView:
 
 
 def severity(case: Case) -> tuple[int, float]:
-    """Return a sort key that puts the worst cases first."""
+    """Return a sort key that puts the worst cases first; what is accepted counts as agreeing."""
     discrepancy = case.verdict.discrepancy if case.verdict else None
-    return -case.outcome.severity, -(discrepancy or 0.0)
+    outcome = Outcome.AGREES if case.accepted else case.outcome
+    return -outcome.severity, -(discrepancy or 0.0)
 
 
 def case_view(
