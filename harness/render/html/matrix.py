@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html.cases import CaseView, severity
 from physics_crosscheck.harness.render.html.text import NOTHING, percent
 from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC
@@ -28,6 +29,17 @@ class Cell:
     def worst(self) -> CaseView:
         """The worst scenario."""
         return min(self.cases, key=lambda view: severity(view.case))
+
+    @property
+    def is_accepted(self) -> bool:
+        """True if the worst scenario does not agree and is accepted."""
+        case = self.worst.case
+        return bool(case.accepted) and case.outcome is not Outcome.AGREES
+
+    @property
+    def outcome(self) -> Outcome:
+        """Outcome of the worst scenario; that of an agreeing one if it is accepted."""
+        return Outcome.AGREES if self.is_accepted else self.worst.case.outcome
 
     @property
     def counts(self) -> str:
