@@ -8,16 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.content import content_hashes
-from physics_crosscheck.harness.baseline.diff import changed_dependencies, diff_accepted
-from physics_crosscheck.harness.baseline.file import SystemBaseline, snapshot_key
-from physics_crosscheck.harness.baseline.fingerprint import (
-    Dependencies,
-    FolderFiles,
-    as_now,
-    dependencies,
-    with_reads,
-)
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.baseline import (
@@ -31,6 +21,10 @@ from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff, num
 from physics_crosscheck.harness.records.finding import SAME, AuditFinding, is_near
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
+from .content import content_hashes
+from .diff import changed_dependencies, diff_accepted
+from .file import SystemBaseline, snapshot_key
+from .fingerprint import Dependencies, FolderFiles, as_now, dependencies, with_reads
 
 UNTESTED = "nothing that is measured here depends on the edit, so it is not tested"
 NO_ENGINE = (

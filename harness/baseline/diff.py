@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.fingerprint import changed_names
 from physics_crosscheck.harness.records.base import Number, Numbers, Rows
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
@@ -36,6 +35,7 @@ from physics_crosscheck.harness.records.diff import (
 )
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import percent
+from .fingerprint import changed_names
 
 ERROR_SHARE = 0.01
 """Smallest relative change of an error at the time step to report."""

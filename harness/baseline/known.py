@@ -14,19 +14,6 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.baseline.classify import (
-    Change,
-    classify,
-    gone,
-    is_accepted,
-    unaccepted,
-    unaccepted_findings,
-)
-from physics_crosscheck.harness.baseline.diff import diff_cases, motion_of, verdict_change
-from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, versions
-from physics_crosscheck.harness.baseline.stale import robot_options, scan_target, stale_models
-from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.baseline import (
@@ -41,6 +28,12 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.results.status import counted
+from .classify import Change, classify, gone, is_accepted, unaccepted, unaccepted_findings
+from .diff import diff_cases, motion_of, verdict_change
+from .file import SystemBaseline
+from .fingerprint import FolderFiles, versions
+from .stale import robot_options, scan_target, stale_models
+from .store import read_baseline
 
 Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
 """Measurements, or the reasons for their absence, by folder and case."""

@@ -19,8 +19,6 @@ import msgspec
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.baseline.diff import equations_movement
-from physics_crosscheck.harness.baseline.whole_steps import measure_steps
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.diagnosis.diagnose import NAMED
@@ -42,6 +40,8 @@ from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.samples import ends_of
 from physics_crosscheck.reference.solving.segments import Segments
 from physics_crosscheck.reference.solving.variants import Variants
+from .diff import equations_movement
+from .whole_steps import measure_steps
 
 PICKED = 16
 """Number of segments in a snapshot: evenly spaced, at least two between breaks of the motion."""

@@ -6,8 +6,14 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import (
+from physics_crosscheck.harness.documents.expanded import source_of
+from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN
+from physics_crosscheck.harness.records.baseline import AcceptedCase, RobotOptions
+from physics_crosscheck.harness.records.case import CaseId
+from .file import SystemBaseline
+from .fingerprint import (
     Dependencies,
     FolderFiles,
     ModelFiles,
@@ -16,12 +22,6 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     folder_files,
     robot_file,
 )
-from physics_crosscheck.harness.documents.expanded import source_of
-from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
-from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN
-from physics_crosscheck.harness.records.baseline import AcceptedCase, RobotOptions
-from physics_crosscheck.harness.records.case import CaseId
 
 
 def location(folder: Path, baseline: Path) -> str:

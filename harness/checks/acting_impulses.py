@@ -12,14 +12,6 @@ from typing import TypeVar
 import numpy as np
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.acting import (
-    DRIVE_CLAMPED,
-    FORCE_UNITS,
-    LARGEST,
-    NAMED,
-    Acting,
-)
-from physics_crosscheck.harness.checks.law_comparison import ImpulseComparison
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, PlanarWhole
@@ -43,6 +35,8 @@ from physics_crosscheck.reference.mechanism.laws import (
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarJoint, PlanarLaws
 from physics_crosscheck.reference.mechanism.tree import TreeError
+from .acting import DRIVE_CLAMPED, FORCE_UNITS, LARGEST, NAMED, Acting
+from .law_comparison import ImpulseComparison
 
 DRAG = "default damping"
 """Damping of links that an engine adds by itself, relative to their inertia."""

@@ -8,24 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.checks.acting import acting_quantities, declared_quantities
-from physics_crosscheck.harness.checks.acting_impulses import (
-    DRAG,
-    merged,
-    planar_quantities,
-    urdf_quantities,
-)
-from physics_crosscheck.harness.checks.compiled_terms import Compiled
-from physics_crosscheck.harness.checks.findings import (
-    finding,
-    format_omission,
-    negative_findings,
-    robot_findings,
-    source_line,
-)
-from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
-from physics_crosscheck.harness.checks.poses import check_poses
-from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
@@ -40,6 +22,13 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import ActingQuantity, Audit
 from physics_crosscheck.reference.mechanism.system import System
+from .acting import acting_quantities, declared_quantities
+from .acting_impulses import DRAG, merged, planar_quantities, urdf_quantities
+from .compiled_terms import Compiled
+from .findings import finding, format_omission, negative_findings, robot_findings, source_line
+from .plausibility.survey import plausibility_findings
+from .poses import check_poses
+from .task import SystemTask, TreeTask
 
 MAX_DOF = 12
 """Largest number of coordinates of a robot whose terms are compared: they are n^2, in n states."""

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.verdict import CaseJudgement
 from physics_crosscheck.harness.engines.protocol import LoadedModel, StepRule
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.forward_dynamics import (
@@ -38,6 +37,7 @@ from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.next_state import Stepped
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
+from .verdict import CaseJudgement
 
 MARGIN = 100.0
 """Factor by which the differences of single steps, and their uncertainty, must be below the

@@ -11,34 +11,6 @@ from typing import Protocol
 import numpy as np
 from msgspec import structs
 
-from physics_crosscheck.harness.checks.by_steps import (
-    SteppedModel,
-    StepsVerdict,
-    decide_by_steps,
-)
-from physics_crosscheck.harness.checks.case_record import (
-    SERIES,
-    DefectSeries,
-    dynamics_record,
-    full_run_record,
-    segment_defects,
-    series_record,
-    stepping_record,
-    verdict_record,
-)
-from physics_crosscheck.harness.checks.planar_step import case_steps
-from physics_crosscheck.harness.checks.poses import case_poses
-from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
-from physics_crosscheck.harness.checks.scene import errors_record, inertia_records
-from physics_crosscheck.harness.checks.task import ModelTask, RefusedError
-from physics_crosscheck.harness.checks.verdict import (
-    CaseJudgement,
-    judged,
-    with_dynamics,
-    with_full_runs,
-    with_lost_contact,
-    with_spread,
-)
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
@@ -62,6 +34,30 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import EngineInertia, StateErrors
 from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.reference.solving.segments import Motion
+from .by_steps import SteppedModel, StepsVerdict, decide_by_steps
+from .case_record import (
+    SERIES,
+    DefectSeries,
+    dynamics_record,
+    full_run_record,
+    segment_defects,
+    series_record,
+    stepping_record,
+    verdict_record,
+)
+from .planar_step import case_steps
+from .poses import case_poses
+from .prepare import Prepared, PreparedSystem, PreparedTree
+from .scene import errors_record, inertia_records
+from .task import ModelTask, RefusedError
+from .verdict import (
+    CaseJudgement,
+    judged,
+    with_dynamics,
+    with_full_runs,
+    with_lost_contact,
+    with_spread,
+)
 
 MAX_LOSS = 1e-5
 """Largest relative difference that an engine's documented loss of precision excuses."""

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.verdict import CaseJudgement as Judgement
-from physics_crosscheck.harness.checks.verdict import component
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison as FoundDynamics,
 )
@@ -36,6 +34,8 @@ from physics_crosscheck.harness.records.case import (
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
+from .verdict import CaseJudgement as Judgement
+from .verdict import component
 
 SERIES = 240
 """Maximum number of samples of a series in results.json, enough for a plot of usual width."""

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.findings import finding
-from physics_crosscheck.harness.checks.linearizations import Linearized
-from physics_crosscheck.harness.checks.prepare import MassAndForce
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import (
     RESOLVED_SHARE,
@@ -23,6 +20,9 @@ from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
 from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .findings import finding
+from .linearizations import Linearized
+from .prepare import MassAndForce
 
 SEED = 20260101
 DRAWS = 24

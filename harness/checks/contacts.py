@@ -16,8 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.law_comparison import Evaluated, M, S, WholeStepComparison
-from physics_crosscheck.harness.checks.law_states import MAX_CONTACTS
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.protocol import WholeState
@@ -43,6 +41,8 @@ from physics_crosscheck.reference.mechanism.laws import (
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from .law_comparison import Evaluated, M, S, WholeStepComparison
+from .law_states import MAX_CONTACTS
 
 EXACT, ROUGH = 1e-9, 1e-3
 """Largest error of a distance relative to the shapes: in closed form, and by iteration."""

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from physics_crosscheck.harness.checks.prepare import SCENARIO, scenario_of
 from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import (
@@ -23,6 +22,7 @@ from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.reference.load import load_declaration
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from .prepare import SCENARIO, scenario_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,13 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.checks.system_record import (
-    errata_records,
-    linearity_records,
-    mode_records,
-    motion_terms,
-    pole_records,
-)
 from physics_crosscheck.harness.modelfiles.robot import home_of
 from physics_crosscheck.harness.render.terminal.equations import DerivedPage, Matrix
 from physics_crosscheck.harness.render.terminal.typeset import SumTerms, deviation
@@ -33,6 +26,13 @@ from physics_crosscheck.reference.mechanism.bodies import powers
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.mechanism.system import System
+from .system_record import (
+    errata_records,
+    linearity_records,
+    mode_records,
+    motion_terms,
+    pole_records,
+)
 
 ORDER = 3
 """Order of the Taylor series: the first with a nonlinear term of an odd force such as the sine."""

@@ -8,14 +8,8 @@ from typing import Generic
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.law_comparison import (
-    Evaluated,
-    M,
-    S,
-    WholeStepComparison,
-    state_sizes,
-)
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
+from .law_comparison import Evaluated, M, S, WholeStepComparison, state_sizes
 
 
 class LawEngine(WholeModel, Generic[M, S]):

@@ -7,16 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.law_comparison import (
-    DEEPEST,
-    MAX_OUTWARD,
-    Evaluated,
-    LawComparison,
-    M,
-    S,
-    WholeStepComparison,
-    turned,
-)
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineStep,
@@ -28,6 +18,16 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.reference.laws.soft import WITHIN, Part
 from physics_crosscheck.reference.laws.step import LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
+from .law_comparison import (
+    DEEPEST,
+    MAX_OUTWARD,
+    Evaluated,
+    LawComparison,
+    M,
+    S,
+    WholeStepComparison,
+    turned,
+)
 
 STATES, SEED = 24, 20261125
 """Number of states, and the seed of their draws."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree
-from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.numerics.differences import MAX_PERTURBATION
 from physics_crosscheck.harness.numerics.discrete import linearize_step
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.model import EngineLinearization
+from .prepare import PreparedSystem, PreparedTree
+from .task import ModelTask
 
 Linearized = ModelTask[PreparedSystem | PreparedTree]
 

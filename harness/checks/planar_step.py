@@ -12,10 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.law_comparison import LEAST_GAIN, LawDefect
-from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
-from physics_crosscheck.harness.checks.task import ModelTask
-from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, case_whole_step
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -31,6 +27,10 @@ from physics_crosscheck.harness.numerics.ladder import floored
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.reference.laws.planar import DIGITS, PlanarModel, PlanarState, beyond
 from physics_crosscheck.reference.mechanism.planar import PlanarLaws
+from .law_comparison import LEAST_GAIN, LawDefect
+from .prepare import Prepared, PreparedTree
+from .task import ModelTask
+from .whole_step import WholeStepCheck, case_whole_step
 
 STATES, SEED = 24, 20261125
 """Number of states, and the seed of their draws."""

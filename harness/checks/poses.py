@@ -11,10 +11,6 @@ from types import MappingProxyType
 import numpy as np
 from msgspec.structs import replace as replace_fields
 
-from physics_crosscheck.harness.checks.placed_frames import Frames, Placed
-from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
-from physics_crosscheck.harness.checks.task import ModelTask
-from physics_crosscheck.harness.checks.verdict import CaseJudgement, motions_in_words
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
@@ -32,6 +28,10 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from .placed_frames import Frames, Placed
+from .prepare import Prepared, PreparedTree
+from .task import ModelTask
+from .verdict import CaseJudgement, motions_in_words
 
 SHARE = 1e-3
 """Share of a pose error that a kind may leave unexplained, if rounding allows less."""

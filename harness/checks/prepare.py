@@ -18,18 +18,6 @@ import msgspec
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.checks.findings import (
-    format_omission,
-    robot_findings,
-    settings_of,
-    sidecar_beside,
-)
-from physics_crosscheck.harness.checks.followers import Followers
-from physics_crosscheck.harness.checks.law_states import KeptSteps
-from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
-from physics_crosscheck.harness.checks.scene import scene_record
-from physics_crosscheck.harness.checks.system_record import system_record, tree_record
-from physics_crosscheck.harness.checks.verdict import component_scale, nonzero_scale
 from physics_crosscheck.harness.engines.protocol import ARMATURES, EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
@@ -73,6 +61,13 @@ from physics_crosscheck.reference.solving.samples import LockedError, samples, s
 from physics_crosscheck.reference.solving.segments import Motion, Segments, even_indices
 from physics_crosscheck.reference.solving.solve import solve
 from physics_crosscheck.reference.solving.variants import Variants, variants
+from .findings import format_omission, robot_findings, settings_of, sidecar_beside
+from .followers import Followers
+from .law_states import KeptSteps
+from .plausibility.survey import plausibility_findings
+from .scene import scene_record
+from .system_record import system_record, tree_record
+from .verdict import component_scale, nonzero_scale
 
 SCENARIO = "states"
 """Name of the sampled states of bodies, in place of a scenario."""

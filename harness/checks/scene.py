@@ -11,12 +11,6 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.checks.law_comparison import (
-    Evaluated,
-    M,
-    S,
-    WholeStepComparison,
-)
 from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.modelfiles.mesh_files import (
     MeshError,
@@ -56,6 +50,7 @@ from physics_crosscheck.reference.mechanism.spatial_inertia import (
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from physics_crosscheck.reference.solving.segments import Segments
+from .law_comparison import Evaluated, M, S, WholeStepComparison
 
 DIGITS = 7
 """Significant digits of drawn numbers."""

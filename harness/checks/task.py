@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.robot import armatures_of
@@ -16,6 +15,7 @@ from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.reference.mechanism.system import System
+from .prepare import Prepared, PreparedSystem, PreparedTree
 
 P = TypeVar("P", bound=Prepared, covariant=True)
 Q = TypeVar("Q", bound=Prepared)

@@ -15,30 +15,6 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace as replace_fields
 
-from physics_crosscheck.harness.checks.contacts import (
-    TouchingShapes,
-    check_contacts,
-    shapes_of_laws,
-    shapes_of_urdf,
-)
-from physics_crosscheck.harness.checks.findings import format_omission
-from physics_crosscheck.harness.checks.law_comparison import (
-    Evaluated,
-    ImpulseComparison,
-    LawComparison,
-    M,
-    S,
-    WholeStepComparison,
-)
-from physics_crosscheck.harness.checks.law_states import KeptSteps
-from physics_crosscheck.harness.checks.prepare import Prepared, PreparedTree
-from physics_crosscheck.harness.checks.scene import (
-    acting_state,
-    compiled_inertias,
-    inertia_differences,
-)
-from physics_crosscheck.harness.checks.task import ModelTask
-from physics_crosscheck.harness.checks.verdict import CaseJudgement, decided, motions_in_words
 from physics_crosscheck.harness.engines.protocol import (
     ARMATURES,
     EngineError,
@@ -70,6 +46,14 @@ from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules, Rules, SoftRules
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import TreeError
+from .contacts import TouchingShapes, check_contacts, shapes_of_laws, shapes_of_urdf
+from .findings import format_omission
+from .law_comparison import Evaluated, ImpulseComparison, LawComparison, M, S, WholeStepComparison
+from .law_states import KeptSteps
+from .prepare import Prepared, PreparedTree
+from .scene import acting_state, compiled_inertias, inertia_differences
+from .task import ModelTask
+from .verdict import CaseJudgement, decided, motions_in_words
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,9 +16,6 @@ from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.checks.whole_step import compares_steps
-from physics_crosscheck.harness.diagnosis.law_problem import AnyLawProblem, law_problem
-from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
-from physics_crosscheck.harness.diagnosis.robot_task import problem_of
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import replace_numbers
@@ -38,6 +35,9 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import WORLD
+from .law_problem import AnyLawProblem, law_problem
+from .robot_problem import RobotProblem
+from .robot_task import problem_of
 
 POSE_STATES = 8
 """States at which poses of frames are evaluated; extremes of the motions are among the first."""

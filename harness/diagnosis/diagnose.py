@@ -14,19 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.diagnosis.fit import (
-    Fit,
-    FitProblem,
-    Hypothesis,
-    Resolved,
-    Try,
-    cosine,
-    left_linear,
-    refine_each,
-)
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import CLOSE
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .fit import Fit, FitProblem, Hypothesis, Resolved, Try, cosine, left_linear, refine_each
 
 NAMED = 3e-3
 """Largest remaining share of the discrepancy, or the uncertainty, at which a cause is named."""

@@ -10,7 +10,6 @@ from itertools import combinations
 
 import numpy as np
 
-from physics_crosscheck.harness.diagnosis.fit import Hypothesis
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.engines.protocol import LoadedModel
@@ -22,6 +21,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.variants import Variants
+from .fit import Hypothesis
 
 _ORDER: tuple[CauseKind, ...] = (
     "default", "law", "axis", "exchange", "literal", "literals", "unbound literal", "gravity",

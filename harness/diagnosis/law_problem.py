@@ -26,27 +26,6 @@ from physics_crosscheck.harness.checks.law_comparison import (
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.diagnose import (
-    REFINED,
-    Ranking,
-    diagnose,
-    largest_remaining,
-)
-from physics_crosscheck.harness.diagnosis.fit import (
-    Faults,
-    Fit,
-    Hypothesis,
-    Resolved,
-    left_linear,
-    refine,
-)
-from physics_crosscheck.harness.diagnosis.hypotheses import rank
-from physics_crosscheck.harness.diagnosis.robot_problem import (
-    NEAR_ZERO_FAULT,
-    ROUNDING_CHANGE,
-    source_line,
-)
-from physics_crosscheck.harness.diagnosis.trial import REFUSED
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, WholeModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
@@ -64,6 +43,11 @@ from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
+from .diagnose import REFINED, Ranking, diagnose, largest_remaining
+from .fit import Faults, Fit, Hypothesis, Resolved, left_linear, refine
+from .hypotheses import rank
+from .robot_problem import NEAR_ZERO_FAULT, ROUNDING_CHANGE, source_line
+from .trial import REFUSED
 
 NUMBERS_FITTED = 16
 """Single numbers to fit."""

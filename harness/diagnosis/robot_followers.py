@@ -16,12 +16,12 @@ from physics_crosscheck.harness.checks.case import Followed, follow
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.checks.verdict import nonzero_scale
-from physics_crosscheck.harness.diagnosis.samples import RUNGS_USED, finite
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments
+from .samples import RUNGS_USED, finite
 
 MAX_RUNS = 4
 """Maximum number of runs with an estimated law, each more accurate than the previous one."""

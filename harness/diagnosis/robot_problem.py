@@ -14,10 +14,6 @@ from itertools import combinations
 import numpy as np
 
 from physics_crosscheck.harness.checks.scene import inertia_difference
-from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
-from physics_crosscheck.harness.diagnosis.hypotheses import rank
-from physics_crosscheck.harness.diagnosis.robot_followers import Following
-from physics_crosscheck.harness.diagnosis.trial import REFUSED
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
@@ -29,6 +25,10 @@ from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInerti
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
+from .fit import Faults, Hypothesis
+from .hypotheses import rank
+from .robot_followers import Following
+from .trial import REFUSED
 
 ROUNDING_CHANGE = 1e-13
 """Relative change of the ends that counts as rounding error."""

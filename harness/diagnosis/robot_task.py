@@ -16,27 +16,6 @@ from physics_crosscheck.harness.checks.scene import (
     inertia_differences,
 )
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose, largest_remaining
-from physics_crosscheck.harness.diagnosis.fit import Fit
-from physics_crosscheck.harness.diagnosis.law_problem import (
-    NUMBERS_FITTED,
-    diagnose_laws,
-    law_problem,
-)
-from physics_crosscheck.harness.diagnosis.robot_followers import (
-    FollowersRun,
-    Following,
-    run_followers,
-    scaled,
-)
-from physics_crosscheck.harness.diagnosis.robot_problem import (
-    SAME_INERTIA,
-    RobotProblem,
-    inertia_of,
-    suspicions,
-)
-from physics_crosscheck.harness.diagnosis.samples import finite
-from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
@@ -50,6 +29,13 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.solving.flows import Flow
+from .diagnose import Ranking, diagnose, largest_remaining
+from .fit import Fit
+from .law_problem import NUMBERS_FITTED, diagnose_laws, law_problem
+from .robot_followers import FollowersRun, Following, run_followers, scaled
+from .robot_problem import SAME_INERTIA, RobotProblem, inertia_of, suspicions
+from .samples import finite
+from .task import RECORDED, explanation
 
 STATES = 24
 """Segments of a diagnosis; almost each number affects nearly all of them."""

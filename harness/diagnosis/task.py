@@ -10,17 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.diagnosis.diagnose import MIN_EFFECT, Ranking, diagnose
-from physics_crosscheck.harness.diagnosis.fit import Fit
-from physics_crosscheck.harness.diagnosis.hypotheses import everything
-from physics_crosscheck.harness.diagnosis.samples import (
-    engine_ends,
-    finite,
-    freedoms,
-    reference_ends,
-    sample_segments,
-)
-from physics_crosscheck.harness.diagnosis.trial import TrialModel, scratch
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import follow
@@ -36,6 +25,11 @@ from physics_crosscheck.harness.records.finding import (
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Motion, Segments, even_indices
 from physics_crosscheck.reference.solving.variants import Variants
+from .diagnose import MIN_EFFECT, Ranking, diagnose
+from .fit import Fit
+from .hypotheses import everything
+from .samples import engine_ends, finite, freedoms, reference_ends, sample_segments
+from .trial import TrialModel, scratch
 
 RECORDED = 8
 """Maximum number of explanations in the record."""

@@ -11,15 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.diagnosis.fit import Faults, Hypothesis
-from physics_crosscheck.harness.diagnosis.hypotheses import Perturbation, TrialHypothesis
-from physics_crosscheck.harness.diagnosis.samples import (
-    RUNGS_OF_SLOPES,
-    RUNGS_USED,
-    quick_ends,
-    reference_ends,
-    variant_ends,
-)
 from physics_crosscheck.harness.engines.protocol import (
     EngineError,
     Force,
@@ -35,6 +26,9 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.segments import Segments
 from physics_crosscheck.reference.solving.variants import Variants
+from .fit import Faults, Hypothesis
+from .hypotheses import Perturbation, TrialHypothesis
+from .samples import RUNGS_OF_SLOPES, RUNGS_USED, quick_ends, reference_ends, variant_ends
 
 NUDGE = 1e-4
 """Relative change of a number to measure its slope."""

@@ -10,15 +10,10 @@ from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.elements import XmlElement, read_repaired
-from physics_crosscheck.harness.documents.errors import (
-    LocationError,
-    ReadError,
-    ReadKind,
-    quote,
-)
-from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
-from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
+from .elements import XmlElement, read_repaired
+from .errors import LocationError, ReadError, ReadKind, quote
+from .location import DECIMAL, SourceFile
+from .reading import MAX_MODEL_BYTES, read_regular
 
 _UNEXPANDED = re.compile(r"\$[({]")
 EXPAND = "expand it first: xacro FILE > robot.urdf"

@@ -17,14 +17,9 @@ from pathlib import Path
 from types import MappingProxyType
 from xml.parsers import expat
 
-from physics_crosscheck.harness.documents.errors import (
-    EncodingError,
-    LocationError,
-    RefusedFileError,
-    TruncatedFileError,
-)
-from physics_crosscheck.harness.documents.location import SourceFile, Span, apply_edits
-from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
+from .errors import EncodingError, LocationError, RefusedFileError, TruncatedFileError
+from .location import SourceFile, Span, apply_edits
+from .reading import MAX_MODEL_BYTES, read_regular
 
 _HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")

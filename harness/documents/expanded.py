@@ -17,9 +17,9 @@ from xml.dom import Node, expatbuilder
 
 import msgspec
 
-from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import LocationError
+from .document import Document
+from .elements import XmlElement
+from .errors import LocationError
 
 XACRO = ".xacro"
 

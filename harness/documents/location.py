@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.errors import LocationError, quote, truncate
+from .errors import LocationError, quote, truncate
 
 
 @dataclass(frozen=True, kw_only=True)

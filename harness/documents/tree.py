@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import quote
+from .document import Document
+from .elements import XmlElement
+from .errors import quote
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Gravity of a file that states none, m/s^2."""

@@ -11,19 +11,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from physics_crosscheck.harness.documents.document import EXPAND, Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.documents.tree import (
-    Mimic,
-    add_loop_problems,
-    attach_child,
-    free_name,
-    named_elements,
-)
 from physics_crosscheck.reference.mechanism.bodies import ZERO, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Kind
+from .document import EXPAND, Document
+from .elements import XmlElement
+from .errors import quote
+from .tree import Mimic, add_loop_problems, attach_child, free_name, named_elements
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {

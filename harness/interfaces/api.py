@@ -19,9 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
-from physics_crosscheck.harness.interfaces.notebook import cases as shown
-from physics_crosscheck.harness.interfaces.notebook.optional import frame
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
@@ -44,6 +41,9 @@ from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
 from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines, failure_message
 from physics_crosscheck.harness.results.status import status_of
 from physics_crosscheck.harness.run import Options, run
+from .cli.targets import resolve_targets
+from .notebook import cases as shown
+from .notebook.optional import frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

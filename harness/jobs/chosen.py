@@ -6,9 +6,9 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.jobs.executor import Executor
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.workers import Workers
+from .executor import Executor
+from .limits import Limits
+from .workers import Workers
 
 
 def executor(

@@ -23,10 +23,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.jobs.executor import MOMENT, ClusterError, Executor, Pending
-from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.remote_workers import RunConfig, contents, installed
+from .executor import MOMENT, ClusterError, Executor, Pending
+from .failure import Failure
+from .limits import Limits
+from .remote_workers import RunConfig, contents, installed
 
 try:
     import distributed

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar, cast
 
-from physics_crosscheck.harness.jobs.failure import Failure, failure_of
+from .failure import Failure, failure_of
 
 MOMENT = 0.2
 """Interval between two checks of the clock, seconds."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from physics_crosscheck.harness.jobs.executor import Argument, Executor, Pending, Value
-from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.stop import Stop
+from .executor import Argument, Executor, Pending, Value
+from .failure import Failure
+from .stop import Stop
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,11 @@ from pathlib import Path
 from typing import Any, cast
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.jobs.executor import Pending
-from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.paths import PACKAGE, SOURCES
+from .executor import Pending
+from .failure import Failure
+from .limits import Limits
+from .workers import Workers
 
 IDLE_SECONDS = 60.0
 """Seconds without a task after which the processes of a pool end; the next task starts new ones."""

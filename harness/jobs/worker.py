@@ -24,9 +24,9 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any, NoReturn
 
-from physics_crosscheck.harness.jobs.failure import Failure, failure_of, user_line
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.stop import SIGNALS
+from .failure import Failure, failure_of, user_line
+from .limits import Limits
+from .stop import SIGNALS
 
 MOST_WRITTEN = 2**28
 """Maximum size of a file that a worker writes, bytes; endless output cannot fill the disk."""

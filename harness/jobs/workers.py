@@ -27,14 +27,14 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-from physics_crosscheck.harness.jobs.environment import without_main, workers_defaults
-from physics_crosscheck.harness.jobs.executor import MOMENT, Executor, Pending
-from physics_crosscheck.harness.jobs.failure import Failure, line_of_death
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.jobs.stop import SIGNALS
-from physics_crosscheck.harness.jobs.worker import WorkerConfig, serve
 from physics_crosscheck.harness.paths import IMPORT_ROOT
 from physics_crosscheck.harness.records.case import CaseKind
+from .environment import without_main, workers_defaults
+from .executor import MOMENT, Executor, Pending
+from .failure import Failure, line_of_death
+from .limits import Limits
+from .stop import SIGNALS
+from .worker import WorkerConfig, serve
 
 __all__ = ["Failure", "Limits", "Pending", "Workers"]
 

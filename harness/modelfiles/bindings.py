@@ -20,11 +20,11 @@ import sympy as sp
 
 from physics_crosscheck.harness.documents.errors import LocationError, quote
 from physics_crosscheck.harness.documents.location import Location, apply_edits
-from physics_crosscheck.harness.modelfiles.expressions import parse
-from physics_crosscheck.harness.modelfiles.locations import find, find_in
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.system import System
+from .expressions import parse
+from .locations import find, find_in
+from .sidecar import Sidecar, SidecarError, read_sidecar
 
 SIDECAR = "sidecar:"
 """The prefix of addresses in the sidecar itself."""

@@ -12,19 +12,11 @@ from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.tree import Mimic
-from physics_crosscheck.harness.modelfiles.inertias import massless_groups
-from physics_crosscheck.harness.modelfiles.robot import (
-    HELD,
-    BodyModel,
-    LinkPart,
-    Omission,
-    PlacedShape,
-    Robot,
-    home_of,
-)
 from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import Coupling, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.tree import Tree
+from .inertias import massless_groups
+from .robot import HELD, BodyModel, LinkPart, Omission, PlacedShape, Robot, home_of
 
 Elements = Mapping[str, XmlElement]
 """Elements by the names of links or joints."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
 from physics_crosscheck.harness.records.case import CaseId
+from .folders import FolderError, builtin
 
 _NAME = re.compile(
     r"(?P<model>.+?\.[A-Za-z0-9]+)(?:/(?P<scenario>[^/\[\]]+?))?(?:\s*\[(?P<engine>[^\]]+)\])?"

@@ -25,8 +25,8 @@ from types import FrameType
 from typing import Any
 
 from physics_crosscheck.harness.jobs.failure import package_folders
-from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, content
 from physics_crosscheck.harness.paths import IMPORT_ROOT, PACKAGE, SOURCES
+from .path_states import UNKNOWN, content
 
 MAX_OUTSIDE = 8
 """Maximum number of accesses outside a folder to record."""

@@ -16,7 +16,7 @@ from decimal import Decimal
 import sympy as sp
 
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
+from .sidecar import SidecarError
 
 _FUNCTIONS: dict[str, Callable[..., sp.Expr]] = {
     name: getattr(sp, name)

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.paths import HARNESS, IMPORT_ROOT
 from physics_crosscheck.harness.results.visible import odd_name, visible
+from .formats import FORMATS
 
 
 class FolderError(ValueError):

@@ -22,12 +22,12 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.expressions import parse
-from physics_crosscheck.harness.modelfiles.locations import line_of
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.pose import WORLD
 from physics_crosscheck.reference.mechanism.system import System
+from .expressions import parse
+from .locations import line_of
+from .sidecar import Sidecar, SidecarError
 
 _RIGHT = 1e-12
 """The largest deviation of numeric axes from orthonormal ones."""

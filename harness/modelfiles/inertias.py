@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 
 from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
-from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import rotate
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from .robot import Robot
 
 MARGIN = 1e-9
 """Tolerance of a tensor's rules, relative to the largest moment: for the digits of a file."""

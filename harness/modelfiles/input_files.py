@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.parts import named_files
+from .parts import named_files
 
 
 def input_files(places: Iterable[Path]) -> Iterator[Path]:

@@ -13,10 +13,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.modelfiles.build_tree import Named
-from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from .build_tree import Named
+from .robot import PlacedShape
 
 _SIZES: Mapping[str, tuple[tuple[str, int, float], ...]] = MappingProxyType(
     {

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.documents.expanded import locate_file
-from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.scene import MeshProblem, UnreadMesh
 from physics_crosscheck.reference.mechanism.rotations import Array
+from .robot import PlacedShape
 
 MAX_MESH_BYTES = 40_000_000
 """Largest file of a mesh that is read."""

@@ -17,17 +17,12 @@ from physics_crosscheck.harness.engines.registry import (
     engines_to_run,
     model_formats,
 )
-from physics_crosscheck.harness.modelfiles.folders import FolderError
-from physics_crosscheck.harness.modelfiles.locations import line_of
-from physics_crosscheck.harness.modelfiles.parts import included
-from physics_crosscheck.harness.modelfiles.sidecar import (
-    Sidecar,
-    SidecarError,
-    drop_absent_models,
-    read_sidecar,
-)
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import odd_name, visible
+from .folders import FolderError
+from .locations import line_of
+from .parts import included
+from .sidecar import Sidecar, SidecarError, drop_absent_models, read_sidecar
 
 
 @dataclass(frozen=True, kw_only=True)

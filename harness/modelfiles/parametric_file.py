@@ -17,10 +17,10 @@ import mpmath as mp
 import sympy as sp
 
 from physics_crosscheck.harness.documents.location import replace_numbers
-from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings, with_texts
-from physics_crosscheck.harness.modelfiles.expressions import parse
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.mechanism.system import System
+from .bindings import Binding, bindings, with_texts
+from .expressions import parse
+from .sidecar import Sidecar, SidecarError
 
 DIGITS = 40
 """Digits with which expressions are evaluated before they are rounded to doubles."""

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.documents.reading import (
     read_regular,
 )
 from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.modelfiles.path_states import digest
+from .path_states import digest
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Protocol
 
 from physics_crosscheck.harness.engines.protocol import Spring
-from physics_crosscheck.harness.modelfiles.formats import FORMATS
-from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.robot import LOCKED, Omission, Robot, home_of
 from physics_crosscheck.reference.mechanism.bodies import ForceElement
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+from .formats import FORMATS
+from .numbers import Number
+from .robot import LOCKED, Omission, Robot, home_of
 
 FOLLOWERS = "joints that follow others"
 """Omission of couplings that a setting releases."""

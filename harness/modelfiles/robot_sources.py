@@ -21,7 +21,7 @@ from physics_crosscheck.harness.documents.expanded import (
 )
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.sdf.expand import sdf_models
-from physics_crosscheck.harness.modelfiles.folders import FolderError
+from .folders import FolderError
 
 ROBOT = "robot:"
 """Prefix of a robot's name in robot_descriptions."""

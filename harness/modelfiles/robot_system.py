@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
-from physics_crosscheck.harness.modelfiles.inertias import impossible_links
-from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
@@ -15,6 +13,8 @@ from physics_crosscheck.reference.mechanism.multibody import (
     tree_system,
 )
 from physics_crosscheck.reference.mechanism.tree import Tree
+from .inertias import impossible_links
+from .robot import Robot
 
 
 class RobotError(ValueError):

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, similar_path
-from physics_crosscheck.harness.modelfiles.formats import FORMATS, is_robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_files
 from physics_crosscheck.harness.results.visible import odd_name, visible
+from .folders import FolderError, is_system, similar_path
+from .formats import FORMATS, is_robot
+from .robot_sources import source_files
 
 MAX_DEPTH = 4
 """Folders below a folder that are searched."""

@@ -18,9 +18,9 @@ from physics_crosscheck.harness.documents.reading import (
 )
 from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import absent_extras
-from physics_crosscheck.harness.modelfiles.locations import line_of
-from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
 from physics_crosscheck.reference.mechanism.laws import SoftLaw, Softness
+from .locations import line_of
+from .parts import PartError, check_parts
 
 _KEYS = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames", "laws"}
 

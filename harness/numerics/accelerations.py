@@ -15,18 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import RUNGS, floored, weights
-from physics_crosscheck.harness.numerics.residual import FINEST, bounded_by_finest
-from physics_crosscheck.harness.numerics.rounding import with_companions
-from physics_crosscheck.harness.numerics.segments import (
-    BlownUpError,
-    Observable,
-    climb,
-    lost_turns,
-    spread,
-)
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .coordinates import CoordinateMap
+from .ladder import RUNGS, floored, weights
+from .residual import FINEST, bounded_by_finest
+from .rounding import with_companions
+from .segments import BlownUpError, Observable, climb, lost_turns, spread
 
 COMPARED_STEPS = range(4, 9)
 """Steps whose velocity changes are compared; a layer that is damped out step by step has vanished

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.full_run import SampledRun, follow
-from physics_crosscheck.harness.numerics.ladder import EPSILON, weights
-from physics_crosscheck.harness.numerics.rounding import COMPANION_EXPONENT, without_companions
-from physics_crosscheck.harness.numerics.segments import run_rung
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Motion
+from .coordinates import CoordinateMap
+from .full_run import SampledRun, follow
+from .ladder import EPSILON, weights
+from .rounding import COMPANION_EXPONENT, without_companions
+from .segments import run_rung
 
 SMALL_ERROR = 0.05
 """Largest error, relative to the amplitude, for which the expansion in h is dominated by its first

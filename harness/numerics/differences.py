@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from physics_crosscheck.harness.numerics.accelerations import Estimate
-from physics_crosscheck.harness.numerics.ladder import weights
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .accelerations import Estimate
+from .ladder import weights
 
 SIZES = (1.0, 0.5, 0.25)
 """Perturbations in units of the largest; extrapolation removes their even powers."""

@@ -12,18 +12,13 @@ from __future__ import annotations
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.differences import OperatingPoint, slopes
-from physics_crosscheck.harness.numerics.stepping import (
-    ROUNDED_DIGITS,
-    ROUNDING_MARGIN,
-    Steps,
-    steps_alike,
-)
 from physics_crosscheck.harness.records.base import number, rows
 from physics_crosscheck.harness.records.model import DiscreteLinearization
 from physics_crosscheck.harness.records.outcome import differs
 from physics_crosscheck.reference.solving.next_state import Stepped
+from .coordinates import CoordinateMap
+from .differences import OperatingPoint, slopes
+from .stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, Steps, steps_alike
 
 
 def linearize_step(

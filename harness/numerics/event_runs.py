@@ -13,21 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.convergence import (
-    ROUNDING_FLOOR,
-    FullRunCheck,
-    largest,
-    largest_velocity,
-)
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.full_run import CompleteRun, SampledRun, full_run
-from physics_crosscheck.harness.numerics.rounding import without_companions
-from physics_crosscheck.harness.numerics.segments import run_rung
-from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
 from physics_crosscheck.harness.records.case import EventTime
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import EventMark, Motion
+from .convergence import ROUNDING_FLOOR, FullRunCheck, largest, largest_velocity
+from .coordinates import CoordinateMap
+from .full_run import CompleteRun, SampledRun, full_run
+from .rounding import without_companions
+from .segments import run_rung
+from .step_study import TARGETS, StepStudy
 
 FACTORS = (4, 2, 1, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
 """Steps of the runs, relative to the file's own one; at most `MOST_STEPS` steps each."""

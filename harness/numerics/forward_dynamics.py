@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
-from physics_crosscheck.harness.numerics.ladder import floored
-from physics_crosscheck.harness.numerics.rounding import with_companions
-from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
 from physics_crosscheck.reference.solving.next_state import Stepped
 from physics_crosscheck.reference.solving.segments import even_indices
+from .coordinates import CoordinateMap
+from .judgement import LimitVerdict, judge
+from .ladder import floored
+from .rounding import with_companions
+from .stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
 
 STATE_COMBINATIONS = 5
 """Number of combinations of each position with velocities and inputs of other states."""

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import Inputs
 from physics_crosscheck.reference.solving.segments import Motion
+from .coordinates import CoordinateMap
+from .ladder import EPSILON
 
 MIN_SAMPLES = 1000
 """Smallest number of samples of a run with enough steps; at most twice as many."""

@@ -15,10 +15,10 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, differs
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .ladder import EPSILON, ExtrapolatedLimit
 
 
 class UnresolvedReason(Enum):

@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.accelerations import Estimate
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.differences import OperatingPoint, slopes
-from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
-from physics_crosscheck.harness.numerics.rounding import with_companions
-from physics_crosscheck.harness.numerics.segments import extrapolate
-from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
 from physics_crosscheck.harness.records.base import Rows, number, rounded, rows
 from physics_crosscheck.harness.records.model import EngineLinearization, EnginePole
 from physics_crosscheck.harness.records.outcome import differs
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Segments
+from .accelerations import Estimate
+from .coordinates import CoordinateMap
+from .differences import OperatingPoint, slopes
+from .ladder import EPSILON, RUNGS
+from .rounding import with_companions
+from .segments import extrapolate
+from .stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
 
 RUNGS_USED = RUNGS[:8]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit, limits, movement
-from physics_crosscheck.harness.numerics.rounding import Starts
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Segments
+from .coordinates import CoordinateMap
+from .ladder import EPSILON, ExtrapolatedLimit, limits, movement
+from .rounding import Starts
 
 FINEST = 3
 """Finest rungs whose own values bound the residual."""

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .ladder import EPSILON
 
 MAX_PAIRS = 24
 """Largest number of starts with companions; they cost a quarter more steps for 200 segments."""

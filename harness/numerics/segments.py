@@ -14,8 +14,10 @@ from functools import partial
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.ladder import (
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Segments
+from .coordinates import CoordinateMap
+from .ladder import (
     EPSILON,
     FIRST_JUDGED,
     ODD_RUNGS,
@@ -27,15 +29,8 @@ from physics_crosscheck.harness.numerics.ladder import (
     suffices,
     weights,
 )
-from physics_crosscheck.harness.numerics.residual import Residual, residual_of
-from physics_crosscheck.harness.numerics.rounding import (
-    Starts,
-    quantization_error,
-    with_companions,
-    without_companions,
-)
-from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.segments import Segments
+from .residual import Residual, residual_of
+from .rounding import Starts, quantization_error, with_companions, without_companions
 
 
 class BlownUpError(RuntimeError):

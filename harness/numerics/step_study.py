@@ -11,7 +11,12 @@ from itertools import pairwise
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.convergence import (
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.case import ErrorDecomposition, EventTime
+from physics_crosscheck.reference.dynamics.equations import VectorFunction
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.solving.segments import Motion
+from .convergence import (
     SMALL_ERROR,
     FullRunCheck,
     check_full_runs,
@@ -20,19 +25,8 @@ from physics_crosscheck.harness.numerics.convergence import (
     largest_velocity,
     sensitivity,
 )
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.full_run import (
-    CompleteRun,
-    SampledRun,
-    beginning,
-    follows,
-    full_run,
-)
-from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.case import ErrorDecomposition, EventTime
-from physics_crosscheck.reference.dynamics.equations import VectorFunction
-from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.segments import Motion
+from .coordinates import CoordinateMap
+from .full_run import CompleteRun, SampledRun, beginning, follows, full_run
 
 TARGETS = (0.01, 0.001, 0.0001)
 """Errors of positions and velocities, relative to their amplitudes, for which a step is given."""

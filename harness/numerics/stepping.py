@@ -14,17 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, StepRule
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
-from physics_crosscheck.harness.numerics.ladder import EPSILON, movement
-from physics_crosscheck.harness.numerics.rounding import (
-    Starts,
-    quantization_error,
-    with_companions,
-    without_companions,
-)
 from physics_crosscheck.reference.solving.next_state import Stepped, next_states
 from physics_crosscheck.reference.solving.segments import even_indices
+from .coordinates import CoordinateMap
+from .judgement import LimitVerdict, judge
+from .ladder import EPSILON, movement
+from .rounding import Starts, quantization_error, with_companions, without_companions
 
 LATER_STEPS, LONG_RUN_STEPS = 10, 1000
 """Steps after which the difference is measured again."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .coordinates import CoordinateMap
 
 
 def stopped(

@@ -14,14 +14,14 @@ from typing import Any, Literal
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.planning.prepared import Arguments, TargetFacts, task_function
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.survey import Audit
+from .options import Options
+from .prepared import Arguments, TargetFacts, task_function
 
 
 def add_audit(model: Model, value: Audit) -> Model:

@@ -14,19 +14,13 @@ from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job
 from physics_crosscheck.harness.modelfiles.model_files import model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.model_checks import (
-    CASE,
-    CHECKS,
-    COVERAGE,
-    DIAGNOSIS,
-    ModelCheck,
-)
-from physics_crosscheck.harness.planning.result_builder import Jobs
-from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
+from .model_checks import CASE, CHECKS, COVERAGE, DIAGNOSIS, ModelCheck
+from .result_builder import Jobs
+from .target_plan import TargetPlan
 
 NO_MOTION = ("pose", "compiled number", "contact")
 """Kinds of differences that no number of a motion or of a step explains."""

@@ -12,9 +12,9 @@ from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.jobs.limits import LEAST_MEMORY, LEAST_SECONDS, MAX_LIMIT, Limits
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.paths import RESOLUTION
-from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
+from .cache import Cache
 
 RESOLVED = (1e-13, 1e-2)
 """Range of resolutions that double precision can serve."""

@@ -26,11 +26,11 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     model_path,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.model_plan import ModelPlan
-from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.planning.result_builder import ResultBuilder
-from physics_crosscheck.harness.planning.target_plan import TargetPlan, placeholder_case
 from physics_crosscheck.harness.records.case import CaseId
+from .model_plan import ModelPlan
+from .options import Options
+from .result_builder import ResultBuilder
+from .target_plan import TargetPlan, placeholder_case
 
 
 class Plan:

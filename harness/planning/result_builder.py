@@ -7,11 +7,11 @@ from typing import Any
 
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job
-from physics_crosscheck.harness.planning.model_checks import CHECKS, ModelCheck
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.system import SystemResult
+from .model_checks import CHECKS, ModelCheck
 
 Jobs = Iterable[Job[Any]]
 

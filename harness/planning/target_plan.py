@@ -17,7 +17,9 @@ from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.planning.cache import (
+from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
+from .cache import (
     CacheKey,
     Reading,
     TaskOutput,
@@ -27,18 +29,10 @@ from physics_crosscheck.harness.planning.cache import (
     with_environment,
     with_snapshot,
 )
-from physics_crosscheck.harness.planning.model_checks import CASE, MEASUREMENT, RESULTS, ModelCheck
-from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.planning.prepared import (
-    Arguments,
-    PackedEquations,
-    Preparation,
-    TargetFacts,
-    task_function,
-)
-from physics_crosscheck.harness.planning.result_builder import Jobs, ResultBuilder
-from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
-from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
+from .model_checks import CASE, MEASUREMENT, RESULTS, ModelCheck
+from .options import Options
+from .prepared import Arguments, PackedEquations, Preparation, TargetFacts, task_function
+from .result_builder import Jobs, ResultBuilder
 
 Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]

@@ -8,12 +8,7 @@ from typing import Any
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.planning.prepared import (
-    Arguments,
-    PackedEquations,
-    Preparation,
-    TargetFacts,
-)
+from .prepared import Arguments, PackedEquations, Preparation, TargetFacts
 
 
 def target(

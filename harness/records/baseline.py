@@ -6,10 +6,10 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows
-from physics_crosscheck.harness.records.case import CaseId, ModelId
-from physics_crosscheck.harness.records.diff import CaseNumbers, Diff
-from physics_crosscheck.harness.records.outcome import Outcome
+from .base import Number, Numbers, Record, Rows
+from .case import CaseId, ModelId
+from .diff import CaseNumbers, Diff
+from .outcome import Outcome
 
 FORMAT = 2
 """Format version of the baseline's files."""

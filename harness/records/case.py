@@ -7,19 +7,11 @@ from typing import Literal
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import (
-    Count,
-    Number,
-    Numbers,
-    Record,
-    Rows,
-    SourceLine,
-    one_length,
-)
-from physics_crosscheck.harness.records.codes import case_code
-from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, contradiction
-from physics_crosscheck.harness.records.poses import Poses
-from physics_crosscheck.harness.records.scene import ActingState, StateErrors
+from .base import Count, Number, Numbers, Record, Rows, SourceLine, one_length
+from .codes import case_code
+from .outcome import ROUNDED, Outcome, contradiction
+from .poses import Poses
+from .scene import ActingState, StateErrors
 
 CaseKind = Literal[
     "",

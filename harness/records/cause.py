@@ -7,8 +7,8 @@ from typing import Literal
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Number, Record, SourceLine
-from physics_crosscheck.harness.records.codes import cause_code
+from .base import Number, Record, SourceLine
+from .codes import cause_code
 
 CauseKind = Literal[
     "literal", "literals", "unbound literal", "taken", "dropped", "gravity", "default", "law",

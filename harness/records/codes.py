@@ -16,7 +16,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from physics_crosscheck.harness.records.base import Record
+from .base import Record
 
 _FILE = Path(__file__).with_name("codes.toml")
 

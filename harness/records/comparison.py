@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Number, Numbers, Record, SourceLine
-from physics_crosscheck.harness.records.case import Case, CaseKind
-from physics_crosscheck.harness.records.codes import comparison_code
-from physics_crosscheck.harness.records.finding import Diagnosis
-from physics_crosscheck.harness.records.outcome import Outcome
+from .base import Number, Numbers, Record, SourceLine
+from .case import Case, CaseKind
+from .codes import comparison_code
+from .finding import Diagnosis
+from .outcome import Outcome
 
 
 class ComparedModel(Record, frozen=True, kw_only=True):

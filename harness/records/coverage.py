@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from physics_crosscheck.harness.records.base import Count, Record
+from .base import Count, Record
 
 
 class Untested(Record, frozen=True, kw_only=True):

@@ -9,10 +9,10 @@ from typing import Literal, TypeVar, get_args
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Number, Record
-from physics_crosscheck.harness.records.case import Case, CaseId
-from physics_crosscheck.harness.records.codes import gate_code
-from physics_crosscheck.harness.records.outcome import Outcome
+from .base import Number, Record
+from .case import Case, CaseId
+from .codes import gate_code
+from .outcome import Outcome
 
 T = TypeVar("T")
 

@@ -7,9 +7,9 @@ from typing import Literal
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows, SourceLine
-from physics_crosscheck.harness.records.cause import Cause, CauseId
-from physics_crosscheck.harness.records.codes import finding_code
+from .base import Number, Numbers, Record, Rows, SourceLine
+from .cause import Cause, CauseId
+from .codes import finding_code
 
 AuditKind = Literal[
     "literal", "rounded", "binding",

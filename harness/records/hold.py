@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from physics_crosscheck.harness.records.read import ResultsError
+from .read import ResultsError
 
 try:
     import fcntl

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows, one_length
-from physics_crosscheck.harness.records.case import ModelId, ModelKey
-from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
-from physics_crosscheck.harness.records.poses import Poses
-from physics_crosscheck.harness.records.survey import ActingQuantity
+from .base import Number, Numbers, Record, Rows, one_length
+from .case import ModelId, ModelKey
+from .coverage import Coverage
+from .finding import AuditFinding, Diagnosis
+from .poses import Poses
+from .survey import ActingQuantity
 
 
 class EnginePole(Record, frozen=True, kw_only=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from physics_crosscheck.harness.records.base import Number, Record
+from .base import Number, Record
 
 
 class FaultKind(StrEnum):

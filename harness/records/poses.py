@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from physics_crosscheck.harness.records.base import Count, Number, Record
+from .base import Count, Number, Record
 
 
 class FramePose(Record, frozen=True, kw_only=True):

@@ -10,8 +10,8 @@ from typing import TypeVar
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.results import SCHEMA, Results
+from .base import Record
+from .results import SCHEMA, Results
 
 R = TypeVar("R", bound=Record)
 

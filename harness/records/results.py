@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal
 
-from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.case import OWN_LIMITS, Case, CaseId
-from physics_crosscheck.harness.records.diff import Diff
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.system import SystemResult
+from .base import Record
+from .case import OWN_LIMITS, Case, CaseId
+from .diff import Diff
+from .model import Model
+from .outcome import Outcome
+from .system import SystemResult
 
 SCHEMA: Literal[5] = 5
 

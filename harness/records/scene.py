@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from physics_crosscheck.harness.records.base import Count, Number, Numbers, Record, Rows, one_length
+from .base import Count, Number, Numbers, Record, Rows, one_length
 
 ShapeKind = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "plane", "mesh", "site"]
 """Kind of a shape; a site is a frame without an extent."""

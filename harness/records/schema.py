@@ -16,15 +16,15 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.baseline import BaselineFile, Gate
-from physics_crosscheck.harness.records.comparison import ComparisonResult
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.mutation import Mutations
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
-from physics_crosscheck.harness.records.system import SystemResult
+from .base import Record
+from .baseline import BaselineFile, Gate
+from .comparison import ComparisonResult
+from .model import Model
+from .mutation import Mutations
+from .outcome import Outcome
+from .results import Results
+from .sweep import SweepPlan, SweepRow
+from .system import SystemResult
 
 HOME = "results"
 """The page that explains the outcomes."""

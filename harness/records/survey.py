@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from physics_crosscheck.harness.records.base import Number, Record
-from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.records.poses import Poses
+from .base import Number, Record
+from .finding import AuditFinding
+from .poses import Poses
 
 
 class ActingQuantity(Record, frozen=True, kw_only=True):

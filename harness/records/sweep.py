@@ -6,10 +6,10 @@ from typing import Literal
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Number, Record
-from physics_crosscheck.harness.records.case import CaseKind, DecidedBy
-from physics_crosscheck.harness.records.codes import case_code
-from physics_crosscheck.harness.records.outcome import Outcome
+from .base import Number, Record
+from .case import CaseKind, DecidedBy
+from .codes import case_code
+from .outcome import Outcome
 
 
 class SweepRow(Record, frozen=True, kw_only=True):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from physics_crosscheck.harness.records.base import Count, Number, Numbers, Record, Rows
-from physics_crosscheck.harness.records.scene import Scene
+from .base import Count, Number, Numbers, Record, Rows
+from .scene import Scene
 
 SketchTree = float | list[Any]
 """A number, `["q", i]` for the i-th position, or an operation (+ * ^ sin cos tan) with operands."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.records.base import Record
+from .base import Record
 
 
 def encoded(record: Record, indent: int = 0) -> str:

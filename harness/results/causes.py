@@ -9,7 +9,7 @@ from physics_crosscheck.harness.records.cause import IN_FILE, SWITCHES, Cause, d
 from physics_crosscheck.harness.records.comparison import ComparedModel
 from physics_crosscheck.harness.records.finding import Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.results.messages import with_code
+from .messages import with_code
 
 BEGIN_WITH_AUDIT = (
     "no single cause or pair of causes explains the motions; start with the audit findings"

@@ -10,7 +10,7 @@ from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.results.status import counted
+from .status import counted
 
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:

@@ -15,12 +15,12 @@ from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import ActingQuantity
-from physics_crosscheck.harness.results.causes import cause_sentences
-from physics_crosscheck.harness.results.github import on_github, plain_line
-from physics_crosscheck.harness.results.messages import with_code
-from physics_crosscheck.harness.results.places import shown_path
-from physics_crosscheck.harness.results.status import Decision
-from physics_crosscheck.harness.results.visible import visible_lines
+from .causes import cause_sentences
+from .github import on_github, plain_line
+from .messages import with_code
+from .places import shown_path
+from .status import Decision
+from .visible import visible_lines
 
 
 def survey_lines(

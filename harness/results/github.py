@@ -20,11 +20,11 @@ from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.results.causes import cause_sentences
-from physics_crosscheck.harness.results.issues import audited_alike, named_models, untold_failures
-from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of, stated_changes
-from physics_crosscheck.harness.results.places import placed, shown_line
-from physics_crosscheck.harness.results.visible import visible
+from .causes import cause_sentences
+from .issues import audited_alike, named_models, untold_failures
+from .next_steps import ProposedChange, changes_of, stated_changes
+from .places import placed, shown_line
+from .visible import visible
 
 MAX_ANNOTATIONS = 10
 """Maximum number of annotations that GitHub shows per step and level."""

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.results.places import lines_listed, shown_line
+from .places import lines_listed, shown_line
 
 DEFAULT_OUT = Path("reports")
 

@@ -17,10 +17,10 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.codes import Code, codes
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.results.github import Annotation, run_notes
-from physics_crosscheck.harness.results.next_steps import ProposedChange
-from physics_crosscheck.harness.results.places import column, is_spelled, shown_path
-from physics_crosscheck.harness.results.visible import visible
+from .github import Annotation, run_notes
+from .next_steps import ProposedChange
+from .places import column, is_spelled, shown_path
+from .visible import visible
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 

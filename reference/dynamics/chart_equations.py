@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics, solved
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars
 from physics_crosscheck.reference.mechanism.tree import Tree
+from .tree_dynamics import Dynamics, solved
 
 
 class Charted:

@@ -12,12 +12,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
-from physics_crosscheck.reference.dynamics.roundoff import BoundedValue, running_error
-from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS, simplify_bounded, solved
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.system import System
+from .equations import EquationsOfMotion
+from .roundoff import BoundedValue, running_error
+from .simplify import LONG_OPERATIONS, simplify_bounded, solved
 
 LONG_FORCE_OPERATIONS = 1000
 """Operations in the forces above which symbolic derivatives are too slow."""

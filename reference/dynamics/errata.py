@@ -13,18 +13,14 @@ from typing import TypeAlias
 
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, taylor
-from physics_crosscheck.reference.dynamics.notation import (
-    EquationReading,
-    names_what_is_derived,
-    readings,
-)
 from physics_crosscheck.reference.mechanism.declaration import (
     Coordinate,
     DeclarationError,
     PublishedEquation,
 )
+from .derive import Equations
+from .linearize import TaylorLinearization, taylor
+from .notation import EquationReading, names_what_is_derived, readings
 
 AGREES = "agrees"
 UP_TO_SIGNS = "agrees up to signs"

@@ -18,8 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.propagation import Acting, Moving, Placement
-from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import (
     DOUBLES,
@@ -30,6 +28,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotate_back,
 )
 from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
+from .propagation import Acting, Moving, Placement
+from .recursion import Recursion
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.propagation import Acting, Placement
-from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.force_paths import (
     CablePath,
     FrameForce,
@@ -31,6 +29,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotation_vector,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeForce, TreeLink
+from .propagation import Acting, Placement
+from .recursion import Recursion
 
 Line = tuple[Scalars, Scalars]
 """A length, (1, ...), and its derivatives by the velocities (power per unit force), (nv, ...)."""

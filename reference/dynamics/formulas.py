@@ -14,9 +14,9 @@ import sympy as sp
 from sympy.polys.domains import RR
 from sympy.polys.rings import PolyRing
 
-from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.rotations import Scalars, objects
 from physics_crosscheck.reference.mechanism.tree import Tree
+from .tree_dynamics import Dynamics
 
 MAX_JOINTS = 3
 """With more joints the formulas are too long to read."""

@@ -12,8 +12,6 @@ import mpmath as mp
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS, simplify_bounded
 from physics_crosscheck.reference.mechanism.declaration import (
     DeclarationError,
     Equilibrium,
@@ -22,6 +20,8 @@ from physics_crosscheck.reference.mechanism.declaration import (
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.real import shown
+from .derive import Equations
+from .simplify import LONG_OPERATIONS, simplify_bounded
 
 DIGITS = 60
 """Working precision of the linear algebra; a defective eigenvalue keeps half of the digits."""

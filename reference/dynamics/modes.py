@@ -9,10 +9,10 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from physics_crosscheck.reference.dynamics.linearize import DIGITS, TaylorLinearization, to_array
-from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
+from .linearize import DIGITS, TaylorLinearization, to_array
+from .simplify import LONG_OPERATIONS
 
 s = sp.Symbol("s")
 """The Laplace variable of transfer functions."""

@@ -14,7 +14,6 @@ from typing import TypeAlias
 import sympy as sp
 from sympy.parsing.sympy_parser import parse_expr
 
-from physics_crosscheck.reference.dynamics.simplify import simplify_bounded
 from physics_crosscheck.reference.mechanism.declaration import (
     Coordinate,
     DeclarationError,
@@ -23,6 +22,7 @@ from physics_crosscheck.reference.mechanism.declaration import (
     t,
 )
 from physics_crosscheck.reference.mechanism.system import System
+from .simplify import simplify_bounded
 
 Names: TypeAlias = dict[str, sp.Expr | Callable[..., sp.Expr]]
 """The meaning of each word of a text."""

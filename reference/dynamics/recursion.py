@@ -10,19 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.propagation import (
-    Acting,
-    Composite,
-    LinkMotion,
-    LinkNumbers,
-    Moving,
-    Placement,
-    WrenchColumns,
-    carried_down,
-    numbers_of,
-    tall,
-    widened,
-)
 from physics_crosscheck.reference.mechanism.rotations import (
     DOUBLES,
     Field,
@@ -37,6 +24,19 @@ from physics_crosscheck.reference.mechanism.rotations import (
     weighted,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from .propagation import (
+    Acting,
+    Composite,
+    LinkMotion,
+    LinkNumbers,
+    Moving,
+    Placement,
+    WrenchColumns,
+    carried_down,
+    numbers_of,
+    tall,
+    widened,
+)
 
 
 class Recursion:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.bushings import Bushings
-from physics_crosscheck.reference.dynamics.fluid import Immersion
-from physics_crosscheck.reference.dynamics.force_elements import ForceElements
-from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars, cross, rotate
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+from .bushings import Bushings
+from .fluid import Immersion
+from .force_elements import ForceElements
+from .recursion import Recursion
 
 
 class Dynamics:

@@ -8,9 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.chart_equations import Charted
-from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
-from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.frames import ENTRIES
@@ -18,6 +15,9 @@ from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, Scalars
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from .chart_equations import Charted
+from .equations import EquationsOfMotion
+from .recursion import Recursion
 
 STATES_PER_RECURSION = 2000
 """States per recursion; more of them cost memory without saving time."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.reference.laws.soft import gains, impedance
 from physics_crosscheck.reference.mechanism.laws import ContactParameters, Laws, Softness
+from .soft import gains, impedance
 
 SLOPE = np.radians(10.0)
 """Slope on which the creep of a contact is stated."""

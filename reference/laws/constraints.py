@@ -13,15 +13,6 @@ from typing import Self
 
 import numpy as np
 
-from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
-from physics_crosscheck.reference.laws.soft import (
-    SMALLEST,
-    WITHIN,
-    Cone,
-    Kind,
-    Part,
-    Rows,
-)
 from physics_crosscheck.reference.mechanism.laws import (
     Anchor,
     ContactParameters,
@@ -35,6 +26,8 @@ from physics_crosscheck.reference.mechanism.laws import (
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, to_quaternion
+from .mechanics import LawTree, Posture
+from .soft import SMALLEST, WITHIN, Cone, Kind, Part, Rows
 
 
 def mixed_friction(mixing: Mixing, first: float, other: float) -> float:

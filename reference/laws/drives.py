@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.soft import SMALLEST, Part
 from physics_crosscheck.reference.mechanism.laws import Actuator, Curve, Laws, Numbers, Range
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .mechanics import Posture
+from .soft import SMALLEST, Part
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,8 +12,6 @@ from typing import Any, Generic, TypeVar, get_args
 
 import numpy as np
 
-from physics_crosscheck.reference.laws.impulses import ImpulseModel
-from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
     ContactParameters,
@@ -25,6 +23,8 @@ from physics_crosscheck.reference.mechanism.laws import (
     Softness,
     Surface,
 )
+from .impulses import ImpulseModel
+from .step import LawModel
 
 M = TypeVar("M", LawModel, ImpulseModel)
 

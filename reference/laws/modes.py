@@ -19,7 +19,6 @@ import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.simplify import simplify_bounded, solved
-from physics_crosscheck.reference.laws.soft import SMALLEST, clipped_impedance, gains
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.interactions import (
     Buffer,
@@ -31,6 +30,7 @@ from physics_crosscheck.reference.mechanism.interactions import (
 )
 from physics_crosscheck.reference.mechanism.laws import SoftLaw
 from physics_crosscheck.reference.mechanism.numeric import NumericFunction
+from .soft import SMALLEST, clipped_impedance, gains
 
 Modes: TypeAlias = tuple[str, ...]
 """One mode of each part, by its name."""

@@ -17,15 +17,6 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.laws.modes import (
-    FREE,
-    Contacting,
-    ModeEquations,
-    Modes,
-    Part,
-    mode_equations,
-    parts_of,
-)
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario, about
 from physics_crosscheck.reference.mechanism.laws import SoftLaw
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
@@ -53,6 +44,7 @@ from physics_crosscheck.reference.solving.solve import (
     fastest_rate,
     start_of,
 )
+from .modes import FREE, Contacting, ModeEquations, Modes, Part, mode_equations, parts_of
 
 TOUCH = 1e-9
 """Largest value of an expression that counts as zero when a mode begins, relative to the state."""

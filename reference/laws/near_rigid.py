@@ -26,11 +26,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.reference.laws.constraints import mixed_friction
-from physics_crosscheck.reference.laws.drives import Driven
-from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.soft import Kind, Part, Rows
-from physics_crosscheck.reference.laws.step import DIGITS, LawModel, LawStep
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
     ContactPoint,
@@ -39,6 +34,11 @@ from physics_crosscheck.reference.mechanism.laws import (
     Softness,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .constraints import mixed_friction
+from .drives import Driven
+from .mechanics import Posture
+from .soft import Kind, Part, Rows
+from .step import DIGITS, LawModel, LawStep
 
 
 def near_rigid_softness(rules: NearRigidRules) -> Softness:

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from physics_crosscheck.reference.laws.drives import drive
-from physics_crosscheck.reference.laws.step import LawModel, LawSolution, LawStep
 from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .drives import drive
+from .step import LawModel, LawSolution, LawStep
 
 T = TypeVar("T")
 

@@ -10,13 +10,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.reference.laws.constraints import Constraints
-from physics_crosscheck.reference.laws.drives import Driven, clamps, drive
-from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
-from physics_crosscheck.reference.laws.soft import WITHIN, Kind, Part, Problem, varies
 from physics_crosscheck.reference.mechanism.laws import ContactPoint, SoftEquality, SoftLimit
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from .constraints import Constraints
+from .drives import Driven, clamps, drive
+from .mechanics import LawTree, Posture
+from .soft import WITHIN, Kind, Part, Problem, varies
 
 STEPPED = ("euler", "implicitfast", "implicit", "implicit dampers")
 """Integrators with a rule for the next velocity."""

@@ -7,25 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.bodies import (
-    Coupling,
-    ForceElement,
-    Joint,
-    RigidBody,
-    Site,
-    Triple,
-    powers,
-)
-from physics_crosscheck.reference.mechanism.force_paths import JointForce, LinkFrame, Way
-from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
-from physics_crosscheck.reference.mechanism.spatial_inertia import (
-    IDENTITY,
-    NO_INERTIA,
-    Place,
-    SpatialInertia,
-)
-from physics_crosscheck.reference.mechanism.tree import (
+from .bodies import Coupling, ForceElement, Joint, RigidBody, Site, Triple, powers
+from .force_paths import JointForce, LinkFrame, Way
+from .numeric import Array
+from .rotations import DOUBLES, about_axis
+from .spatial_inertia import IDENTITY, NO_INERTIA, Place, SpatialInertia
+from .tree import (
     VELOCITIES,
     WORLD,
     Bushing,

@@ -14,10 +14,10 @@ from typing import get_args
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
-from physics_crosscheck.reference.mechanism.rotations import Array, from_quaternion, from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
-from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
+from .force_paths import CablePath, FrameForce, JointForce
+from .rotations import Array, from_quaternion, from_rpy
+from .spatial_inertia import Place, SpatialInertia
+from .tree import Kind, TreeError
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

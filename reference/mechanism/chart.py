@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.rotations import (
+from .rotations import (
     DOUBLES,
     Field,
     Scalars,
@@ -33,7 +33,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotation_names,
     unit_quaternion,
 )
-from physics_crosscheck.reference.mechanism.tree import Kind, Tree
+from .tree import Kind, Tree
 
 
 def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:

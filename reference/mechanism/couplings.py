@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.rotations import DOUBLES, Field, Scalars
-from physics_crosscheck.reference.mechanism.tree import Tree, TreeCoupling, TreeError
+from .rotations import DOUBLES, Field, Scalars
+from .tree import Tree, TreeCoupling, TreeError
 
 
 class Coupled:

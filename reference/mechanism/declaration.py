@@ -16,8 +16,8 @@ from typing import Any
 
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.pose import Pose
-from physics_crosscheck.reference.mechanism.sketch import Shape
+from .pose import Pose
+from .sketch import Shape
 
 t = sp.Symbol("t", real=True)
 """Time, in seconds: the variable of inputs and of explicitly time-dependent energies."""

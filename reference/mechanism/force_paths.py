@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from physics_crosscheck.reference.mechanism.rotations import Array
+from .rotations import Array
 
 P = TypeVar("P")
 Q = TypeVar("Q")

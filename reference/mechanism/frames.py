@@ -6,17 +6,11 @@ from collections.abc import Mapping
 
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.declaration import Declaration, DeclarationError
-from physics_crosscheck.reference.mechanism.numeric import NumericFunction, compile_function
-from physics_crosscheck.reference.mechanism.pose import WORLD, Pose
-from physics_crosscheck.reference.mechanism.units import (
-    DIMENSIONLESS,
-    LENGTH,
-    Dimension,
-    UnitError,
-    dimension_of,
-)
-from physics_crosscheck.reference.mechanism.validation import dimensions
+from .declaration import Declaration, DeclarationError
+from .numeric import NumericFunction, compile_function
+from .pose import WORLD, Pose
+from .units import DIMENSIONLESS, LENGTH, Dimension, UnitError, dimension_of
+from .validation import dimensions
 
 ENTRIES = 12
 """Numbers per frame: three of its position, nine of its rotation."""

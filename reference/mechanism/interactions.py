@@ -12,19 +12,10 @@ from typing import TypeAlias
 
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.declaration import (
-    Coordinate,
-    Declaration,
-    DeclarationError,
-    about,
-)
-from physics_crosscheck.reference.mechanism.real import check_real, expression_of
-from physics_crosscheck.reference.mechanism.units import TIME, Dimension
-from physics_crosscheck.reference.mechanism.validation import (
-    check_dimension,
-    check_symbols,
-    dimensions,
-)
+from .declaration import Coordinate, Declaration, DeclarationError, about
+from .real import check_real, expression_of
+from .units import TIME, Dimension
+from .validation import check_dimension, check_symbols, dimensions
 
 Expression: TypeAlias = sp.Expr | float
 

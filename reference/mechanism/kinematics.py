@@ -13,8 +13,8 @@ from typing import Any
 
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.declaration import Coordinate
-from physics_crosscheck.reference.mechanism.pose import Pose
+from .declaration import Coordinate
+from .pose import Pose
 
 Triple = Sequence[Any]
 """Three numbers or expressions: a position, an axis, or moments of inertia."""

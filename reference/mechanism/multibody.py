@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
-from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
-from physics_crosscheck.reference.mechanism.chart import coordinate_names
-from physics_crosscheck.reference.mechanism.couplings import Coupled
-from physics_crosscheck.reference.mechanism.declaration import (
-    Coordinate,
-    Declaration,
-    DeclarationError,
-)
-from physics_crosscheck.reference.mechanism.tree import Fluid, Tree, TreeError
+from .assemble import Assembled, assembled
+from .bodies import Coupling, ForceElement, RigidBody, Triple
+from .chart import coordinate_names
+from .couplings import Coupled
+from .declaration import Coordinate, Declaration, DeclarationError
+from .tree import Fluid, Tree, TreeError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from physics_crosscheck.reference.mechanism.rotations import Array as Array
+from .rotations import Array as Array
 
 Rows = NDArray[np.intp]
 """Row indices of an array."""

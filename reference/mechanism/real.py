@@ -13,8 +13,8 @@ import mpmath as mp
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.declaration import DeclarationError, t
-from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
+from .declaration import DeclarationError, t
+from .numeric import Array, compile_function
 
 FUNCTIONS = (
     sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.cot, sp.sec, sp.csc, sp.asin, sp.acos, sp.atan,

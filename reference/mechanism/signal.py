@@ -17,19 +17,9 @@ import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
-from physics_crosscheck.reference.mechanism.declaration import (
-    Declaration,
-    DeclarationError,
-    Scenario,
-    t,
-)
-from physics_crosscheck.reference.mechanism.numeric import (
-    Array,
-    NumericFunction,
-    Rows,
-    compile_function,
-)
-from physics_crosscheck.reference.mechanism.real import check_over_time
+from .declaration import Declaration, DeclarationError, Scenario, t
+from .numeric import Array, NumericFunction, Rows, compile_function
+from .real import check_over_time
 
 DIGITS = 40
 """Digits of the closed form: the 16 of a double and 24 in reserve."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.rotations import Array
+from .rotations import Array
 
 
 class Place(NamedTuple):

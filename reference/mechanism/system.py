@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario
-from physics_crosscheck.reference.mechanism.frames import check_frames
-from physics_crosscheck.reference.mechanism.interactions import Interaction, check_interactions
-from physics_crosscheck.reference.mechanism.validation import check
+from .declaration import Declaration, Scenario
+from .frames import check_frames
+from .interactions import Interaction, check_interactions
+from .validation import check
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.force_paths import JointForce, Way
-from physics_crosscheck.reference.mechanism.rotations import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from .force_paths import JointForce, Way
+from .rotations import Array
+from .spatial_inertia import Place
 
 Kind = Literal["hinge", "slide", "ball", "free"]
 """Kind of a joint: rotation about an axis, translation along one, any rotation, any motion."""

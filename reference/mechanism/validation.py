@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.declaration import (
+from .declaration import (
     CLAIMS,
     Constant,
     Coordinate,
@@ -21,30 +21,9 @@ from physics_crosscheck.reference.mechanism.declaration import (
     about,
     t,
 )
-from physics_crosscheck.reference.mechanism.real import (
-    SWITCHES,
-    check_plain,
-    check_real,
-    expression_of,
-    number_of,
-)
-from physics_crosscheck.reference.mechanism.sketch import (
-    BODIES,
-    LINKS,
-    Angle,
-    Body,
-    Link,
-    expressions,
-)
-from physics_crosscheck.reference.mechanism.units import (
-    ENERGY,
-    POWER,
-    TIME,
-    Dimension,
-    UnitError,
-    dimension_of,
-    parse_unit,
-)
+from .real import SWITCHES, check_plain, check_real, expression_of, number_of
+from .sketch import BODIES, LINKS, Angle, Body, Link, expressions
+from .units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
 
 Item = TypeVar("Item", Coordinate, Input)
 

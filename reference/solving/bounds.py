@@ -12,9 +12,9 @@ from physics_crosscheck.reference.dynamics.roundoff import UNIT, running_error
 from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece
-from physics_crosscheck.reference.solving.collocation import Field
-from physics_crosscheck.reference.solving.integrate import field_of
-from physics_crosscheck.reference.solving.segments import Motion, Span, chebyshev_nodes
+from .collocation import Field
+from .integrate import field_of
+from .segments import Motion, Span, chebyshev_nodes
 
 ROUNDING_NODES = slice(None, None, 5)
 """Nodes of a segment at which rounding is estimated: start, middle and end."""

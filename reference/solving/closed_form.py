@@ -21,7 +21,7 @@ from physics_crosscheck.reference.mechanism.signal import (
     SignalPiece,
     numeric_inputs,
 )
-from physics_crosscheck.reference.solving.segments import Motion, Span, chebyshev_nodes
+from .segments import Motion, Span, chebyshev_nodes
 
 
 def augmented(linearization: TaylorLinearization, generators: Sequence[Generator]) -> mp.matrix:

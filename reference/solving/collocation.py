@@ -13,7 +13,7 @@ import numpy as np
 
 from physics_crosscheck.reference.mechanism.declaration import LocatedError
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.segments import chebyshev_nodes
+from .segments import chebyshev_nodes
 
 STAGES = 8
 

@@ -18,7 +18,7 @@ from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apa
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.tree import Tree
-from physics_crosscheck.reference.solving.collocation import ReferenceError, gauss
+from .collocation import ReferenceError, gauss
 
 STAGES = 4
 """Order 8: over a twentieth of the fastest period its error is 1e-14 of the movement."""

@@ -16,14 +16,9 @@ from physics_crosscheck.reference.dynamics.derive import Equations
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs
-from physics_crosscheck.reference.solving.collocation import (
-    STAGES,
-    Field,
-    collocate,
-    once_per_times,
-)
-from physics_crosscheck.reference.solving.collocation import ReferenceError as ReferenceError
-from physics_crosscheck.reference.solving.segments import Motion, Span, start_times
+from .collocation import STAGES, Field, collocate, once_per_times
+from .collocation import ReferenceError as ReferenceError
+from .segments import Motion, Span, start_times
 
 AGREEMENT = 1e-12
 """Largest difference of the two integrations over a segment, relative to the motion's size."""

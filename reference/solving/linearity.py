@@ -11,7 +11,7 @@ from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization
 from physics_crosscheck.reference.dynamics.modes import modes
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece
-from physics_crosscheck.reference.solving.integrate import trajectory
+from .integrate import trajectory
 
 AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5)
 

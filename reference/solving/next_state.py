@@ -22,7 +22,7 @@ from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.tree import Tree
-from physics_crosscheck.reference.solving.family import DrawnEquations
+from .family import DrawnEquations
 
 Scheme = Literal["semi-implicit Euler", "Runge-Kutta 4"]
 

@@ -16,10 +16,10 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
-from physics_crosscheck.reference.solving.flows import Flow
-from physics_crosscheck.reference.solving.integrate import ReferenceError
-from physics_crosscheck.reference.solving.samples import rate_of, rounding_of, solved
-from physics_crosscheck.reference.solving.segments import Segments
+from .flows import Flow
+from .integrate import ReferenceError
+from .samples import rate_of, rounding_of, solved
+from .segments import Segments
 
 MAX_RATE_RATIO = 1.5
 """Largest ratio of rates for which both trees share one segment length. Faster trees get shorter

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.solving.collocation import Field, ReferenceError, collocate
-from physics_crosscheck.reference.solving.integrate import by_runge_kutta
-from physics_crosscheck.reference.solving.segments import Segments
+from .collocation import Field, ReferenceError, collocate
+from .integrate import by_runge_kutta
+from .segments import Segments
 
 SEGMENTS_A_PERIOD = 30
 """Segments per period of the fastest motion at any state; an engine's step error falls with the

@@ -15,15 +15,10 @@ import numpy as np
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs
-from physics_crosscheck.reference.solving.bounds import each, transitions
-from physics_crosscheck.reference.solving.collocation import CONVERGED, ReferenceError, collocate
-from physics_crosscheck.reference.solving.integrate import (
-    by_runge_kutta,
-    checked_bound,
-    field_of,
-    trajectory,
-)
-from physics_crosscheck.reference.solving.segments import Motion, Span, start_times
+from .bounds import each, transitions
+from .collocation import CONVERGED, ReferenceError, collocate
+from .integrate import by_runge_kutta, checked_bound, field_of, trajectory
+from .segments import Motion, Span, start_times
 
 ROUGH_ACCURACY = 1e-6
 """Relative accuracy of the rough motion."""

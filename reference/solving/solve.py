@@ -20,15 +20,11 @@ from physics_crosscheck.reference.mechanism.declaration import (
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, numeric_inputs
-from physics_crosscheck.reference.solving.bounds import with_bounds
-from physics_crosscheck.reference.solving.closed_form import solve_closed_form
-from physics_crosscheck.reference.solving.integrate import (
-    ReferenceError,
-    solve_numerically,
-    trajectory,
-)
-from physics_crosscheck.reference.solving.segments import Motion, Span
-from physics_crosscheck.reference.solving.shooting import ROUGH_ACCURACY, ROUGH_SAMPLES, shoot
+from .bounds import with_bounds
+from .closed_form import solve_closed_form
+from .integrate import ReferenceError, solve_numerically, trajectory
+from .segments import Motion, Span
+from .shooting import ROUGH_ACCURACY, ROUGH_SAMPLES, shoot
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200

@@ -22,8 +22,8 @@ from physics_crosscheck.reference.mechanism.numeric import (
     Rows,
     compile_function,
 )
-from physics_crosscheck.reference.solving.collocation import collocate, once_per_times
-from physics_crosscheck.reference.solving.segments import Segments
+from .collocation import collocate, once_per_times
+from .segments import Segments
 
 Kind = Literal[
     "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"

@@ -9,15 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.plausibility.hull import (
-    SOLIDS,
-    Hull,
-    extreme_points,
-    hull_of,
-    placed_points,
-    scaled,
-    solid_points,
-)
 from physics_crosscheck.harness.documents.document import Document, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
@@ -41,6 +32,7 @@ from physics_crosscheck.reference.mechanism.spatial_inertia import (
     SpatialInertia,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeLink
+from .hull import SOLIDS, Hull, extreme_points, hull_of, placed_points, scaled, solid_points
 
 COMPILED = ".xml"
 """Suffix of the files in which the world has shapes of its own."""

@@ -14,9 +14,6 @@ from typing import get_args
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.acting import acting_quantities
-from physics_crosscheck.harness.checks.plausibility.facts import COMPILED, RobotFacts, WeldedBody
-from physics_crosscheck.harness.checks.plausibility.hull import Hull
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart
@@ -24,6 +21,9 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
 from physics_crosscheck.reference.mechanism.rotations import Array
+from ..acting import acting_quantities
+from .facts import COMPILED, RobotFacts, WeldedBody
+from .hull import Hull
 
 NAMED = 3
 """Most links or joints that a message names."""

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.findings import finding
-from physics_crosscheck.harness.checks.plausibility.facts import RobotFacts
-from physics_crosscheck.harness.checks.plausibility.kinds import advise
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.results.status import unread_words
+from ..findings import finding
+from .facts import RobotFacts
+from .kinds import advise
 
 _UNREAD = ("unreadable", "without a reader")
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.checks.acting import LARGEST, acting_quantities
 from physics_crosscheck.harness.checks.acting_impulses import DRAG, merged, urdf_quantities
-from physics_crosscheck.harness.commands.compare.candidate import Facts
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
+from .candidate import Facts
 
 EQUAL = 1e-9
 """Relative difference below which two values are equal."""

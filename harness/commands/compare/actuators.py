@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from physics_crosscheck.harness.commands.compare.property import Difference, make_property
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
 from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
+from .property import Difference, make_property
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.placed import PlacedTree
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
+from .placed import PlacedTree
 
 SAME = 1e-9
 """Tolerance: of angles in rad, of lengths in units of the mechanism's size."""

@@ -11,13 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.candidate import Candidate, CompareError
-from physics_crosscheck.harness.commands.compare.diff import SourceEdit, applied, edits
-from physics_crosscheck.harness.commands.compare.execute import FailureError, ask, ask_each
-from physics_crosscheck.harness.commands.compare.judge import Recorded
-from physics_crosscheck.harness.commands.compare.match import Match
-from physics_crosscheck.harness.commands.compare.prepared import PreparedComparison
-from physics_crosscheck.harness.commands.compare.segments import Ends, quick, unwrapped
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, Spring
 from physics_crosscheck.harness.engines.registry import engines
@@ -28,6 +21,13 @@ from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outl
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
+from .candidate import Candidate, CompareError
+from .diff import SourceEdit, applied, edits
+from .execute import FailureError, ask, ask_each
+from .judge import Recorded
+from .match import Match
+from .prepared import PreparedComparison
+from .segments import Ends, quick, unwrapped
 
 MAX_SINGLE_TRIALS = 24
 """Maximum number of differences tried one by one, largest first; the rest is only counted."""

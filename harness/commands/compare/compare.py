@@ -28,55 +28,6 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.commands.compare.acting import compare_acting
-from physics_crosscheck.harness.commands.compare.attribution import Attribution, attributed
-from physics_crosscheck.harness.commands.compare.candidate import (
-    Candidate,
-    CompareError,
-    Facts,
-    fallbacks,
-)
-from physics_crosscheck.harness.commands.compare.execute import FailureError, ask, ask_each
-from physics_crosscheck.harness.commands.compare.explained import (
-    Explained,
-    explained,
-    judged_by_equations,
-)
-from physics_crosscheck.harness.commands.compare.file_comparison import (
-    FileComparison,
-    compare_files,
-)
-from physics_crosscheck.harness.commands.compare.judge import (
-    Judgement,
-    Recorded,
-    judge,
-    recorded_runs,
-)
-from physics_crosscheck.harness.commands.compare.laws import LawsTask, compare_laws
-from physics_crosscheck.harness.commands.compare.match import Match, halves
-from physics_crosscheck.harness.commands.compare.prepared import (
-    PreparedComparison,
-    omission_notes,
-    prepare,
-)
-from physics_crosscheck.harness.commands.compare.property import make_property
-from physics_crosscheck.harness.commands.compare.ranges import StartRange, range_notes, start_range
-from physics_crosscheck.harness.commands.compare.segments import (
-    Ends,
-    RunTask,
-    own_forces,
-    reversed_segments,
-    run_source,
-    run_target,
-)
-from physics_crosscheck.harness.commands.compare.side import pairs_of
-from physics_crosscheck.harness.commands.compare.states import StatesTask, sampled_states
-from physics_crosscheck.harness.commands.compare.terms import (
-    MechanicsTask,
-    TermFrame,
-    differing_terms,
-    mechanics,
-)
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.documents.expanded import relocated, with_sources
 from physics_crosscheck.harness.engines.protocol import Array
@@ -101,6 +52,22 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
+from .acting import compare_acting
+from .attribution import Attribution, attributed
+from .candidate import Candidate, CompareError, Facts, fallbacks
+from .execute import FailureError, ask, ask_each
+from .explained import Explained, explained, judged_by_equations
+from .file_comparison import FileComparison, compare_files
+from .judge import Judgement, Recorded, judge, recorded_runs
+from .laws import LawsTask, compare_laws
+from .match import Match, halves
+from .prepared import PreparedComparison, omission_notes, prepare
+from .property import make_property
+from .ranges import StartRange, range_notes, start_range
+from .segments import Ends, RunTask, own_forces, reversed_segments, run_source, run_target
+from .side import pairs_of
+from .states import StatesTask, sampled_states
+from .terms import MechanicsTask, TermFrame, differing_terms, mechanics
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,13 +10,13 @@ from functools import partial
 from itertools import accumulate, pairwise
 from pathlib import Path
 
-from physics_crosscheck.harness.commands.compare.candidate import Candidate
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import Location, apply_edits
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, Element, Value, outline
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.comparison import FileEdit
+from .candidate import Candidate
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from physics_crosscheck.harness.commands.compare.candidate import Candidate, CompareError
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
+from .candidate import Candidate, CompareError
 
 T = TypeVar("T")
 V = TypeVar("V")

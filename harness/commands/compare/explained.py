@@ -9,18 +9,18 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.commands.compare.equations import FileEquations
-from physics_crosscheck.harness.commands.compare.judge import Judgement, Recorded
-from physics_crosscheck.harness.commands.compare.match import Match
-from physics_crosscheck.harness.commands.compare.property import Difference
-from physics_crosscheck.harness.commands.compare.segments import Ends, own_forces, reversed_segments
-from physics_crosscheck.harness.commands.compare.side import ModelSide
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.ladder import EPSILON, movement
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
+from .equations import FileEquations
+from .judge import Judgement, Recorded
+from .match import Match
+from .property import Difference
+from .segments import Ends, own_forces, reversed_segments
+from .side import ModelSide
 
 SOLVED_RUNS = 24
 """Runs over which the equations are solved."""

@@ -8,23 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from msgspec import structs
 
-from physics_crosscheck.harness.commands.compare.alignment import SAME
-from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
-from physics_crosscheck.harness.commands.compare.execute import ask
-from physics_crosscheck.harness.commands.compare.explained import weighed
-from physics_crosscheck.harness.commands.compare.prepared import PreparedComparison
-from physics_crosscheck.harness.commands.compare.properties import properties
-from physics_crosscheck.harness.commands.compare.property import make_property
-from physics_crosscheck.harness.commands.compare.side import (
-    JointPair,
-    ModelSide,
-    model_side,
-    pairs_of,
-)
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.solving.segments import Segments
+from .alignment import SAME
+from .candidate import Candidate, Facts
+from .execute import ask
+from .explained import weighed
+from .prepared import PreparedComparison
+from .properties import properties
+from .property import make_property
+from .side import JointPair, ModelSide, model_side, pairs_of
 
 POSE_ACCURACY = 1e-9
 """Accuracy of frames from engines, relative to the size of the mechanism."""

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.harness.checks import verdict as verdicts
 from physics_crosscheck.harness.checks.verdict import CaseJudgement
-from physics_crosscheck.harness.commands.compare.match import Match
-from physics_crosscheck.harness.commands.compare.segments import SOURCE_SHARE, Ends, unwrapped
-from physics_crosscheck.harness.commands.compare.states import SampledStates
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.numerics.ladder import EPSILON, movement
 from physics_crosscheck.harness.records.outcome import Outcome, differs
 from physics_crosscheck.reference.solving.segments import Segments
+from .match import Match
+from .segments import SOURCE_SHARE, Ends, unwrapped
+from .states import SampledStates
 
 EQUAL_TOLERANCE = 1e-6
 """Relative tolerance for equal differences, such as those of identical legs."""

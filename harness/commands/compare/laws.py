@@ -22,29 +22,6 @@ from physics_crosscheck.harness.checks.law_comparison import (
     WholeStepComparison,
 )
 from physics_crosscheck.harness.checks.law_states import SEED, evaluated_states
-from physics_crosscheck.harness.commands.compare.actuators import pair_actuators
-from physics_crosscheck.harness.commands.compare.candidate import Candidate, Facts
-from physics_crosscheck.harness.commands.compare.law_rows import (
-    ATTRIBUTES,
-    LEADING,
-    ContactOptions,
-    JointForceLimit,
-    Key,
-    L,
-    LawRow,
-    Names,
-    Row,
-    SoftRows,
-    convex_rows,
-    hard_as_soft,
-    hard_rows,
-    shape_names,
-    soft_as_hard,
-    with_attribute,
-    with_row,
-)
-from physics_crosscheck.harness.commands.compare.property import apart, make_property
-from physics_crosscheck.harness.commands.compare.side import JointPair
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -71,6 +48,29 @@ from physics_crosscheck.reference.mechanism.laws import (
     SoftRules,
 )
 from physics_crosscheck.reference.mechanism.tree import TreeError
+from .actuators import pair_actuators
+from .candidate import Candidate, Facts
+from .law_rows import (
+    ATTRIBUTES,
+    LEADING,
+    ContactOptions,
+    JointForceLimit,
+    Key,
+    L,
+    LawRow,
+    Names,
+    Row,
+    SoftRows,
+    convex_rows,
+    hard_as_soft,
+    hard_rows,
+    shape_names,
+    soft_as_hard,
+    with_attribute,
+    with_row,
+)
+from .property import apart, make_property
+from .side import JointPair
 
 SAME = 8 * float(np.finfo(float).eps)
 """Relative difference of equal numbers."""

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.commands.compare.candidate import CompareError
-from physics_crosscheck.harness.commands.compare.partners import JointPairs, pair_joints
 from physics_crosscheck.harness.documents.reading import (
     MAX_SIDECAR_BYTES,
     TomlError,
@@ -21,6 +19,8 @@ from physics_crosscheck.harness.documents.reading import (
 from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
+from .candidate import CompareError
+from .partners import JointPairs, pair_joints
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.placed import PlacedTree
+from .placed import PlacedTree
 
 MAX_AXIS_DISTANCE = 0.05
 """Maximum distance of paired axes: in radians, and in units of the mechanism's size."""

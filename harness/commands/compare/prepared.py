@@ -6,22 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from physics_crosscheck.harness.commands.compare.actuators import held_alike, pair_actuators
-from physics_crosscheck.harness.commands.compare.candidate import (
-    COUPLED,
-    Candidate,
-    CompareError,
-    Facts,
-    facts,
-    smooth,
-)
-from physics_crosscheck.harness.commands.compare.equations import FileEquations
-from physics_crosscheck.harness.commands.compare.execute import ask
-from physics_crosscheck.harness.commands.compare.match import Match, match, spoken_for
-from physics_crosscheck.harness.commands.compare.partners import JointPairs, pair_joints
-from physics_crosscheck.harness.commands.compare.placed import PlacedTree, placed, positions
-from physics_crosscheck.harness.commands.compare.property import make_property, shown
-from physics_crosscheck.harness.commands.compare.side import lines_of, model_side
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import Omission
@@ -29,6 +13,15 @@ from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import locked_joints
+from .actuators import held_alike, pair_actuators
+from .candidate import COUPLED, Candidate, CompareError, Facts, facts, smooth
+from .equations import FileEquations
+from .execute import ask
+from .match import Match, match, spoken_for
+from .partners import JointPairs, pair_joints
+from .placed import PlacedTree, placed, positions
+from .property import make_property, shown
+from .side import lines_of, model_side
 
 T = TypeVar("T")
 

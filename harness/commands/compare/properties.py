@@ -13,30 +13,19 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
-from physics_crosscheck.harness.commands.compare.actuators import actuator_properties
-from physics_crosscheck.harness.commands.compare.alignment import (
-    SAME,
-    Aligned,
-    aligned,
-    paired_links,
-    turned_about,
-)
-from physics_crosscheck.harness.commands.compare.partners import joints_of
-from physics_crosscheck.harness.commands.compare.placed import PlacedTree, with_joint, with_link
-from physics_crosscheck.harness.commands.compare.property import (
-    Difference,
-    apart,
-    make_property,
-    shown,
-)
-from physics_crosscheck.harness.commands.compare.side import JointPair, ModelSide, lines_of
-from physics_crosscheck.harness.commands.compare.stated import stated_properties
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
+from .actuators import actuator_properties
+from .alignment import SAME, Aligned, aligned, paired_links, turned_about
+from .partners import joints_of
+from .placed import PlacedTree, with_joint, with_link
+from .property import Difference, apart, make_property, shown
+from .side import JointPair, ModelSide, lines_of
+from .stated import stated_properties
 
 ROUNDING = 1e-13
 """Rounding error of a tensor transformed between frames, in units of m r^2."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.commands.compare.candidate import Facts
-from physics_crosscheck.harness.commands.compare.match import Match
-from physics_crosscheck.harness.commands.compare.side import pairs_of
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.reference.mechanism.chart import coordinate_names
 from physics_crosscheck.reference.solving.samples import within
+from .candidate import Facts
+from .match import Match
+from .side import pairs_of
 
 TAUT_SHARE = 0.5
 """Share of the way from an end of the play to the end of the joints' range."""

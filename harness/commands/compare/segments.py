@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.candidate import Candidate
-from physics_crosscheck.harness.commands.compare.match import Match, halves
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
 from physics_crosscheck.harness.numerics.ladder import (
@@ -23,6 +21,8 @@ from physics_crosscheck.harness.numerics.segments import (
     limits_only,
 )
 from physics_crosscheck.reference.solving.segments import ConstantInputs, Segments
+from .candidate import Candidate
+from .match import Match, halves
 
 QUICK_RUNGS = RUNGS[:8]
 

@@ -9,10 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.candidate import Facts
-from physics_crosscheck.harness.commands.compare.equations import FileEquations
-from physics_crosscheck.harness.commands.compare.match import Match
-from physics_crosscheck.harness.commands.compare.placed import PlacedTree, placed, positions
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
@@ -21,6 +17,10 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated import StatedLaws
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from .candidate import Facts
+from .equations import FileEquations
+from .match import Match
+from .placed import PlacedTree, placed, positions
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,14 +14,6 @@ from functools import partial
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.alignment import SAME, Aligned
-from physics_crosscheck.harness.commands.compare.property import Difference, make_property
-from physics_crosscheck.harness.commands.compare.side import (
-    KEYS,
-    JointPair,
-    ModelSide,
-    lines_of,
-)
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.expanded import locate_file
@@ -31,6 +23,9 @@ from physics_crosscheck.reference.mechanism.laws import Surface
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD
+from .alignment import SAME, Aligned
+from .property import Difference, make_property
+from .side import KEYS, JointPair, ModelSide, lines_of
 
 make_stated = partial(make_property, moves=False)
 

@@ -12,10 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.candidate import Candidate, CompareError
-from physics_crosscheck.harness.commands.compare.equations import FileEquations
-from physics_crosscheck.harness.commands.compare.match import Match
-from physics_crosscheck.harness.commands.compare.segments import quick
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import Accelerations
 from physics_crosscheck.harness.numerics.coordinates import identity
@@ -24,6 +20,10 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import rate_of, samples
 from physics_crosscheck.reference.solving.segments import Segments
+from .candidate import Candidate, CompareError
+from .equations import FileEquations
+from .match import Match
+from .segments import quick
 
 SEED = 20260101
 SAMPLED = 40

@@ -11,10 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.compare.candidate import Candidate
-from physics_crosscheck.harness.commands.compare.match import Match, halves
-from physics_crosscheck.harness.commands.compare.property import apart, percent
-from physics_crosscheck.harness.commands.compare.states import SampledStates, free_directions
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import Accelerations, Estimate, force_of
 from physics_crosscheck.harness.numerics.coordinates import identity
@@ -22,6 +18,10 @@ from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedTerm
 from physics_crosscheck.harness.results.status import counted
+from .candidate import Candidate
+from .match import Match, halves
+from .property import apart, percent
+from .states import SampledStates, free_directions
 
 SPEEDS = (0.3, 0.6)
 """Speeds at which resisting forces are measured, in units of motion size times rate."""

@@ -14,7 +14,6 @@ from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
 from physics_crosscheck.harness.baseline.stale import location
 from physics_crosscheck.harness.baseline.store import write_baseline
-from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.baseline import AcceptedCase, AcceptedDeclaration
@@ -23,6 +22,7 @@ from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.status import counted
+from .result import GateResult
 
 _UNMOVED = (Status.SAME, Status.WITHIN, Status.EXPECTED)
 

@@ -35,15 +35,6 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     hashed_again,
 )
 from physics_crosscheck.harness.baseline.store import accepted_text, named_targets
-from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.survey import (
-    GateOptions,
-    Survey,
-    by_name,
-    is_expected,
-    survey,
-    was_left_alone,
-)
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.expanded import in_source
 from physics_crosscheck.harness.documents.location import Location
@@ -62,6 +53,8 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.status import counted
+from .result import GateResult
+from .survey import GateOptions, Survey, by_name, is_expected, survey, was_left_alone
 
 if TYPE_CHECKING:
     from physics_crosscheck.harness.run import Run

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.text import sentences
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.github import Annotation, case_note
 from physics_crosscheck.harness.results.status import counted
+from .result import GateResult
+from .text import sentences
 
 _QUIET = (Status.SAME, Status.WITHIN, Status.EXPECTED)
 """Statuses that need no attention."""

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TypeVar
 
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.records.baseline import ChangedLine, FileDiff
 from physics_crosscheck.harness.records.case import CaseId, model_path
 from physics_crosscheck.harness.records.codes import part_code
@@ -23,6 +22,7 @@ from physics_crosscheck.harness.results.issues import explained_alike, named_mod
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible_lines
+from .result import GateResult
 
 QUIET = (Status.SAME,)
 """Statuses that a log only counts."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from physics_crosscheck.harness.commands.mutation.mistakes import Edit, Mistake, literal_causes
 from physics_crosscheck.harness.modelfiles.bindings import Binding
 from physics_crosscheck.harness.records.cause import CauseId
+from .mistakes import Edit, Mistake, literal_causes
 
 SIZES = {"1e-6": 1 + 1e-6, "1e-3": 1 + 1e-3, "5 %": 1.05}
 FACTORS = {"left out": 0.0, "sign": -1.0, "double": 2.0, "half": 0.5}

@@ -11,9 +11,6 @@ import numpy as np
 from physics_crosscheck.harness.checks.planar_step import check_planar_step
 from physics_crosscheck.harness.checks.poses import check_poses
 from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.commands.mutation.faults import FAULTS, SIZES
-from physics_crosscheck.harness.commands.mutation.mistakes import Mistake
-from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.diagnosis.trial import scratch
@@ -28,6 +25,9 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.results.status import percent
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .faults import FAULTS, SIZES
+from .mistakes import Mistake
+from .survey import FaultSurvey
 
 RESOLUTION = 1e-9
 """Uncertainty of motions up to which a model can agree."""

@@ -17,14 +17,6 @@ from typing import Any, NoReturn
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
-from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated, refused
-from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey, MutationError, survey
-from physics_crosscheck.harness.commands.mutation.trees import (
-    TreeFault,
-    died,
-    faults_of,
-    mutated_tree,
-)
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -39,6 +31,9 @@ from physics_crosscheck.harness.modelfiles.model_files import (
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.mutation import Mutation
+from .judge import MutationTask, mutated, refused
+from .survey import FaultSurvey, MutationError, survey
+from .trees import TreeFault, died, faults_of, mutated_tree
 
 Progress = Callable[[int, int, Mutation | None], None]
 """Called with (faults done, all faults or 0 if unknown, the fault just done)."""

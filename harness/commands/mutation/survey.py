@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.commands.mutation.faults import literal_faults
-from physics_crosscheck.harness.commands.mutation.mistakes import Mistake, Subject, known_mistakes
 from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .faults import literal_faults
+from .mistakes import Mistake, Subject, known_mistakes
 
 
 class MutationError(ValueError):

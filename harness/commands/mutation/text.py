@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from physics_crosscheck.harness.commands.mutation.faults import FAULTS, SIZES
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.render.terminal.console import wrapped
 from physics_crosscheck.harness.results.status import counted
+from .faults import FAULTS, SIZES
 
 MARKS = {
     FaultVerdict.NAMED: "named",

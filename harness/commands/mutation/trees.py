@@ -17,14 +17,6 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.commands.mutation.faults import SIZES
-from physics_crosscheck.harness.commands.mutation.judge import with_ranking
-from physics_crosscheck.harness.commands.mutation.survey import MutationError
-from physics_crosscheck.harness.commands.mutation.tree_mistakes import (
-    TreeMistake,
-    law_mistakes,
-    tree_mistakes,
-)
 from physics_crosscheck.harness.diagnosis.law_problem import (
     AnyLawProblem,
     diagnose_laws,
@@ -51,6 +43,10 @@ from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict,
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
+from .faults import SIZES
+from .judge import with_ranking
+from .survey import MutationError
+from .tree_mistakes import TreeMistake, law_mistakes, tree_mistakes
 
 SHOWN = 2.0
 """Effect of a fault, relative to the uncertainty, above which it must be caught."""

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from physics_crosscheck.harness.commands.scaffold.folder import NewError
-from physics_crosscheck.harness.commands.scaffold.from_tree import from_tree
-from physics_crosscheck.harness.commands.scaffold.text import plain
 from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.modelfiles.folders import FolderError
@@ -15,6 +12,9 @@ from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.results.visible import odd_name, visible
+from .folder import NewError
+from .from_tree import from_tree
+from .text import plain
 
 GRAVITY, STEP = 9.81, 0.002
 """Values of a new sidecar for a format that states none, m/s^2 and s."""

@@ -17,9 +17,6 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import format_omission, settings_of
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.commands.scaffold.folder import NewError, write_folder
-from physics_crosscheck.harness.commands.scaffold.places import Key, places
-from physics_crosscheck.harness.commands.scaffold.text import comment, literal, plain, quoted
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.protocol import Engine
@@ -36,6 +33,9 @@ from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement
 from physics_crosscheck.reference.mechanism.force_paths import JointForce
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.solving.integrate import ReferenceError
+from .folder import NewError, write_folder
+from .places import Key, places
+from .text import comment, literal, plain, quoted
 
 MEANT = (".py", ".pyc", ".toml")
 """File endings with a meaning in a system folder; a mesh can't have one."""

@@ -12,17 +12,12 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.expanded import (
-    LEVELS,
-    cached_copy,
-    package_folders,
-    write_copy,
-)
-from physics_crosscheck.harness.documents.sdf.frames import MODEL, NAMED, WORLD
-from physics_crosscheck.harness.documents.sdf.read import is_static, version
+from ..document import Document
+from ..elements import XmlElement
+from ..errors import LocationError
+from ..expanded import LEVELS, cached_copy, package_folders, write_copy
+from .frames import MODEL, NAMED, WORLD
+from .read import is_static, version
 
 _ROOTS = ("sdf", "gazebo")
 """Tags of a file's root; the second is that of old files."""

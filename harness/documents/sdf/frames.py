@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.documents.tree import named_elements
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
+from ..document import Document
+from ..elements import XmlElement
+from ..errors import quote
+from ..tree import named_elements
 
 MODEL, WORLD = "__model__", "world"
 """Names of frames that no file declares."""

@@ -14,27 +14,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.documents.sdf.frames import (
-    MODEL,
-    WORLD,
-    SdfFrames,
-    inverse,
-    read_pose,
-)
-from physics_crosscheck.harness.documents.sdf.shapes import automatic_inertia, is_automatic
-from physics_crosscheck.harness.documents.tree import (
-    GRAVITY,
-    Mimic,
-    add_loop_problems,
-    attach_child,
-    free_name,
-)
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.rotations import Array, to_quaternion
 from physics_crosscheck.reference.mechanism.tree import Kind
+from ..document import Document
+from ..elements import XmlElement
+from ..errors import quote
+from ..tree import GRAVITY, Mimic, add_loop_problems, attach_child, free_name
+from .frames import MODEL, WORLD, SdfFrames, inverse, read_pose
+from .shapes import automatic_inertia, is_automatic
 
 _UNCOVERED: Mapping[str, str] = {
     "include": "write what it includes into the file (gz sdf -p FILE)",

@@ -13,11 +13,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.documents.sdf.frames import SdfFrames, inverse, read_pose
 from physics_crosscheck.reference.mechanism.spatial_inertia import NO_INERTIA, SpatialInertia
+from ..document import Document
+from ..elements import XmlElement
+from ..errors import quote
+from .frames import SdfFrames, inverse, read_pose
 
 WATER = 1000.0
 """The default density of a shape, kg/m^3."""

@@ -11,15 +11,15 @@ from functools import lru_cache
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.errors import original_paths
-from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned, blank
-from physics_crosscheck.harness.extras.sweep.source import Source
-from physics_crosscheck.harness.extras.sweep.system import Swept
-from physics_crosscheck.harness.extras.sweep.trees import SweptTree
 from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_declaration
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from .planned import Block, CaseRecord, Planned, blank
+from .source import Source
+from .system import Swept
+from .trees import SweptTree
 
 
 @lru_cache(maxsize=16)

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .factors import Factor, SweepError
 
 MAX_SOBOL_DRAWS = 2**30
 """Maximum number of draws of scipy's Sobol sequence."""

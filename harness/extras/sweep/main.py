@@ -20,24 +20,6 @@ import numpy as np
 import scipy
 
 from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
-from physics_crosscheck.harness.extras.sweep.case import run_block
-from physics_crosscheck.harness.extras.sweep.draws import Design
-from physics_crosscheck.harness.extras.sweep.factors import SweepError, factors
-from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions, plan
-from physics_crosscheck.harness.extras.sweep.planned import Block, blank
-from physics_crosscheck.harness.extras.sweep.store import (
-    RowsError,
-    Store,
-    arrow,
-    begin,
-    done,
-    kept,
-    locked_rows,
-    plan_of,
-    read_rows,
-)
-from physics_crosscheck.harness.extras.sweep.summary import summary
-from physics_crosscheck.harness.extras.sweep.survey import SourceSurvey, SurveyTask, survey
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     AGREE,
@@ -65,6 +47,14 @@ from physics_crosscheck.harness.render.html.sweep import write_sweep
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.progress import Counter
 from physics_crosscheck.harness.render.terminal.sweep import print_sweep, row_lines
+from .case import run_block
+from .draws import Design
+from .factors import SweepError, factors
+from .plan import CasePlan, SweepOptions, plan
+from .planned import Block, blank
+from .store import RowsError, Store, arrow, begin, done, kept, locked_rows, plan_of, read_rows
+from .summary import summary
+from .survey import SourceSurvey, SurveyTask, survey
 
 BLOCKS_PER_WORKER = 2
 """Blocks in flight per worker: a running one and a waiting one."""

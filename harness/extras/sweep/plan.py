@@ -11,11 +11,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, draws
-from physics_crosscheck.harness.extras.sweep.factors import Factor, SweepError, matching_factors
-from physics_crosscheck.harness.extras.sweep.planned import Block, Planned
-from physics_crosscheck.harness.extras.sweep.survey import Pairing, SourceSurvey
 from physics_crosscheck.harness.jobs.limits import Limits
+from .draws import Design, Draws, draws
+from .factors import Factor, SweepError, matching_factors
+from .planned import Block, Planned
+from .survey import Pairing, SourceSurvey
 
 MAX_LISTED, SIMILAR_LISTED = 24, 4
 """Maximum number of alternatives to list in full, and the number to list beyond that."""

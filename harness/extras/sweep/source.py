@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from .planned import Block, CaseRecord, Planned
 
 Value = TypeVar("Value")
 

@@ -17,13 +17,13 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.records.hold import locked
 from physics_crosscheck.harness.records.outcome import contradiction
 from physics_crosscheck.harness.records.read import ResultsError
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.results.status import counted
+from .factors import SweepError
 
 ROWS = "rows"
 PLAN = "plan.json"

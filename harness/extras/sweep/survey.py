@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.case import swept
-from physics_crosscheck.harness.extras.sweep.factors import Factor, matching_factors
-from physics_crosscheck.harness.extras.sweep.source import Source
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
+from .case import swept
+from .factors import Factor, matching_factors
+from .source import Source
 
 
 @dataclass(frozen=True, kw_only=True)

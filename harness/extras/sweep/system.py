@@ -28,14 +28,6 @@ from physics_crosscheck.harness.checks.verdict import (
 )
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned, Timed
-from physics_crosscheck.harness.extras.sweep.source import (
-    Integrators,
-    RecentValues,
-    Source,
-    declared_runs,
-    sidecars_of,
-)
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
 from physics_crosscheck.harness.modelfiles.parametric_file import (
     ParametricModelFile,
@@ -61,6 +53,8 @@ from physics_crosscheck.reference.solving.family import DrawnEquations, Family
 from physics_crosscheck.reference.solving.next_state import stepped_equations
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
 from physics_crosscheck.reference.solving.solve import solve
+from .planned import Block, CaseRecord, Planned, Timed
+from .source import Integrators, RecentValues, Source, declared_runs, sidecars_of
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,6 @@ from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
-from physics_crosscheck.harness.extras.sweep.planned import Block, CaseRecord, Planned, Timed
-from physics_crosscheck.harness.extras.sweep.source import (
-    Integrators,
-    RecentValues,
-    Source,
-    declared_runs,
-    sidecars_of,
-)
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
@@ -41,6 +33,8 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.resolved import ReusedSegments
 from physics_crosscheck.reference.solving.samples import solved
+from .planned import Block, CaseRecord, Planned, Timed
+from .source import Integrators, RecentValues, Source, declared_runs, sidecars_of
 
 _READ = ("floating", "held", "controls", "model", "gravity")
 """Settings that decide how a file is read, apart from the engine that runs it."""

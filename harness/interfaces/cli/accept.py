@@ -9,11 +9,11 @@ from pathlib import Path
 from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.text import accepted_lines
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, USAGE
-from physics_crosscheck.harness.interfaces.cli.gate import LateProgress, targets_and_options
 from physics_crosscheck.harness.modelfiles.folders import check_engines
 from physics_crosscheck.harness.render.terminal.console import print_status_lines, terminal
 from physics_crosscheck.harness.results.github import in_ci
+from .exit_codes import AGREE, FAIL, USAGE
+from .gate import LateProgress, targets_and_options
 
 
 def main(options: argparse.Namespace) -> int:

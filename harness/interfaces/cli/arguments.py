@@ -8,14 +8,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.interfaces.cli.completion import (
-    completed_by,
-    engine_names,
-    systems_and_files,
-)
-from physics_crosscheck.harness.interfaces.cli.help import group
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
+from .completion import completed_by, engine_names, systems_and_files
+from .help import group
 
 SCHEDULER = "CROSSCHECK_SCHEDULER"
 """The environment variable with the address of a scheduler."""

@@ -12,13 +12,6 @@ from msgspec import structs
 from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
-from physics_crosscheck.harness.interfaces.cli.targets import (
-    resolve_targets,
-    warn_unknown,
-    with_unknown,
-)
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.codes import case_code, part_code
@@ -37,6 +30,9 @@ from physics_crosscheck.harness.results.failure import (
     survey_lines,
 )
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
+from . import arguments
+from .exit_codes import AGREE, DIFFER, FAIL
+from .targets import resolve_targets, warn_unknown, with_unknown
 
 
 def main(options: argparse.Namespace) -> int:

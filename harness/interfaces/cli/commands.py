@@ -11,16 +11,10 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.completion import SHELLS, completed_by
-from physics_crosscheck.harness.interfaces.cli.help import (
-    ARGUMENTS,
-    INTERRUPTED,
-    Command,
-    group,
-    option,
-)
 from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS
+from . import arguments
+from .completion import SHELLS, completed_by
+from .help import ARGUMENTS, INTERRUPTED, Command, group, option
 
 _CLI = "physics_crosscheck.harness.interfaces.cli"
 

@@ -19,8 +19,6 @@ from physics_crosscheck.harness.commands.compare.compare import (
 )
 from physics_crosscheck.harness.commands.compare.execute import FailureError
 from physics_crosscheck.harness.commands.compare.match import declared
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -28,6 +26,8 @@ from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
 from physics_crosscheck.harness.render.terminal.console import print_hint, terminal
 from physics_crosscheck.harness.results.messages import explain_hint
+from . import arguments
+from .exit_codes import AGREE, DIFFER, FAIL, USAGE
 
 JOBS = 1
 """Worker processes; starting a second one takes longer than running both models in turn."""

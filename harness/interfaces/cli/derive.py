@@ -11,13 +11,6 @@ from typing import Literal
 from physics_crosscheck.harness.checks.derivation import derivation, tree_derivation
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.documents.expanded import with_sources
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
-from physics_crosscheck.harness.interfaces.cli.targets import (
-    resolve_targets,
-    warn_unknown,
-    with_unknown,
-)
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
@@ -25,6 +18,9 @@ from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.equations import describe
 from physics_crosscheck.reference.load import load_declaration, with_location
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from . import arguments
+from .exit_codes import AGREE, FAIL
+from .targets import resolve_targets, warn_unknown, with_unknown
 
 Form = Literal["latex", "text"]
 

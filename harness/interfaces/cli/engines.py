@@ -8,9 +8,9 @@ import sys
 from physics_crosscheck.harness.engines.conformance import conform_samples
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import engines, missing
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, USAGE
-from physics_crosscheck.harness.interfaces.cli.help import suggestion
 from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
+from .exit_codes import AGREE, DIFFER, USAGE
+from .help import suggestion
 
 
 def main(options: argparse.Namespace) -> int:

@@ -6,7 +6,6 @@ import argparse
 import shutil
 import sys
 
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, USAGE
 from physics_crosscheck.harness.results.messages import (
     code_lines,
     find_code,
@@ -14,6 +13,7 @@ from physics_crosscheck.harness.results.messages import (
     similar_codes,
 )
 from physics_crosscheck.harness.results.visible import visible
+from .exit_codes import AGREE, USAGE
 
 
 def main(options: argparse.Namespace) -> int:

@@ -16,9 +16,6 @@ from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import code_hint, gate_lines, summary
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
-from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
     check_engines,
@@ -34,6 +31,9 @@ from physics_crosscheck.harness.render.terminal.console import (
     terminal,
 )
 from physics_crosscheck.harness.results.github import commands, print_commands, write_summary
+from . import arguments
+from .exit_codes import AGREE, DIFFER, FAIL
+from .targets import resolve_targets
 
 
 def main(options: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from physics_crosscheck.harness.interfaces.cli.exit_codes import USAGE
+from .exit_codes import USAGE
 
 GROUPS = (
     "Arguments",

@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from physics_crosscheck.harness.checks.declared import listed
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, USAGE
-from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.modelfiles.choice import matching
 from physics_crosscheck.harness.modelfiles.folders import check_engines
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
+from .exit_codes import AGREE, USAGE
+from .targets import resolve_targets
 
 
 def main(options: argparse.Namespace) -> int:

@@ -18,14 +18,14 @@ from itertools import groupby
 from typing import TextIO, cast
 
 from physics_crosscheck.harness import __version__
-from physics_crosscheck.harness.interfaces.cli.arguments import XACRO_ARGUMENTS, with_xacro_option
-from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
-from physics_crosscheck.harness.interfaces.cli.completion import COMPLETING, complete, words_before
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, SIGNALLED, USAGE
-from physics_crosscheck.harness.interfaces.cli.help import Command, CommandParser, suggestion
 from physics_crosscheck.harness.jobs.environment import claim_defaults
 from physics_crosscheck.harness.jobs.stop import Stopped, raising
 from physics_crosscheck.harness.paths import RESOLUTION
+from .arguments import XACRO_ARGUMENTS, with_xacro_option
+from .commands import COMMANDS
+from .completion import COMPLETING, complete, words_before
+from .exit_codes import AGREE, FAIL, SIGNALLED, USAGE
+from .help import Command, CommandParser, suggestion
 
 DESCRIPTION = """\
 Check whether physics model files are right, to nine digits.

@@ -9,15 +9,15 @@ from physics_crosscheck.harness.commands.mutation.mutate import mutate
 from physics_crosscheck.harness.commands.mutation.survey import MutationError
 from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL
-from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutations
 from physics_crosscheck.harness.records.results import nothing_tested
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.progress import Counter
+from . import arguments
+from .exit_codes import AGREE, DIFFER, FAIL
+from .targets import resolve_targets
 
 
 def main(options: argparse.Namespace) -> int:

@@ -12,8 +12,8 @@ from physics_crosscheck.harness.commands.scaffold.folder import (
     example,
     write_folder,
 )
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL, USAGE
 from physics_crosscheck.harness.results.visible import visible
+from .exit_codes import AGREE, FAIL, USAGE
 
 
 def main(options: argparse.Namespace) -> int:

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 
-from physics_crosscheck.harness.interfaces.cli.arguments import SCHEDULER, XACRO_ARGUMENTS
-from physics_crosscheck.harness.interfaces.cli.help import CommandParser, metavar
-from physics_crosscheck.harness.interfaces.cli.main import build_parser, subparsers
-from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
-from physics_crosscheck.harness.interfaces.cli.settings import SETTINGS
 from physics_crosscheck.harness.records.schema import PAGES, SCHEMAS, page_texts, schema_text
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results.messages import pages
+from .arguments import SCHEDULER, XACRO_ARGUMENTS
+from .help import CommandParser, metavar
+from .main import build_parser, subparsers
+from .registry import built_in_commands
+from .settings import SETTINGS
 
 _CONFIGURATION = """\
 # Configuration

@@ -6,9 +6,9 @@ import sys
 from collections.abc import Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 
-from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
-from physics_crosscheck.harness.interfaces.cli.help import Command
 from physics_crosscheck.harness.paths import IMPORT_ROOT
+from .commands import COMMANDS
+from .help import Command
 
 GROUP = "crosscheck.commands"
 """The group of entry points: each is a `Command`, and has its name."""

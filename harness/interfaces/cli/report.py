@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.render.html import is_own_page, write_report
+from .exit_codes import AGREE
 
 
 def main(options: argparse.Namespace) -> int:

@@ -17,15 +17,6 @@ from pathlib import Path
 
 from physics_crosscheck.harness.baseline.fingerprint import always_lines
 from physics_crosscheck.harness.documents.expanded import with_sources
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
-from physics_crosscheck.harness.interfaces.cli.report import check_page
-from physics_crosscheck.harness.interfaces.cli.targets import (
-    Targets,
-    select_targets,
-    warn_unknown,
-    with_unknown,
-)
 from physics_crosscheck.harness.jobs.stop import asking
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
@@ -57,6 +48,10 @@ from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
 from physics_crosscheck.harness.run import Options, run
+from . import arguments
+from .exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
+from .report import check_page
+from .targets import Targets, select_targets, warn_unknown, with_unknown
 
 POLL = 0.25
 """Seconds between two scans of the files; scanning a hundred takes a millisecond."""

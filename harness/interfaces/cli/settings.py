@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.help import suggestion
+from . import arguments
+from .help import suggestion
 
 FILE = "pyproject.toml"
 TABLE = "[tool.crosscheck]"

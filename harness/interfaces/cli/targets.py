@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from physics_crosscheck.harness.interfaces.cli.exit_codes import USAGE
 from physics_crosscheck.harness.modelfiles.choice import (
     CaseSelection,
     NamedModel,
@@ -19,6 +18,7 @@ from physics_crosscheck.harness.modelfiles.folders import FolderError, NamedFold
 from physics_crosscheck.harness.modelfiles.robot_targets import expand_folders, robot_files
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.results.visible import visible
+from .exit_codes import USAGE
 
 
 @dataclass(frozen=True)

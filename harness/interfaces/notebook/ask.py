@@ -12,29 +12,17 @@ from numpy.typing import ArrayLike
 
 from physics_crosscheck.harness.baseline.fingerprint import folder_files
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.interfaces.notebook import motions
-from physics_crosscheck.harness.interfaces.notebook.columns import Columns
-from physics_crosscheck.harness.interfaces.notebook.motions import (
-    MotionRequest,
-    Simulated,
-    Solved,
-    is_number,
-    start_from,
-)
-from physics_crosscheck.harness.interfaces.notebook.subject import (
-    Name,
-    NotebookSubject,
-    engine_for,
-    model_named,
-    system_named,
-)
-from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, states_now
 from physics_crosscheck.reference.mechanism.numeric import Array
+from . import motions
+from .columns import Columns
+from .motions import MotionRequest, Simulated, Solved, is_number, start_from
+from .subject import Name, NotebookSubject, engine_for, model_named, system_named
+from .trajectory import MotionError, Trajectory
 
 SAMPLES = 1000
 """Default number of intervals of an exact motion."""

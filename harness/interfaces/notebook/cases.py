@@ -11,20 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from physics_crosscheck.harness.interfaces.notebook.markup import (
-    badge,
-    block,
-    line,
-    paper,
-    shown,
-    table,
-)
-from physics_crosscheck.harness.interfaces.notebook.optional import new_axes
-from physics_crosscheck.harness.interfaces.notebook.trajectory import (
-    MotionError,
-    Trajectory,
-    units_of_rates,
-)
 from physics_crosscheck.harness.records.base import Number, Rows
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -32,6 +18,9 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.terminal.console import WORDS
 from physics_crosscheck.harness.render.terminal.problems import print_problems
 from physics_crosscheck.harness.render.terminal.table import summary
+from .markup import badge, block, line, paper, shown, table
+from .optional import new_axes
+from .trajectory import MotionError, Trajectory, units_of_rates
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

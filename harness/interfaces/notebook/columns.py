@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.interfaces.notebook.trajectory import units_of_rates
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.dynamics.tree_equations import ROUNDING_MARGIN, TreeEquations
@@ -18,6 +17,7 @@ from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES
 from physics_crosscheck.reference.mechanism.system import System
+from .trajectory import units_of_rates
 
 ENERGY = "energy"
 

@@ -22,17 +22,6 @@ from physics_crosscheck.harness.commands.compare.compare import (
 from physics_crosscheck.harness.commands.compare.compare import compare as compared
 from physics_crosscheck.harness.commands.compare.execute import FailureError
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.interfaces.notebook.markup import (
-    badge,
-    block,
-    line,
-    paper,
-    shown,
-    table,
-)
-from physics_crosscheck.harness.interfaces.notebook.motions import is_number
-from physics_crosscheck.harness.interfaces.notebook.optional import frame
-from physics_crosscheck.harness.interfaces.notebook.subject import Name
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS
 from physics_crosscheck.harness.jobs.workers import Workers
@@ -43,6 +32,10 @@ from physics_crosscheck.harness.records.base import Number, SourceLine
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
 from physics_crosscheck.harness.results.causes import own_file_sentence
 from physics_crosscheck.harness.results.places import shown_path
+from .markup import badge, block, line, paper, shown, table
+from .motions import is_number
+from .optional import frame
+from .subject import Name
 
 _OPTION = re.compile(r"--([a-z][a-z-]*)")
 

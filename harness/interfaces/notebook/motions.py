@@ -16,9 +16,6 @@ from physics_crosscheck.harness.checks.prepare import joints_of
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.interfaces.notebook.columns import Columns
-from physics_crosscheck.harness.interfaces.notebook.subject import NotebookSubject, sidecar_of
-from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.harness.modelfiles.readers import read_robot
@@ -35,6 +32,9 @@ from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve, start_of
+from .columns import Columns
+from .subject import NotebookSubject, sidecar_of
+from .trajectory import MotionError, Trajectory
 
 Start = tuple[tuple[str, float], ...]
 """Values of coordinates and rates by name; missing ones are zero."""

@@ -11,13 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from physics_crosscheck.harness.interfaces.notebook.markup import block, line, table
-from physics_crosscheck.harness.interfaces.notebook.subject import (
-    Name,
-    NotebookSubject,
-    system_named,
-)
-from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
@@ -35,6 +28,9 @@ from physics_crosscheck.reference.mechanism.spatial_inertia import (
     Place,
     SpatialInertia,
 )
+from .markup import block, line, table
+from .subject import Name, NotebookSubject, system_named
+from .trajectory import MotionError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,17 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physics_crosscheck.harness.interfaces.notebook.markup import (
-    Indices,
-    block,
-    curve,
-    line,
-    shown,
-    table,
-)
-from physics_crosscheck.harness.interfaces.notebook.optional import frame, new_axes
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .markup import Indices, block, curve, line, shown, table
+from .optional import frame, new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,7 +17,6 @@ import pytest
 
 from physics_crosscheck.harness.checks.declared import Declared
 from physics_crosscheck.harness.checks.not_run import CannotRun, failed_case, skipped_case
-from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
@@ -46,6 +45,7 @@ from physics_crosscheck.harness.results.status import (
     unsettled_steps,
 )
 from physics_crosscheck.harness.results.visible import visible_lines
+from .runner import CaseRunner
 
 RUNNER = pytest.StashKey[CaseRunner]()
 

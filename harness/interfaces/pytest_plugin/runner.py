@@ -34,8 +34,6 @@ from physics_crosscheck.harness.checks.not_run import (
 )
 from physics_crosscheck.harness.commands.gate.gate import file_diffs
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.interfaces.api import CheckResults, Target, check, target_names
-from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
@@ -50,6 +48,8 @@ from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import Audit
+from ..api import CheckResults, Target, check, target_names
+from ..cli import arguments
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,6 @@ from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept_
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import accepted_lines
-from physics_crosscheck.harness.interfaces.pytest_plugin.collect import (
-    RUNNER,
-    RobotFile,
-    SystemFile,
-)
-from physics_crosscheck.harness.interfaces.pytest_plugin.runner import (
-    CaseRunner,
-    RunSettings,
-    run_settings,
-)
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, system_folders
 from physics_crosscheck.harness.modelfiles.formats import is_robot
@@ -39,6 +29,8 @@ from physics_crosscheck.harness.render.terminal.console import WORDS, terminal
 from physics_crosscheck.harness.results.github import in_ci
 from physics_crosscheck.harness.results.messages import explain_hint
 from physics_crosscheck.harness.results.status import counted
+from .collect import RUNNER, RobotFile, SystemFile
+from .runner import CaseRunner, RunSettings, run_settings
 
 DECLARATION = "system.py"
 

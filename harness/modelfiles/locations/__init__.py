@@ -30,19 +30,10 @@ from typing import NamedTuple
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import Location, Resolve, SourceFile
 from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.modelfiles.locations.literals import (
-    Literal,
-    python_literals,
-    toml_literals,
-    xml_literals,
-)
-from physics_crosscheck.harness.modelfiles.locations.python import (
-    python_names,
-    python_numbers,
-    python_offset,
-)
-from physics_crosscheck.harness.modelfiles.locations.toml import toml_keys, toml_offset
-from physics_crosscheck.harness.modelfiles.locations.xml import xml_numbers, xml_offset, xml_paths
+from .literals import Literal, python_literals, toml_literals, xml_literals
+from .python import python_names, python_numbers, python_offset
+from .toml import toml_keys, toml_offset
+from .xml import xml_numbers, xml_offset, xml_paths
 
 __all__ = [
     "Literal",

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import Location, SourceFile
-from physics_crosscheck.harness.modelfiles.locations.python import parsed
-from physics_crosscheck.harness.modelfiles.locations.toml import toml_numbers
-from physics_crosscheck.harness.modelfiles.locations.xml import attribute_words, text_words
+from .python import parsed
+from .toml import toml_numbers
+from .xml import attribute_words, text_words
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 

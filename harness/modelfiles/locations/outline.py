@@ -14,7 +14,7 @@ from physics_crosscheck.harness.documents.elements import (
 )
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile, Span
-from physics_crosscheck.harness.modelfiles.locations.xml import find_words
+from .xml import find_words
 
 
 @dataclass(frozen=True, kw_only=True)

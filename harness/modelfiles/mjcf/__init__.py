@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
-from physics_crosscheck.harness.modelfiles.robot import Robot
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from ..robot import Robot
+from ..robot_system import RobotError
+from .numbers import CompiledNumbers
+from .read import compiler, read_compiled_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
-from physics_crosscheck.harness.modelfiles.mjcf.tree import KINDS, compiled_tree
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, TreeError
+from .tree import KINDS, compiled_tree
 
 IDENTITY_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 

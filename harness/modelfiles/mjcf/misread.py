@@ -12,15 +12,6 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.mjcf.classes import StatedPlace, Value, Values
-from physics_crosscheck.harness.modelfiles.mjcf.stated import (
-    Key,
-    StatedLaws,
-    StatedRow,
-    surface_values,
-    trimmed,
-)
-from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import drive_values
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
@@ -32,6 +23,9 @@ from physics_crosscheck.reference.mechanism.laws import (
     Softness,
 )
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from .classes import StatedPlace, Value, Values
+from .stated import Key, StatedLaws, StatedRow, surface_values, trimmed
+from .stated_drives import drive_values
 
 ROUNDED, RESOLVED = 8 * float(np.finfo(float).eps), 1e-9
 """Largest relative difference of a number, and of one that follows from several."""

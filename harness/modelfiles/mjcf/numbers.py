@@ -26,14 +26,14 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledTree,
 )
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
-from physics_crosscheck.harness.modelfiles.mjcf.misread import check_reading
-from physics_crosscheck.harness.modelfiles.mjcf.read import tree_of
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number, numerals, with_values
 from physics_crosscheck.reference.laws.mistakes import DIMENSIONS
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import Laws
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+from ..numbers import NUDGE, Number, numerals, with_values
+from .laws import law_model
+from .misread import check_reading
+from .read import tree_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

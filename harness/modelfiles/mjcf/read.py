@@ -14,11 +14,11 @@ from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quo
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.modelfiles.formats import is_robot
-from physics_crosscheck.harness.modelfiles.mjcf.tree import KINDS, compiled_robot, compiled_tree
-from physics_crosscheck.harness.modelfiles.parts import included
-from physics_crosscheck.harness.modelfiles.robot import Omission, Robot, refused
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+from ..formats import is_robot
+from ..parts import included
+from ..robot import Omission, Robot, refused
+from .tree import KINDS, compiled_robot, compiled_tree
 
 
 def compiler(suffix: str) -> Engine | None:

@@ -18,16 +18,11 @@ import numpy as np
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_inertias import aligns
 from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, read_source_mjcf
-from physics_crosscheck.harness.modelfiles.mjcf.classes import (
-    Chain,
-    StatedClasses,
-    StatedPlace,
-    Values,
-    orientation,
-    radians,
-    to_axis,
-)
-from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
+from physics_crosscheck.reference.mechanism.bodies import ZERO
+from physics_crosscheck.reference.mechanism.laws import Softness, Surface
+from physics_crosscheck.reference.mechanism.rotations import to_quaternion
+from .classes import Chain, StatedClasses, StatedPlace, Values, orientation, radians, to_axis
+from .stated_drives import (
     KINDS,
     PARAMETER_KEYS,
     PARAMETERS,
@@ -36,9 +31,6 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated_drives import (
     WORDS,
     read_drive,
 )
-from physics_crosscheck.reference.mechanism.bodies import ZERO
-from physics_crosscheck.reference.mechanism.laws import Softness, Surface
-from physics_crosscheck.reference.mechanism.rotations import to_quaternion
 
 Key = tuple[str, int]
 """A table, and the index of the body, joint, tendon, shape, drive or equality in its file."""

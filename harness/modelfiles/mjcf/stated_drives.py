@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.modelfiles.mjcf.classes import Chain, Values, is_limit, overwrite
+from .classes import Chain, Values, is_limit, overwrite
 
 PARAMETERS = 10
 """Numbers of a gain, a bias or a state's dynamics."""

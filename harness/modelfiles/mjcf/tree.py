@@ -25,15 +25,6 @@ from physics_crosscheck.harness.engines.compiled import (
 )
 from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, read_source_mjcf
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.mjcf.classes import StatedClasses
-from physics_crosscheck.harness.modelfiles.robot import (
-    BodyModel,
-    LinkPart,
-    Omission,
-    PlacedShape,
-    Robot,
-    home_of,
-)
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,
     Coupling,
@@ -49,6 +40,8 @@ from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameF
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Fluid, Kind, Tree
+from ..robot import BodyModel, LinkPart, Omission, PlacedShape, Robot, home_of
+from .classes import StatedClasses
 
 _KINDS = ("geom", "site")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.robot import Robot, armatures_of
-from physics_crosscheck.harness.modelfiles.sdf.numbers import SdfNumbers
-from physics_crosscheck.harness.modelfiles.sdf.read import read_sdf_robot
+from ..robot import Robot, armatures_of
+from .numbers import SdfNumbers
+from .read import read_sdf_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:

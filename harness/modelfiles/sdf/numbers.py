@@ -12,14 +12,9 @@ from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import chosen_model
 from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
-from physics_crosscheck.harness.modelfiles.numbers import (
-    Number,
-    numerals,
-    set_temporarily,
-    with_values,
-)
-from physics_crosscheck.harness.modelfiles.sdf.read import read_document
 from physics_crosscheck.reference.mechanism.tree import Tree
+from ..numbers import Number, numerals, set_temporarily, with_values
+from .read import read_document
 
 _RELEVANT = re.compile(
     r"sdf/(world/)?(gravity|model/(pose|link/(pose|inertial/.*)|frame/pose"

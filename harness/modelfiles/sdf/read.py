@@ -18,24 +18,11 @@ from physics_crosscheck.harness.documents.errors import LocationError, ReadError
 from physics_crosscheck.harness.documents.sdf.frames import WORLD, inverse
 from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint, is_static, read_sdf
 from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
-from physics_crosscheck.harness.modelfiles.build_tree import (
-    build_tree,
-    elements_of,
-    enforceable,
-    part_of,
-    robot_of,
-)
-from physics_crosscheck.harness.modelfiles.link_shapes import placed_in
-from physics_crosscheck.harness.modelfiles.robot import (
-    FREE_MIMIC,
-    Note,
-    Omission,
-    Robot,
-    count_notes,
-    refused,
-)
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
+from ..build_tree import build_tree, elements_of, enforceable, part_of, robot_of
+from ..link_shapes import placed_in
+from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
     {

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.modelfiles.robot import Robot, armatures_of
-from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
-from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
+from ..robot import Robot, armatures_of
+from .numbers import UrdfNumbers
+from .read import read_urdf_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:

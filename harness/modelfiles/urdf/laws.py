@@ -14,9 +14,6 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import ENDLESS, UrdfFile, read_urdf
-from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.robot import Robot
-from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
@@ -38,6 +35,9 @@ from physics_crosscheck.reference.mechanism.laws import (
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
+from ..numbers import Number
+from ..robot import Robot
+from .numbers import UrdfNumbers
 
 
 def ruled_model(robot: Robot, rules: Rules) -> ImpulseModel | LawModel | None:

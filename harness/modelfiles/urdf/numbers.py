@@ -27,20 +27,14 @@ from physics_crosscheck.harness.documents.urdf import (
     read_springs,
     read_urdf,
 )
-from physics_crosscheck.harness.modelfiles.build_tree import couplings, enforceable
-from physics_crosscheck.harness.modelfiles.link_shapes import placed_in
-from physics_crosscheck.harness.modelfiles.numbers import (
-    NUDGE,
-    Number,
-    numerals,
-    set_temporarily,
-    with_values,
-)
-from physics_crosscheck.harness.modelfiles.robot import PlacedShape
-from physics_crosscheck.harness.modelfiles.urdf.read import bodies_of, body_of, singles
 from physics_crosscheck.reference.mechanism.assemble import assembled, with_bodies
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.tree import Tree
+from ..build_tree import couplings, enforceable
+from ..link_shapes import placed_in
+from ..numbers import NUDGE, Number, numerals, set_temporarily, with_values
+from ..robot import PlacedShape
+from .read import bodies_of, body_of, singles
 
 _RELEVANT = re.compile(
     r"robot/(link/inertial/.*|joint/(origin|axis)@.*|joint/dynamics@damping|joint/mimic@.*"

@@ -23,23 +23,10 @@ from physics_crosscheck.harness.documents.urdf import (
     UrdfJoint,
     read_urdf,
 )
-from physics_crosscheck.harness.modelfiles.build_tree import (
-    build_tree,
-    elements_of,
-    enforceable,
-    part_of,
-    robot_of,
-)
-from physics_crosscheck.harness.modelfiles.link_shapes import placed_in
-from physics_crosscheck.harness.modelfiles.robot import (
-    FREE_MIMIC,
-    Note,
-    Omission,
-    Robot,
-    count_notes,
-    refused,
-)
 from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
+from ..build_tree import build_tree, elements_of, enforceable, part_of, robot_of
+from ..link_shapes import placed_in
+from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
 _VISUALS = ("visual", "material")
 _READ: Mapping[str, Collection[str]] = MappingProxyType(

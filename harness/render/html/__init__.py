@@ -19,17 +19,14 @@ from markupsafe import Markup, escape
 
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
-from physics_crosscheck.harness.render.html import (
-    linearizations,
-    matrix,
-    overview,
-    remedies,
-    systems,
-)
-from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView
-from physics_crosscheck.harness.render.html.diagnoses import short_places
-from physics_crosscheck.harness.render.html.maths import mathml
-from physics_crosscheck.harness.render.html.parts import (
+from physics_crosscheck.harness.results import coverage, next_steps
+from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
+from ..terminal.table import summary
+from . import linearizations, matrix, overview, remedies, systems
+from .cases import SYMBOLS, CaseView
+from .diagnoses import short_places
+from .maths import mathml
+from .parts import (
     WHOLE,
     CaseFile,
     divided,
@@ -38,11 +35,8 @@ from physics_crosscheck.harness.render.html.parts import (
     part_of_folder,
     write_parts,
 )
-from physics_crosscheck.harness.render.html.text import exact, percent, quantity, sci, shown
-from physics_crosscheck.harness.render.html.view import FolderView, Report, worst_scene
-from physics_crosscheck.harness.render.terminal.table import summary
-from physics_crosscheck.harness.results import coverage, next_steps
-from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
+from .text import exact, percent, quantity, sci, shown
+from .view import FolderView, Report, worst_scene
 
 PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "tabs", "figures", "motion")
 """Files of `script/` that draw plots, omitted from a page without plots."""

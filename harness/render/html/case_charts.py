@@ -9,16 +9,9 @@ import numpy as np
 
 from physics_crosscheck.harness.records.case import Convergence
 from physics_crosscheck.harness.records.outcome import FLOOR
-from physics_crosscheck.harness.render.html.packs import Array, Chart, Curve
-from physics_crosscheck.harness.render.html.runs import (
-    CaseRun,
-    coarse_to_fine,
-    ends,
-    largest,
-    single,
-    values,
-)
-from physics_crosscheck.harness.render.html.text import percent, quantity, sci
+from .packs import Array, Chart, Curve
+from .runs import CaseRun, coarse_to_fine, ends, largest, single, values
+from .text import percent, quantity, sci
 
 OVERLAID = 9
 """Maximum number of other runs in one plot; more would be indistinguishable."""

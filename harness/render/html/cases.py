@@ -17,15 +17,10 @@ from physics_crosscheck.harness.records.case import (
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import ReferenceMotion
-from physics_crosscheck.harness.render.html.scenes import SceneView
-from physics_crosscheck.harness.render.html.text import (
-    NOTHING,
-    percent,
-    quantity,
-    sci,
-)
-from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC, is_chaotic
 from physics_crosscheck.harness.results.status import unsettled_steps
+from ..terminal.models_table import CHAOTIC, is_chaotic
+from .scenes import SceneView
+from .text import NOTHING, percent, quantity, sci
 
 SYMBOLS: Mapping[str, str] = {
     "AUDIT": "!",

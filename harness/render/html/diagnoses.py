@@ -10,8 +10,6 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import Explanation
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.render.html.remedies import Remedy, remedy_of
-from physics_crosscheck.harness.render.html.text import percent
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, cause_sentences
 from physics_crosscheck.harness.results.next_steps import (
     DROPS_MASSLESS,
@@ -19,6 +17,8 @@ from physics_crosscheck.harness.results.next_steps import (
     massless_links,
     massless_places,
 )
+from .remedies import Remedy, remedy_of
+from .text import percent
 
 Row = tuple[int, str, bool]
 """A line of a file: its number, its text, and whether it is marked."""

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.records.system import (
     SystemResult,
     TransferFunction,
 )
-from physics_crosscheck.harness.render.html.text import NOTHING, complex_number, sci
+from .text import NOTHING, complex_number, sci
 
 RIGID = 1e-6
 """Poles below this share of the largest belong to a rigid mode.

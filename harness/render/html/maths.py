@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 from latex2mathml.converter import convert_to_element
 from markupsafe import Markup
 
-from physics_crosscheck.harness.render.html.text import shown
+from .text import shown
 
 _GROUPS = frozenset(["mrow", "mtd"])
 _OPERANDS = frozenset(

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.html.cases import CaseView, severity
-from physics_crosscheck.harness.render.html.text import NOTHING, percent
-from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC
+from ..terminal.models_table import CHAOTIC
+from .cases import CaseView, severity
+from .text import NOTHING, percent
 
 MODEL_NOTES = frozenset({"reach", "unresolved", "rounded", "pose"})
 """Kinds of notes about the model itself, not about an engine's reading."""

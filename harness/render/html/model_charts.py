@@ -12,10 +12,10 @@ from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario, Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.system import SystemResult
-from physics_crosscheck.harness.render.html.diagnoses import named
-from physics_crosscheck.harness.render.html.packs import Array, Chart, Column, Curve, Pack
-from physics_crosscheck.harness.render.html.runs import CaseRun, ends, largest, single, values
-from physics_crosscheck.harness.render.html.text import percent, quantity, sci
+from .diagnoses import named
+from .packs import Array, Chart, Column, Curve, Pack
+from .runs import CaseRun, ends, largest, single, values
+from .text import percent, quantity, sci
 
 PAIRS = 6
 """Maximum number of output-input pairs in one plot."""

@@ -11,9 +11,6 @@ from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.render.html.cases import CaseView
-from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
-from physics_crosscheck.harness.render.html.remedies import NO_REMEDY, Remedy
 from physics_crosscheck.harness.results.issues import (
     audited_alike,
     collect_issues,
@@ -22,6 +19,9 @@ from physics_crosscheck.harness.results.issues import (
     untold_failures,
 )
 from physics_crosscheck.harness.results.status import counted
+from .cases import CaseView
+from .diagnoses import DiagnosisView
+from .remedies import NO_REMEDY, Remedy
 
 Diagnoses = Mapping[ModelKey, DiagnosisView]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.records.base import rounded
-from physics_crosscheck.harness.render.html.text import shown
+from .text import shown
 
 Array = NDArray[np.float64]
 

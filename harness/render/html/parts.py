@@ -18,9 +18,9 @@ from pathlib import Path
 
 import msgspec
 
-from physics_crosscheck.harness.render.html.cases import CaseView
-from physics_crosscheck.harness.render.html.packs import compressed
-from physics_crosscheck.harness.render.html.view import Content, FolderView, Report
+from .cases import CaseView
+from .packs import compressed
+from .view import Content, FolderView, Report
 
 WHOLE = 500
 """Maximum number of cases in a single-file page: 15 MB, small enough to send."""

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.render.html.text import shown
 from physics_crosscheck.harness.results.next_steps import ProposedChange, changes_of, stated_changes
 from physics_crosscheck.harness.results.places import is_spelled
+from .text import shown
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.harness.records.base import Numbers
 from physics_crosscheck.harness.records.case import Case, FullRun, Series, StepErrors, Verdict
-from physics_crosscheck.harness.render.html.packs import Array, Column, Pack
-from physics_crosscheck.harness.render.html.text import quantity
+from .packs import Array, Column, Pack
+from .text import quantity
 
 
 @dataclass(frozen=True, kw_only=True)

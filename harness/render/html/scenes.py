@@ -20,8 +20,8 @@ from physics_crosscheck.harness.records.scene import (
     Scene,
     StateErrors,
 )
-from physics_crosscheck.harness.render.html.diagnoses import blamed_lines, marked_lines
 from physics_crosscheck.harness.results.status import counted
+from .diagnoses import blamed_lines, marked_lines
 
 THREE = "pack-three"
 """Id of the pack with the code of three.js."""

@@ -14,11 +14,11 @@ from pathlib import Path
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
 from physics_crosscheck.harness.records.write import write_whole
-from physics_crosscheck.harness.render.html import template
-from physics_crosscheck.harness.render.html.text import percent, sci
-from physics_crosscheck.harness.render.terminal.sweep import cost_line
 from physics_crosscheck.harness.results.messages import with_code
 from physics_crosscheck.harness.results.status import counted
+from ..terminal.sweep import cost_line
+from . import template
+from .text import percent, sci
 
 WIDTH, HEIGHT = 560.0, 300.0
 LEFT_MARGIN, RIGHT, TOP, BOTTOM = 62.0, 12.0, 10.0, 42.0

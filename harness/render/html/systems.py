@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.system import Shape, Sketch, SketchTree, SystemResult
-from physics_crosscheck.harness.render.html.maths import mathml
-from physics_crosscheck.harness.render.html.text import NOTHING, quantity, sci
-from physics_crosscheck.harness.render.terminal.primes import primed
+from ..terminal.primes import primed
+from .maths import mathml
+from .text import NOTHING, quantity, sci
 
 ANNOTATIONS = ("measure", "angle")
 """Shapes that explain the sketch and do not move with it."""

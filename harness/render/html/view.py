@@ -14,28 +14,17 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.scene import Scene
 from physics_crosscheck.harness.records.system import SystemResult
-from physics_crosscheck.harness.render.html.case_charts import OVERLAID, case_charts
-from physics_crosscheck.harness.render.html.cases import CaseView, severity
-from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
-from physics_crosscheck.harness.render.html.model_charts import (
-    corrected,
-    hypotheses,
-    reaches,
-    responses,
-)
-from physics_crosscheck.harness.render.html.overview import issue_views, verdict
-from physics_crosscheck.harness.render.html.packs import Chart, Pack
-from physics_crosscheck.harness.render.html.runs import CaseRun, largest, runs
-from physics_crosscheck.harness.render.html.scenes import (
-    THREE,
-    SceneView,
-    case_states,
-    scene_about,
-    three_code,
-)
-from physics_crosscheck.harness.render.html.text import slug
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 from physics_crosscheck.harness.results.status import counted, unread_words
+from .case_charts import OVERLAID, case_charts
+from .cases import CaseView, severity
+from .diagnoses import DiagnosisView
+from .model_charts import corrected, hypotheses, reaches, responses
+from .overview import issue_views, verdict
+from .packs import Chart, Pack
+from .runs import CaseRun, largest, runs
+from .scenes import THREE, SceneView, case_states, scene_about, three_code
+from .text import slug
 
 Parts = tuple[Pack, tuple[Chart, ...], Mapping[str, object]]
 """A pack, its charts, and its other content."""

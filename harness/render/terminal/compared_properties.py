@@ -14,8 +14,8 @@ from physics_crosscheck.harness.records.comparison import (
     ComparisonResult,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.console import print_text
 from physics_crosscheck.harness.results.status import counted, listed
+from .console import print_text
 
 MAX_ROWS = 20
 """Maximum number of each kind; the record has all."""

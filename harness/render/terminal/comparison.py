@@ -19,7 +19,10 @@ from physics_crosscheck.harness.records.comparison import (
     FileEdit,
 )
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.compared_properties import (
+from physics_crosscheck.harness.results.causes import own_file_sentence
+from physics_crosscheck.harness.results.messages import with_code
+from physics_crosscheck.harness.results.status import counted
+from .compared_properties import (
     MAX_ROWS,
     MINOR,
     SIX_DIGITS,
@@ -30,15 +33,7 @@ from physics_crosscheck.harness.render.terminal.compared_properties import (
     minor_line,
     print_properties,
 )
-from physics_crosscheck.harness.render.terminal.console import (
-    STYLES,
-    WORDS,
-    print_text,
-    print_wrapped,
-)
-from physics_crosscheck.harness.results.causes import own_file_sentence
-from physics_crosscheck.harness.results.messages import with_code
-from physics_crosscheck.harness.results.status import counted
+from .console import STYLES, WORDS, print_text, print_wrapped
 
 MAX_TERMS = 8
 NOT_COMPARED = "not compared"

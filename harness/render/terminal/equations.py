@@ -18,15 +18,9 @@ import sympy as sp
 
 from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.base import Number
-from physics_crosscheck.harness.render.terminal.console import LOG_COLUMNS, wrapped
-from physics_crosscheck.harness.render.terminal.primes import primed
-from physics_crosscheck.harness.render.terminal.typeset import (
-    Latex,
-    Style,
-    Text,
-    latex_name,
-    latex_words,
-)
+from .console import LOG_COLUMNS, wrapped
+from .primes import primed
+from .typeset import Latex, Style, Text, latex_name, latex_words
 
 
 class Table(ABC):

@@ -17,9 +17,9 @@ from rich.text import Text
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case, FullRun, ModelId
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.console import STYLES, WORDS, print_wrapped
 from physics_crosscheck.harness.results.status import counted, duration, percent
 from physics_crosscheck.harness.results.visible import visible
+from .console import STYLES, WORDS, print_wrapped
 
 NAMES = ("system", "model", "engine")
 

@@ -19,7 +19,6 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.render.terminal.console import STYLES, WORDS, print_wrapped
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, brief_cause, cause_sentences
 from physics_crosscheck.harness.results.failure import acting_texts
 from physics_crosscheck.harness.results.issues import (
@@ -39,6 +38,7 @@ from physics_crosscheck.harness.results.next_steps import (
 )
 from physics_crosscheck.harness.results.places import lines_listed, placed, shown_line, shown_path
 from physics_crosscheck.harness.results.status import counted, listed, percent
+from .console import STYLES, WORDS, print_wrapped
 
 MAX_PROBLEMS = 40
 """Maximum number of problems to print; the report lists all."""

@@ -14,9 +14,9 @@ from rich.theme import Theme
 
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.render.terminal.table import case_line
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
+from .table import case_line
 
 LOG_SECONDS = 5.0
 """Minimum seconds between two lines of a log."""

@@ -12,18 +12,10 @@ from rich.table import Table
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
-from physics_crosscheck.harness.render.terminal.console import (
-    STYLES,
-    WORDS,
-    escape,
-    print_hint,
-    print_status_lines,
-    wrapped,
-    wrapped_command,
-)
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.harness.results.visible import visible
+from .console import STYLES, WORDS, escape, print_hint, print_status_lines, wrapped, wrapped_command
 
 MAX_ROWS = 12
 """Maximum number of listed problems."""

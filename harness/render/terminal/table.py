@@ -16,22 +16,6 @@ from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
-from physics_crosscheck.harness.render.terminal.console import (
-    STYLES,
-    WORDS,
-    print_hint,
-    print_wrapped,
-)
-from physics_crosscheck.harness.render.terminal.models_table import (
-    finite_values,
-    is_chaotic,
-    print_models,
-)
-from physics_crosscheck.harness.render.terminal.problems import (
-    MAX_PROBLEMS,
-    is_single_file,
-    print_problems,
-)
 from physics_crosscheck.harness.results.coverage import (
     coverage_lines,
     coverage_summary,
@@ -48,6 +32,9 @@ from physics_crosscheck.harness.results.status import (
     unsettled_steps,
 )
 from physics_crosscheck.harness.results.visible import visible
+from .console import STYLES, WORDS, print_hint, print_wrapped
+from .models_table import finite_values, is_chaotic, print_models
+from .problems import MAX_PROBLEMS, is_single_file, print_problems
 
 GROWS = 1e-9
 """Minimum distance of a step's largest eigenvalue from the unit circle, above rounding."""

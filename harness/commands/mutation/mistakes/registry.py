@@ -9,13 +9,6 @@ from itertools import combinations
 
 import numpy as np
 
-from physics_crosscheck.harness.commands.mutation.mistakes.context import Subject, rounded
-from physics_crosscheck.harness.commands.mutation.mistakes.mistake import (
-    Edit,
-    Mistake,
-    literal_causes,
-)
-from physics_crosscheck.harness.commands.mutation.mistakes.rests import moved_rest, radian, rests
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, LeftOut
@@ -23,6 +16,9 @@ from physics_crosscheck.harness.modelfiles.bindings import SIDECAR, at_constants
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
+from .context import Subject, rounded
+from .mistake import Edit, Mistake, literal_causes
+from .rests import moved_rest, radian, rests
 
 
 def axes(subject: Subject) -> Iterator[Mistake]:

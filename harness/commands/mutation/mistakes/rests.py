@@ -5,15 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from physics_crosscheck.harness.commands.mutation.mistakes.context import Subject, rounded
-from physics_crosscheck.harness.commands.mutation.mistakes.mistake import (
-    Edit,
-    Mistake,
-    literal_causes,
-)
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
 from physics_crosscheck.harness.records.cause import CauseId
+from .context import Subject, rounded
+from .mistake import Edit, Mistake, literal_causes
 
 SHARE = 0.1
 """Offset as a share of the joint's largest movement."""
