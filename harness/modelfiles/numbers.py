@@ -65,11 +65,6 @@ class Number:
     key: str
     word: int
 
-    @property
-    def has_name(self) -> bool:
-        """Return whether the address names its element, wherever that is in the file."""
-        return not self.address[0].isdigit()
-
 
 def numerals(document: Document) -> tuple[Number, ...]:
     """Return every number of a file, in order."""

@@ -139,16 +139,6 @@ class Diff(Record, frozen=True, kw_only=True):
         return self._pair(lambda numbers: numbers.digits)
 
     @property
-    def global_errors(self) -> tuple[Number, Number]:
-        """Error at the time step in each result."""
-        return self._pair(lambda numbers: numbers.global_error)
-
-    @property
-    def time_steps(self) -> tuple[Number, Number]:
-        """Time step in each result, seconds."""
-        return self._pair(lambda numbers: numbers.time_step)
-
-    @property
     def is_compared(self) -> bool:
         """True if both results have numbers, or only one has the case."""
         return self.status is not Status.NOT_RUN

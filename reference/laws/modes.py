@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import product
 from typing import TypeAlias
 
 import sympy as sp
@@ -421,11 +420,6 @@ def parts_of(
                 )
             )
     return tuple(result)
-
-
-def all_modes(parts: Sequence[Part]) -> tuple[Modes, ...]:
-    """Return every combination of the parts' modes."""
-    return tuple(product(*(part.modes for part in parts)))
 
 
 def mode_equations(equations: Equations, parts: Sequence[Part], modes: Modes) -> ModeEquations:

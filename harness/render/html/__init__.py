@@ -22,7 +22,7 @@ from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results import coverage, next_steps
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 from ..terminal.table import summary
-from . import linearizations, matrix, overview, remedies, systems
+from . import overview, remedies, systems
 from .cases import SYMBOLS, CaseView
 from .diagnoses import short_places
 from .maths import mathml
@@ -187,7 +187,7 @@ def _environment() -> jinja2.Environment:
         "visible": shown,
     }
     environment.globals |= {"summary": summary, "symbols": SYMBOLS, "worst_scene": worst_scene}
-    for module in (systems, linearizations, overview, matrix, remedies, coverage, next_steps):
+    for module in (systems, overview, remedies, coverage, next_steps):
         environment.globals[module.__name__.rpartition(".")[2]] = module
     return environment
 

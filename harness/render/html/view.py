@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 from physics_crosscheck.harness.records.case import Case, ModelKey
 from physics_crosscheck.harness.records.model import Model
@@ -34,6 +35,12 @@ class Content:
     """Packs of a report, by the ids of the elements that hold them.
 
     Charts of one pack can use numbers of another, so all charts are made before any pack is packed.
+
+    Attributes:
+        system_packs: pack of each folder's system.
+        folder_packs: packs of each folder's system, models and diagnoses.
+        scenes: scene of each case; None for declared energies.
+        diagnosis_packs: pack of each model's diagnosis; empty without one.
     """
 
     def __init__(self, results: Results) -> None:
@@ -41,40 +48,36 @@ class Content:
         self._runs = runs(results.cases)
         self._packs: dict[str, Parts] = {}
         self._linear: dict[ModelKey, tuple[Chart, ...]] = {}
-        self._folder_packs: dict[str, list[str]] = {}
+        self.folder_packs: dict[str, list[str]] = defaultdict(list)
         for place, model in enumerate(results.models):
             system = self._systems.get(model.folder)
             if system is not None:
                 pack = Pack(f"pack-model-{place}")
-                self._folder_packs.setdefault(model.folder, []).append(pack.id)
+                self.folder_packs[model.folder].append(pack.id)
                 self._linear[model.key] = responses(pack, model, system)
                 self._store_pack(pack, ())
-        self._system_packs: dict[str, str] = {}
+        self.system_packs: dict[str, str] = {}
         self._scene_packs: dict[str, str] = {}
         for place, system in enumerate(results.systems):
             pack = Pack(f"pack-system-{place}")
-            self._system_packs[system.folder] = pack.id
-            self._folder_packs.setdefault(system.folder, []).append(pack.id)
+            self.system_packs[system.folder] = pack.id
+            self.folder_packs[system.folder].append(pack.id)
             self._store_pack(pack, reaches(pack, system), sketch=system.sketch)
             if system.scene is not None:
                 self._keep_scene(system.folder, Pack(f"pack-scene-{place}"), system.scene)
-        self._scenes = [
+        self.scenes = [
             self._scene(place, case, results.model_of(case))
             for place, case in enumerate(results.cases)
         ]
         self._keep_cases(_magnitudes(results.cases))
-        self._diagnosis_packs = {
-            place: self._diagnosed(place, model) for place, model in enumerate(results.models)
-        }
+        self.diagnosis_packs = [
+            self._diagnosed(place, model) for place, model in enumerate(results.models)
+        ]
 
     def case_pack(self, place: int) -> str:
         """Return the pack id of a case; empty without series."""
         run = self._runs[place]
         return "" if run is None else run.pack.id
-
-    def scene(self, place: int) -> SceneView | None:
-        """Return the scene of a case; None for declared energies."""
-        return self._scenes[place]
 
     @property
     def code(self) -> str:
@@ -83,7 +86,7 @@ class Content:
 
     def _keep_scene(self, folder: str, pack: Pack, scene: Scene) -> None:
         self._scene_packs[folder] = pack.id
-        self._folder_packs.setdefault(folder, []).append(pack.id)
+        self.folder_packs[folder].append(pack.id)
         self._store_pack(pack, (), scene=scene)
         if self.code:
             self._store_pack(Pack(THREE), (), code=self.code)
@@ -104,18 +107,6 @@ class Content:
             unread=unread_words(system.scene.unread),
         )
 
-    def system_pack(self, folder: str) -> str:
-        """Return the pack id of a folder's system."""
-        return self._system_packs[folder]
-
-    def folder_packs(self, folder: str) -> tuple[str, ...]:
-        """Return the pack ids of a folder's system, models and diagnoses."""
-        return tuple(self._folder_packs.get(folder, ()))
-
-    def diagnosis_pack(self, place: int) -> str:
-        """Return the pack id of a model's diagnosis; empty without one."""
-        return self._diagnosis_packs[place]
-
     @property
     def names(self) -> Iterable[str]:
         """Ids of the packs."""
@@ -130,19 +121,15 @@ class Content:
         self._packs[pack.id] = pack, tuple(charts), more
 
     def _keep_cases(self, magnitudes: Mapping[str, list[float]]) -> None:
-        together: dict[tuple[str, str], list[CaseRun]] = {}
-        for run in self._runs:
-            if run is not None:
-                together.setdefault((run.case.folder, run.case.scenario), []).append(run)
-        for run in self._runs:
-            if run is None:
-                continue
+        drawn = [run for run in self._runs if run is not None]
+        together = _grouped(drawn, lambda run: (run.case.folder, run.case.scenario))
+        for run in drawn:
             folder = run.case.folder
             near = together[folder, run.case.scenario][: OVERLAID + 1]
             others = [other for other in near if other is not run][:OVERLAID]
             charts = case_charts(run, others, self._units(run), magnitudes[folder])
             linear = self._linear.get(run.case.key, ())
-            reaching = self._packs[self._system_packs[folder]][1] if folder in self._systems else ()
+            reaching = self._packs[self.system_packs[folder]][1] if folder in self._systems else ()
             self._store_pack(
                 run.pack,
                 (*charts, *linear, *reaching),
@@ -160,7 +147,7 @@ class Content:
             return None
         half = len(run.reference) // 2
         return {
-            "system": self._system_packs[system.folder],
+            "system": self.system_packs[system.folder],
             "t": run.t.key,
             "reference": [column.key for column in run.reference[:half]],
             "engine": [column.key for column in run.engine[:half]],
@@ -195,7 +182,7 @@ class Content:
         if not charts:
             return ""
         self._store_pack(pack, charts)
-        self._folder_packs.setdefault(model.folder, []).append(pack.id)
+        self.folder_packs[model.folder].append(pack.id)
         return pack.id
 
 
@@ -235,26 +222,28 @@ class FolderView:
     @cached_property
     def by_model(self) -> Mapping[ModelKey, list[CaseView]]:
         """Cases of each model file in each engine."""
-        groups: dict[ModelKey, list[CaseView]] = {}
-        for view in self.cases:
-            groups.setdefault(view.case.key, []).append(view)
-        return groups
+        return _grouped(self.cases, lambda view: view.case.key)
 
     @cached_property
     def by_scenario(self) -> Mapping[str, list[CaseView]]:
         """Cases of each scenario."""
-        groups: dict[str, list[CaseView]] = {}
-        for view in self.cases:
-            groups.setdefault(view.case.scenario, []).append(view)
-        return groups
+        return _grouped(self.cases, lambda view: view.case.scenario)
 
     @cached_property
     def files(self) -> Mapping[str, list[Model]]:
         """Each model file with its records in the engines."""
-        groups: dict[str, list[Model]] = {}
-        for model in self.models:
-            groups.setdefault(model.model, []).append(model)
-        return groups
+        return _grouped(self.models, lambda model: model.model)
+
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+def _grouped(values: Iterable[V], key: Callable[[V], K]) -> dict[K, list[V]]:
+    groups: dict[K, list[V]] = {}
+    for value in values:
+        groups.setdefault(key(value), []).append(value)
+    return groups
 
 
 def worst_scene(views: Iterable[CaseView]) -> SceneView | None:
@@ -295,8 +284,8 @@ class Report:
                 system=systems.get(folder),
                 models=[model for model in results.models if model.folder == folder],
                 cases=[view for view in self.cases if view.case.folder == folder],
-                pack=self.content.system_pack(folder) if folder in systems else "",
-                packs=self.content.folder_packs(folder),
+                pack=self.content.system_packs.get(folder, ""),
+                packs=tuple(self.content.folder_packs[folder]),
             )
             for folder, page in pages.items()
         }
@@ -323,7 +312,7 @@ class Report:
                 ),
                 case=case,
                 pack=self.content.case_pack(place),
-                scene=self.content.scene(place),
+                scene=self.content.scenes[place],
                 scenario=scenarios.get((case.folder, case.scenario)),
                 model=models.get(case.key),
             )
@@ -340,7 +329,7 @@ class Report:
                 id=self._unique(f"diagnosis-{slug(model.system, model.model, model.engine)}"),
                 model=model,
                 cases=differing.get(model.key, ()),
-                pack=self.content.diagnosis_pack(place),
+                pack=self.content.diagnosis_packs[place],
             )
             for place, model in enumerate(self.results.models)
             if model.diagnosis is not None or model.findings
