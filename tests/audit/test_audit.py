@@ -9,17 +9,18 @@ import msgspec
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Force, LoadedModel, StateForce
 from physics_crosscheck.harness.checks.audit import audit_declared, declared_bindings
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import Force, LoadedModel, StateForce
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
-from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
+from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.results.failure import audit_lines
+from physics_crosscheck.records import AuditFinding
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.audit.models import MODELS, AuditCopy, audit, messages, severe

@@ -7,12 +7,13 @@ from typing import get_args
 
 import pytest
 
+from physics_crosscheck.engine import EngineError
 from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
+from physics_crosscheck.harness.records.finding import PlausibilityKind
+from physics_crosscheck.records import AuditFinding
 from tests.commands import crosscheck
 
 BOX = '<geometry><box size="0.1 0.1 0.4"/></geometry>'

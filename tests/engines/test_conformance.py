@@ -11,11 +11,20 @@ import numpy as np
 import pytest
 
 import physics_crosscheck.harness.interfaces.cli.engines as command
-from physics_crosscheck.harness.engines.conformance import CHECKS, Check, conform, conform_samples
+from physics_crosscheck.engine import (
+    Array,
+    Check,
+    Engine,
+    Force,
+    ModelSpec,
+    Remark,
+    StateForce,
+    conform,
+    conform_samples,
+)
+from physics_crosscheck.harness.engines.conformance import CHECKS
 from physics_crosscheck.harness.engines.known_answer import KnownEngine, KnownModel
-from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.engines.remark import Remark
 from tests.engines.extras import need
 from tests.engines.protocol_models import PAIRINGS, Pairing
 

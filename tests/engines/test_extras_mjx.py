@@ -7,16 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec, StateForce, conform
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
-from physics_crosscheck.harness.engines.conformance import CHECKS, conform
-from physics_crosscheck.harness.engines.protocol import (
-    EngineError,
-    LoadedModel,
-    ModelSpec,
-    StateForce,
-)
+from physics_crosscheck.harness.engines.conformance import CHECKS
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.engines.extras import need
 from tests.laws.scenes import CONNECT
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
+from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec, conform_samples
+from physics_crosscheck.harness.engines.conformance import CHECKS
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC, WELDED

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
+from physics_crosscheck.engine import EngineError, ModelSpec, conform_samples
+from physics_crosscheck.harness.engines.conformance import CHECKS
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,

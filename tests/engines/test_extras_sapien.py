@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from physics_crosscheck import check
-from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.engine import EngineError, conform_samples
+from physics_crosscheck.harness.engines.conformance import CHECKS
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC, WELDED
 from tests.engines.test_free_joints import TUMBLING

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from physics_crosscheck.harness.engines.protocol import Array, StateForce
+from physics_crosscheck.engine import Array, StateForce
 from physics_crosscheck.harness.numerics.ladder import RUNGS, limits, observed_order
 from tests.engines.extras import need
 from tests.engines.protocol_models import (

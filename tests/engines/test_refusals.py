@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, Spring
+from physics_crosscheck.engine import EngineError, ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.protocol_models import (
     GRAVITY,

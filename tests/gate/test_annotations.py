@@ -14,14 +14,7 @@ from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.text import summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.diff import Diff, Status
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis, Explanation
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.github import (
     MOST_SUMMARY,
     Annotation,
@@ -29,6 +22,17 @@ from physics_crosscheck.harness.results.github import (
     commands,
     in_ci,
     write_summary,
+)
+from physics_crosscheck.records import (
+    AuditFinding,
+    Case,
+    Cause,
+    Diagnosis,
+    Explanation,
+    Model,
+    Outcome,
+    Results,
+    SourceLine,
 )
 from tests.baseline.samples import case
 from tests.gate.conftest import Repository

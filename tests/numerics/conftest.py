@@ -17,8 +17,8 @@ from physics_crosscheck import (
     Scenario,
     System,
 )
+from physics_crosscheck.engine import Array, Force, LoadedModel, StateForce
 from physics_crosscheck.harness.checks.prepare import scaled
-from physics_crosscheck.harness.engines.protocol import Array, Force, LoadedModel, StateForce
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference.dynamics.derive import Equations, derive

@@ -10,7 +10,7 @@ import pytest
 from sympy import Heaviside, Rational
 
 from physics_crosscheck import t
-from physics_crosscheck.harness.engines.protocol import Array, Force
+from physics_crosscheck.engine import Array, Force
 from physics_crosscheck.harness.numerics import step_study
 from physics_crosscheck.harness.numerics.convergence import Sensitivity, check_full_runs
 from physics_crosscheck.harness.numerics.full_run import SampledRun, full_run

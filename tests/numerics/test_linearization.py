@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.engine import Array, Force, StateForce
 from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.linearization import (
     LinearizationComparison,

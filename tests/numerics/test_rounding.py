@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Array, Force
+from physics_crosscheck.engine import Array, Force
 from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.rounding import (
     COMPANION_EXPONENT,

@@ -7,8 +7,8 @@ import pytest
 from sympy import Expr, Heaviside, Rational, sin
 
 from physics_crosscheck import t
+from physics_crosscheck.engine import Array, Force
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
-from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics.ladder import RUNGS
 from physics_crosscheck.harness.numerics.segments import (
     BlownUpError,
@@ -16,7 +16,7 @@ from physics_crosscheck.harness.numerics.segments import (
     extrapolate,
     limits_only,
 )
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.numerics.conftest import MASS, STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 NAMES = ("x", "x_dot")

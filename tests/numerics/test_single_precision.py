@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array, Force, StateForce
 from physics_crosscheck.harness.checks.verdict import judge
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.harness.numerics.judgement import resolvable
 from physics_crosscheck.harness.numerics.ladder import (
     EPSILON,
@@ -19,7 +19,7 @@ from physics_crosscheck.harness.numerics.ladder import (
 from physics_crosscheck.harness.numerics.rounding import quantization_error
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import study_step
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.numerics.conftest import Bench, MakeBench, SymplecticEuler
 from tests.numerics.test_coarse_rounding import EVERYWHERE, Errors
 

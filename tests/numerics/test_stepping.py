@@ -11,17 +11,17 @@ import numpy as np
 import pybullet_data
 import pytest
 
+from physics_crosscheck.engine import Array, Force, StateForce
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import SystemTask, load, model_task
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce, StepRule
+from physics_crosscheck.harness.engines.protocol import StepRule
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.stepping import StepComparison, step_engine
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Case, Outcome
 from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler

@@ -4,18 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from physics_crosscheck.harness.records.case import (
-    Case,
-    CheckedStep,
-    FullRun,
-    Stepping,
-    TargetStep,
-    Verdict,
-)
-from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.case import CheckedStep, Stepping, TargetStep
+from physics_crosscheck.records import AuditFinding, Case, FullRun, Model, Outcome, Results, Verdict
 
 
 def verdict(**fields: Any) -> Verdict:

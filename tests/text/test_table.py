@@ -12,19 +12,10 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from physics_crosscheck.harness.interfaces.pytest_plugin.collect import properties
-from physics_crosscheck.harness.records.case import (
-    Case,
-    CaseId,
-    EventTime,
-    SkippedCheck,
-    WholeStep,
-)
-from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.case import EventTime, SkippedCheck, WholeStep
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.diff import Status, bare_diff
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.render.html.cases import case_view
 from physics_crosscheck.harness.render.terminal.console import STYLES, terminal, wrapped
 from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
@@ -39,6 +30,7 @@ from physics_crosscheck.harness.render.terminal.table import (
 )
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
 from physics_crosscheck.harness.results.status import duration, percent
+from physics_crosscheck.records import Case, CaseId, Cause, Diagnosis, Explanation, Outcome, Results
 from tests.records.made import case, finding, full_run, model, results, stepping, verdict
 
 

@@ -10,16 +10,20 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.cause import Cause, CauseId
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html.diagnoses import sentence
 from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.results.issues import collect_issues
+from physics_crosscheck.records import (
+    Case,
+    Cause,
+    CauseId,
+    Diagnosis,
+    Explanation,
+    Model,
+    Outcome,
+    Results,
+    SourceLine,
+)
 from tests.records.made import case, finding, model, results, verdict
 
 WRONG = Cause(
