@@ -151,10 +151,10 @@ def test_edit_is_reported_by_its_kinds(
 ) -> None:
     findings = audit_copy(*file.split("/"), engine, *edits)
     lines = [f"{'note ' * (f.severity == 'note')}{f.kind}: {f.message}" for f in findings]
-    kinds = [one.split(": ")[0] for one in expected]
-    for kind, one in zip(kinds, expected, strict=True):
-        text = one.removeprefix(f"{kind}: ")
-        assert any(line.startswith(f"{kind}: ") and text in line for line in lines), lines
+    kinds = [line.split(": ")[0] for line in expected]
+    for kind, line in zip(kinds, expected, strict=True):
+        text = line.removeprefix(f"{kind}: ")
+        assert any(each.startswith(f"{kind}: ") and text in each for each in lines), lines
     assert {f.kind for f in severe(findings)} <= set(kinds)
     limits = [f.location for f in findings if f.kind == "joint limit"]
     assert all(place is not None and place.line for place in limits)

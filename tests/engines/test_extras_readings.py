@@ -1,4 +1,4 @@
-"""What only optional engines do with a URDF, as listed in `docs/engines/`."""
+"""Readings of a URDF by optional engines alone, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What conformance cannot ask: motions whose equations are known, in every adapter and format."""
+"""Motions whose equations are known, in every adapter and format; conformance asks the rest."""
 
 import math
 from pathlib import Path
