@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck import (
-    Constant,
-    Coordinate,
-    Equilibrium,
-    Input,
-    Output,
-    Scenario,
-    System,
-)
+from physics_crosscheck import System
 from physics_crosscheck.engine import Array, Force, LoadedModel, StateForce
 from physics_crosscheck.harness.checks.prepare import scaled
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -25,38 +17,9 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coord
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
+from tests.reference.mechanisms import oscillator
 
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
-
-
-def oscillator(
-    damping: float = DAMPING, drive: sp.Expr | float = 0.0, duration: float = 3.0
-) -> System:
-    """Return a mass on a spring as a declared system with one scenario."""
-    x = Coordinate("x", "m", "displacement")
-    m = Constant("m", MASS, "kg", "mass", "test")
-    c = Constant("c", damping, "N*s/m", "damping", "test")
-    k = Constant("k", STIFFNESS, "N/m", "stiffness", "test")
-    f = Input("f", "N", "force", on={x: 1})
-    return System(
-        name="oscillator",
-        title="Oscillator",
-        source="test",
-        coordinates=(x,),
-        constants=(m, c, k),
-        inputs=(f,),
-        outputs=(Output("x", x.q, "m", "displacement"),),
-        T=m * x.v**2 / 2,
-        V=k * x.q**2 / 2,
-        D=c * x.v**2 / 2,
-        equilibria=(Equilibrium("rest", at={x: 0}, search=False, description="rest"),),
-        scenarios=(
-            Scenario(
-                "only", "test", q={x: 0.25}, v={x: -0.4}, inputs={f: drive}, duration=duration
-            ),
-        ),
-        published=(),
-    )
 
 
 @dataclass
@@ -146,7 +109,9 @@ def bench() -> MakeBench:
         drive: sp.Expr | float = 0.0,
         duration: float = 3.0,
     ) -> Bench:
-        system = oscillator(damping, drive, duration)
+        system = oscillator(
+            MASS, damping, STIFFNESS, force=drive, x=0.25, v=-0.4, duration=duration
+        )
         equations = derive(system)
         sidecar = Sidecar(
             model=Path("test.model"),
