@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.compare.asking import compared, laws, result, written
 from tests.compare.test_acting import SOFT, URDF
 

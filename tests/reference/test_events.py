@@ -13,25 +13,23 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from physics_crosscheck import (
+    Constant,
+    Contact,
+    Coordinate,
+    DeclarationError,
+    DryFriction,
+    Output,
+    Scenario,
+    System,
+)
 from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.declaration import (
-    Constant,
-    Coordinate,
-    DeclarationError,
-    Output,
-    Scenario,
-)
-from physics_crosscheck.reference.mechanism.interactions import (
-    Contact,
-    DryFriction,
-    Interaction,
-)
+from physics_crosscheck.reference.mechanism.interactions import Interaction
 from physics_crosscheck.reference.mechanism.laws import SoftLaw, Softness
-from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.segments import Motion
 
 EVENTS = Path(__file__).parents[2] / "models" / "events"
