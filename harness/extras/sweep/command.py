@@ -117,7 +117,7 @@ COMMAND = Command(
         arguments.THOROUGH,
         *arguments.limits(),
         arguments.jobs("2"),
-        arguments.SCHEDULER_ADDRESS,
+        arguments.scheduler,
         arguments.out("reports/sweep"),
         _single_case_or_summary,
     ),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli.completion import engine_names, systems_and_files
-from physics_crosscheck.harness.interfaces.cli.help import ARGUMENTS, Option, option
+from physics_crosscheck.harness.interfaces.cli.help import ARGUMENTS, Option, group, option
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 
@@ -72,6 +72,16 @@ class AppendAction(argparse.Action):
         """Append a value."""
         now = getattr(namespace, self.dest)
         setattr(namespace, self.dest, [*(() if now is self.default else now), values])
+
+
+def scheduler(command: argparse.ArgumentParser) -> None:
+    """Add --scheduler ADDRESS; the environment is read when a parser is built."""
+    group(command, "Limits").add_argument(
+        "--scheduler",
+        default=os.environ.get(SCHEDULER, ""),
+        metavar="ADDRESS",
+        help=f"Use a Dask cluster, e.g. tcp://HOST:8786 [${SCHEDULER} or this machine]",
+    )
 
 
 def jobs(default: str = "one per processor") -> Option:
@@ -249,13 +259,6 @@ DETAILS = option(
     "--details",
     action="store_true",
     help="Print errors, coverage, steps and every implausible number too",
-)
-SCHEDULER_ADDRESS = option(
-    "Limits",
-    "--scheduler",
-    default=os.environ.get(SCHEDULER, ""),
-    metavar="ADDRESS",
-    help=f"Use a Dask cluster, e.g. tcp://HOST:8786 [${SCHEDULER} or this machine]",
 )
 STANDALONE = option(
     "Robot files",

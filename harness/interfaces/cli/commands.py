@@ -59,7 +59,7 @@ _RUN_OPTIONS = (
     arguments.BASELINE,
     *arguments.limits(),
     arguments.jobs(),
-    arguments.SCHEDULER_ADDRESS,
+    arguments.scheduler,
 )
 """Options that `run` and `demo` share."""
 
