@@ -315,7 +315,7 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
                     message = f"{about}: other heights in B"
                 lines = _text_line(a, subject, key), _text_line(b, subject, key)
                 share = _share(*values)
-                if key in MEDIUM and (a.tree.fluid or b.tree.fluid):
+                if key in FLUID and (a.tree.fluid or b.tree.fluid):
                     tree = _immersed(a.tree, b.tree, key)
                     yield make_property(
                         kind, key, message, lines=lines, relative=share, changed=tree
@@ -327,7 +327,7 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
 EQUALITY = ("active", "data while inactive")
 """Attributes of equalities; laws have the active ones."""
 
-MEDIUM = ("density", "viscosity", "wind")
+FLUID = ("density", "viscosity", "wind")
 """Options that act on bodies in a medium, and so on motions."""
 
 
