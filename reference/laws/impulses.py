@@ -17,8 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.reference.laws.constraints import mixed_friction
-from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.mechanism.laws import (
     ContactPoint,
     HardJoint,
@@ -28,6 +26,8 @@ from physics_crosscheck.reference.mechanism.laws import (
     ImpulseRules,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
+from .constraints import mixed_friction
+from .mechanics import LawTree, Posture
 
 LARGEST_FRICTION = 10.0
 """Largest friction of a pair of surfaces."""

@@ -219,15 +219,17 @@ class Cell:
         return min(self.cases, key=lambda view: severity(view.case))
 
     @property
-    def is_accepted(self) -> bool:
-        """True if the worst scenario does not agree and is accepted."""
+    def outcome(self) -> Outcome:
+        """Outcome of the worst scenario; an accepted difference agrees."""
         case = self.worst.case
-        return bool(case.accepted) and case.outcome is not Outcome.AGREES
+        return Outcome.AGREES if case.accepted else case.outcome
 
     @property
-    def outcome(self) -> Outcome:
-        """Outcome of the worst scenario; that of an agreeing one if it is accepted."""
-        return Outcome.AGREES if self.is_accepted else self.worst.case.outcome
+    def word(self) -> str:
+        """The fewest digits if it agrees, "as accepted", or the outcome."""
+        if self.worst.case.outcome is not self.outcome:
+            return "as accepted"
+        return self.digits if self.outcome is Outcome.AGREES else self.outcome
 
     @property
     def counts(self) -> str:
