@@ -270,15 +270,6 @@ def test_failed_report_keeps_the_old_one(tmp_path: Path, monkeypatch: pytest.Mon
     assert path.read_text() == "old"
 
 
-def test_page_notes_system_without_derivation() -> None:
-    sample = results(1)
-    sample = replace(sample, systems=(replace(sample.systems[0], derivation=None),))
-    text = Page(render(sample)).text
-    assert "The equations of motion were not derived in this run." in text
-    assert "Lagrangian" not in text
-    assert "Linearizations about" not in text
-
-
 @pytest.mark.parametrize(
     ("values", "labels"),
     [

@@ -389,6 +389,7 @@ def test_system_without_derivation_shows_its_declaration() -> None:
     sample = results(1)
     sample = replace(sample, systems=(replace(sample.systems[0], derivation=None),))
     view = view_of(render(sample), "system-system_0")
+    assert "The equations of motion were not derived in this run." in view
     assert "Lagrangian" not in view
     assert "Engine linearizations about" in view
     assert "<h3>Linearization about" not in view
