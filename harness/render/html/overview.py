@@ -281,13 +281,15 @@ def matrix(views: Iterable[CaseView]) -> tuple[list[str], list[Row]]:
     ]
 
 
-def reading_notes(engine: str, models: Iterable[Model]) -> list[str]:
-    """Return different notes on how an engine reads files, the most frequent first."""
-    counts = Counter(
-        note.message
-        for model in models
-        if model.engine == engine
-        for note in model.audit or ()
-        if note.severity == "note" and note.kind not in MODEL_NOTES
-    )
-    return [message for message, _ in counts.most_common(MAX_NOTES)]
+def reading_notes(engines: Iterable[str], models: Iterable[Model]) -> dict[str, list[str]]:
+    """Return different notes on how each engine reads files, the most frequent first."""
+    counts: dict[str, Counter[str]] = {engine: Counter() for engine in engines}
+    for model in models:
+        for note in model.audit or ():
+            if note.severity == "note" and note.kind not in MODEL_NOTES and model.engine in counts:
+                counts[model.engine][note.message] += 1
+    return {
+        engine: [message for message, _ in notes.most_common(MAX_NOTES)]
+        for engine, notes in counts.items()
+        if notes
+    }

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.model import EngineLinearization, EnginePole, Model
 from physics_crosscheck.harness.records.system import (
-    Mode,
+    Linearization,
     Shape,
     Sketch,
     SketchTree,
-    Symbol,
     SystemResult,
     TransferFunction,
 )
@@ -341,19 +340,22 @@ def transfer_formula(transfer: TransferFunction, system: SystemResult) -> str:
     return rf"\frac{{{output}}}{{{source}}} = {transfer.formula.latex}"
 
 
-def mode_row(mode: Mode, coordinates: Sequence[Symbol]) -> tuple[str, ...]:
-    """Return an undamped mode: rad/s, Hz, shape, and a remark."""
-    shape = ", ".join(
-        f"{coordinate.name} {_entry(value)}"
-        for coordinate, value in zip(coordinates, mode.shape, strict=True)
-    )
-    if mode.rigid:
-        return "0", "0", shape, "rigid body"
-    if mode.growth:
-        return NOTHING, NOTHING, shape, f"grows, {mode.growth:.5g} 1/s"
-    if mode.frequency is None:
-        return NOTHING, NOTHING, shape, ""
-    return f"{mode.frequency:.6g}", f"{mode.frequency / (2 * math.pi):.5g}", shape, ""
+def mode_rows(linearization: Linearization, system: SystemResult) -> Iterator[tuple[str, ...]]:
+    """Yield each undamped mode: rad/s, Hz, shape, and a remark."""
+    for mode in linearization.modes:
+        shape = ", ".join(
+            f"{coordinate.name} {_entry(value)}"
+            for coordinate, value in zip(system.coordinates, mode.shape, strict=True)
+        )
+        if mode.rigid:
+            yield "0", "0", shape, "rigid body"
+        elif mode.growth:
+            yield NOTHING, NOTHING, shape, f"grows, {mode.growth:.5g} 1/s"
+        elif mode.frequency is None:
+            yield NOTHING, NOTHING, shape, ""
+        else:
+            hertz = mode.frequency / (2 * math.pi)
+            yield f"{mode.frequency:.6g}", f"{hertz:.5g}", shape, ""
 
 
 def _entry(value: float | None) -> str:
