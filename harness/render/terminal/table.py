@@ -532,10 +532,7 @@ def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
     """Yield what whole steps that agree do not compare, with its engines."""
     parts: dict[str, list[str]] = {}
     for step, case in alike:
-        what = list(step.unjudged)
-        if not step.next_state:
-            what.insert(0, "next states, time step, integrator and states of drives")
-        for part in what:
+        for part in step.omitted:
             parts.setdefault(part, []).append(case.engine)
     for part, names in parts.items():
         yield f"whole steps: {part} not compared in {', '.join(dict.fromkeys(names))}"
