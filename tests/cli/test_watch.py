@@ -15,8 +15,7 @@ import pytest
 from physics_crosscheck.harness.interfaces.cli.run import _watched
 from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
 from physics_crosscheck.harness.interfaces.pytest_plugin.session import targets_under
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.records import Outcome, read_results
 from tests.cli.test_choosing import crosscheck, place
 from tests.faults.known_folder import environment
 
