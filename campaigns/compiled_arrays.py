@@ -146,10 +146,10 @@ def _change(name: str, place: int, share: float | None) -> Plant:
     return plant
 
 
-def run_with(task: TreeTask, plant: Plant | None) -> tuple[Outcome, bool]:
+def run_with(task: TreeTask, plant: Plant | None, steps: KeptSteps) -> tuple[Outcome, bool]:
     """Run a case whose engine changes each model after loading it; True if it compares steps."""
     with planting(task.engine, plant):
-        case = run_case(task.with_target(steps=KeptSteps()))
+        case = run_case(task.with_target(steps=steps))
     return case.outcome, case.whole_step is not None and case.whole_step.outcome is not None
 
 
@@ -162,12 +162,13 @@ class PlantedRobot:
         self.engine, self._spec = spec_of(file, engine, floating=floating)
         prepared = prepare_tree(file, states=8, floating=floating)
         self.task = model_task(prepared, self.engine).with_settings(**self._spec.settings)
-        outcome, self._compares = run_with(self.task, None)
+        self._kept = KeptSteps()
+        outcome, self._compares = run_with(self.task, None, self._kept)
         self.agrees = outcome is Outcome.AGREES
         self.faults = list[LoadedFault]()
         if not self.agrees:
             return
-        self._file, self._kept = file, KeptSteps()
+        self._file = file
         model = self._load(None)
         self.states = [] if model is None else list(self._drawn(model, rng))
         self.steps = list(self._evaluated(None))
@@ -235,10 +236,23 @@ class PlantedRobot:
         except (FileError, BlownUpError):
             return True
 
+    def _steps_differ(self, plant: Plant) -> bool:
+        """Return whether steps differ at the states of the run without a fault, which is quick."""
+        comparison, kept = self._kept.kept(self.engine)
+        model = self._load(plant)
+        if comparison is None or model is None:
+            return False
+        again = comparison.of_engine(model)
+        evaluated = again.evaluate([sample.state for sample in kept])
+        resolution = self.task.resolution
+        return again.judge(again.compare(evaluated), resolution).outcome is Outcome.DIFFERS
+
     def verdict(self, fault: LoadedFault) -> str:
         """Return what a fault that acts leads to."""
         try:
-            outcome, compares = run_with(self.task, fault.plant)
+            if self._steps_differ(fault.plant):
+                return "detected"
+            outcome, compares = run_with(self.task, fault.plant, KeptSteps())
             if outcome is not Outcome.AGREES:
                 return "detected"
             if self._compares and not compares:
