@@ -23,7 +23,7 @@ from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.poses import FramePose, Poses
 from physics_crosscheck.harness.render.html import overview
-from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines
+from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines, unread_line
 from tests.poses.arm import SWING
 
 MJCF = """<mujoco><option timestep="0.002" gravity="0 0 0"/><visual><global fovy="30"/></visual>
@@ -190,8 +190,8 @@ def test_line_names_the_engine_whose_checks_are_counted() -> None:
     assert coverage_line(model(coverage=counted)).startswith("23 of 31 numbers tested in other (")
     other = model(engine="other", coverage=counted)
     assert coverage_line(other).startswith("23 of 31 numbers tested (")
-    (row,) = overview.tested_numbers([model(coverage=counted), other])
-    assert row.engine == "other"
+    ((best, _),) = overview.tested_numbers([model(coverage=counted), other])
+    assert best.engine == "other"
 
 
 def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:
@@ -200,3 +200,14 @@ def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:
     assert coverage_lines(models) == [
         "arm/a.xml [known], arm/a.xml [other]: poses not compared: the system declares no frames"
     ]
+
+
+def test_what_no_engine_reads_is_one_line() -> None:
+    """Catch the ratio of a transmission that is lost among the numbers without effect."""
+    ratios = Untested(reason="transmissions", count=2, examples=("motorInertia", "reduction"))
+    parts = ("<contact> of <link>", "<mu1> of <gazebo>", "<static> of <gazebo> (2)", "dry friction")
+    models = [model(coverage=Coverage(numbers=2, untested=(ratios,), left_out=parts))] * 2
+    assert unread_line(models) == (
+        "no engine reads <motorInertia> of <transmission>; <mu1>, <static> of <gazebo>"
+    )
+    assert unread_line([model(coverage=Coverage(left_out=parts[:1]))]) == ""

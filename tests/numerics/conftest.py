@@ -28,6 +28,11 @@ from physics_crosscheck.reference.solving.solve import solve
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 
 
+def finite(value: float | None) -> float:
+    assert value is not None
+    return value
+
+
 def oscillator(
     damping: float = DAMPING, drive: sp.Expr | float = 0.0, duration: float = 3.0
 ) -> System:

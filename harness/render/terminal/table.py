@@ -32,7 +32,11 @@ from physics_crosscheck.harness.render.terminal.problems import (
     is_single_file,
     print_problems,
 )
-from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
+from physics_crosscheck.harness.results.coverage import (
+    coverage_lines,
+    coverage_summary,
+    unread_line,
+)
 from physics_crosscheck.harness.results.failure import acting_texts, advice_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
@@ -285,6 +289,8 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         print_wrapped(console, f"{line}; --details lists the rest")
         for line in _acting_lines(results):
             print_wrapped(console, line, indent=2)
+    if line := unread_line(results.models):
+        print_wrapped(console, line)
     for system in results.systems:
         meshes = () if system.scene is None else system.scene.unread
         missing = [one for one in meshes if one.problem == "missing"]
