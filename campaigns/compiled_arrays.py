@@ -239,13 +239,16 @@ class PlantedRobot:
     def _steps_differ(self, plant: Plant) -> bool:
         """Return whether steps differ at the states of the run without a fault, which is quick."""
         comparison, kept = self._kept.kept(self.engine)
-        model = self._load(plant)
-        if comparison is None or model is None:
+        try:
+            model = self._load(plant)
+            if comparison is None or model is None:
+                return False
+            again = comparison.of_engine(model)
+            evaluated = again.evaluate([sample.state for sample in kept])
+            judged = again.judge(again.compare(evaluated), self.task.resolution)
+        except (FileError, BlownUpError):
             return False
-        again = comparison.of_engine(model)
-        evaluated = again.evaluate([sample.state for sample in kept])
-        resolution = self.task.resolution
-        return again.judge(again.compare(evaluated), resolution).outcome is Outcome.DIFFERS
+        return judged.outcome is Outcome.DIFFERS
 
     def verdict(self, fault: LoadedFault) -> str:
         """Return what a fault that acts leads to."""
