@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from physics_crosscheck.harness.jobs.environment import claim_defaults
 
 if TYPE_CHECKING:
-    from physics_crosscheck.harness.records.case import Case, FullRun, Verdict
+    from physics_crosscheck.records import Case, FullRun, Verdict
 
 # Here too where the package is not installed.
 pytest_plugins = ["physics_crosscheck.pytest_plugin"]

@@ -10,8 +10,8 @@ import pytest
 from physics_crosscheck.harness.planning.model_checks import AUDIT, CHECKS, COVERAGE, ModelCheck
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.survey import Audit
+from physics_crosscheck.records import Model
 from tests.records.made import finding
 
 MECHANICS = next(check for check in CHECKS if check.kind == "mechanics")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.records import AuditFinding
 from tests.audit.models import MODELS, AuditCopy, audit
 from tests.physics import physics as prepared
 from tests.standing import keep_default_engines

@@ -9,7 +9,7 @@ from physics_crosscheck.harness.checks.audit import audit_declared
 from physics_crosscheck.harness.checks.prepare import PreparedSystem
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.records import AuditFinding
 
 MODELS = Path(__file__).parents[2] / "models"
 

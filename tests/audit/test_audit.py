@@ -9,17 +9,18 @@ import msgspec
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Force, LoadedModel, StateForce
 from physics_crosscheck.harness.checks.audit import audit_declared, declared_bindings
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import Force, LoadedModel, StateForce
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
-from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
+from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.results.failure import audit_lines
+from physics_crosscheck.records import AuditFinding
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.audit.models import MODELS, AuditCopy, audit, messages, severe
@@ -82,142 +83,81 @@ def test_literal_without_effect_on_motion_is_a_finding(tmp_path: Path) -> None:
     assert [f.kind for f in severe(findings)] == ["literal"]
 
 
-def test_rounded_literal_and_its_effect_are_notes(audit_copy: AuditCopy) -> None:
-    findings = audit_copy(
-        "drum_pendulum", "mujoco_rolling.xml", "mujoco", ("5.555555555555555", "5.55556")
-    )
-    assert severe(findings) == []
-    assert "rounded (relative error" in messages(findings, "rounded", "note")
-    assert "the rounded numbers of the file explain it" in messages(findings, "inertia", "note")
+MASS, PENDULUM, PAIR = "mass_spring_damper", "simple_pendulum", "free_pair"
+URDF = (MODELS / MASS / "robot.urdf").read_text()
+INERTIAL = '<link name="mass">' + URDF.split('<link name="mass">')[1].split("</inertial>")[0]
+BINDINGS = (MODELS / MASS / "robot.urdf.toml").read_text().partition("[bindings]")[2]
+HINGE, SLIDE = 'name="theta" type="hinge"', 'name="x" type="slide"'
+NO_LENGTH = ('springlength="0"', "")
+LIMIT = ('lower="-100" upper="100"', 'lower="-0.01" upper="100"')
+SPACE = "    space = pymunk.Space()\n"
 
 
-def test_missing_damper_is_reported(audit_copy: AuditCopy) -> None:
-    findings = audit_copy("mass_spring_damper", "mujoco.xml", "mujoco", ("damping=", "margin="))
-    assert "damping of x is 0 in the model and" in messages(findings, "damping")
-    assert "the binding can't be read" in messages(findings, "binding")
-    assert len(severe(findings)) == 2
-
-
-def test_unwanted_armature_is_named_with_the_inertia(audit_copy: AuditCopy) -> None:
-    change = ('name="theta" type="hinge"', 'name="theta" type="hinge" armature="0.001"')
-    findings = audit_copy("simple_pendulum", "mujoco.xml", "mujoco", change)
-    assert "inertia of theta" in messages(findings, "inertia")
-    assert "armature of theta adds an inertia of 0.001" in messages(findings, "default")
-
-
-def test_friction_is_distinguished_from_damping_and_inertia(audit_copy: AuditCopy) -> None:
-    change = ('name="x" type="slide"', 'name="x" type="slide" frictionloss="0.3"')
-    findings = audit_copy("mass_spring_damper", "mujoco.xml", "mujoco", change)
-    assert "frictionloss of x is 0.3; dry friction is not smooth" in messages(
-        findings, "dry friction"
-    )
-    assert "a friction of 0.3" in messages(findings, "friction")
-    assert {f.kind for f in severe(findings)} <= {"dry friction", "friction"}
-
-
-def test_joint_limit_within_the_motions_is_reported(audit_copy: AuditCopy) -> None:
-    change = ('name="theta" type="hinge"', 'name="theta" type="hinge" range="-2 2"')
-    findings = audit_copy("simple_pendulum", "mujoco.xml", "mujoco", change)
-    assert "theta is limited to [-2, 2], and the motions reach" in messages(findings, "joint limit")
-    wide = (change[0], change[0] + ' range="-90 90"')
-    assert severe(audit_copy("simple_pendulum", "mujoco.xml", "mujoco", wide)) == []
-
-
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
-def test_urdf_limit_within_the_motions_is_reported(audit_copy: AuditCopy, engine: str) -> None:
-    change = ('lower="-100" upper="100"', 'lower="-0.01" upper="100"')
-    findings = audit_copy("mass_spring_damper", "robot.urdf", engine, change)
-    assert "x is limited to [-0.01, 100]" in messages(findings, "joint limit")
-    where = next(f.location for f in findings if "is limited to" in f.message)
-    assert where is not None
-    assert where.line
-
-
-def test_friction_ignored_by_pybullet_is_reported(audit_copy: AuditCopy) -> None:
-    change = ('friction="0"', 'friction="0.4"')
-    findings = audit_copy("mass_spring_damper", "robot.urdf", "pybullet", change)
-    assert "<dynamics friction> of x is 0.4; PyBullet ignores it" in messages(
-        findings, "dry friction"
-    )
-
-
-def test_link_without_inertial_is_reported(audit_copy: AuditCopy) -> None:
-    text = (MODELS / "mass_spring_damper" / "robot.urdf").read_text()
-    first = text.index("<inertial>", text.index('<link name="mass"'))
-    gone = text[first : text.index("</inertial>", first) + len("</inertial>")]
-    sidecar = (MODELS / "mass_spring_damper" / "robot.urdf.toml").read_text()
-    bound = sidecar[sidecar.index("[bindings]") :]
-    findings = audit_copy(
-        "mass_spring_damper",
-        "robot.urdf",
-        "pybullet",
-        (text[first - 40 : first] + gone, text[first - 40 : first]),
-        (bound, ""),
-    )
-    assert "link mass moves and has no <inertial>" in messages(findings, "inertial")
-
-
-def test_tendon_without_springlength_is_reported_if_it_pulls(audit_copy: AuditCopy) -> None:
-    shifted = ('springlength="0"', "")
-    findings = audit_copy("free_pair", "mujoco.xml", "mujoco", shifted)
-    assert severe(findings) == []  # its length there is the intended one
-    assert "sets no springlength" in messages(findings, "default", "note")
-    ref = ('name="x2" type="slide"', 'name="x2" type="slide" springref="0.1"')
-    findings = audit_copy("free_pair", "mujoco.xml", "mujoco", shifted, ref)
-    assert "a force of 3.8" in messages(findings, "rest")
-    assert "sets no springlength: its spring rests at 0.1" in messages(findings, "default")
-
-
-def test_spring_with_wrong_rest_position_is_reported(audit_copy: AuditCopy) -> None:
-    change = ('springref="0"', 'springref="0.05"')
-    findings = audit_copy("mass_spring_damper", "mujoco.xml", "mujoco", change)
-    assert "at rest in equilibrium" in messages(findings, "rest")
-    assert "the spring of x rests at 0.05" in messages(findings, "default")
-
-
-def test_soft_equality_of_mujoco_default_is_reported(audit_copy: AuditCopy) -> None:
-    findings = audit_copy(
-        "drum_pendulum",
-        "mujoco_rolling.xml",
-        "mujoco",
-        ('solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"', ""),
-    )
-    assert "equality rolling is soft: solref is MuJoCo's default" in messages(
-        findings, "constraint"
-    )
-    assert "inertia of x" in messages(findings, "inertia")
-
-
-def test_tilted_gravity_is_reported(audit_copy: AuditCopy) -> None:
-    change = ('gravity="0 0 -9.81"', 'gravity="0.1 0 -9.81"')
-    findings = audit_copy("drum_pendulum", "mujoco.xml", "mujoco", change)
-    assert "acts on x at rest" in messages(findings, "rest")
-    assert "gravity is tilted: (0.1, 0, -9.81)" in messages(findings, "default")
-
-
-def test_touching_geoms_are_reported(audit_copy: AuditCopy) -> None:
-    change = ('contype="0" conaffinity="0" mass="0"', 'mass="0"')
-    findings = audit_copy("drum_pendulum", "mujoco.xml", "mujoco", change)
-    assert "touch during the motions" in messages(findings, "contact")
-
-
-def test_damping_of_a_space_is_reported(audit_copy: AuditCopy) -> None:
-    change = (
-        "    space = pymunk.Space()\n",
-        "    space = pymunk.Space()\n    space.damping = 0.99\n",
-    )
-    findings = audit_copy("simple_pendulum", "space.py", "pymunk", change)
-    assert "Space.damping is 0.99" in messages(findings, "default")
-    assert "damping of theta is 0.00" in messages(findings, "damping")
-
-
-def test_default_error_bias_of_a_pymunk_joint_is_noted(audit_copy: AuditCopy) -> None:
-    findings = audit_copy(
-        "simple_pendulum", "space.py", "pymunk", ("rod.error_bias = 1e-10", "pass")
-    )
-    assert "error_bias of a PinJoint is pymunk's default" in messages(
-        findings, "constraint", "note"
-    )
+@pytest.mark.parametrize(("file", "engine", "edits", "expected"), [
+    (f"{DRUM}/mujoco_rolling.xml", "mujoco", [("5.555555555555555", "5.55556")],
+     ["note rounded: rounded (relative error",
+      "note inertia: the rounded numbers of the file explain it"]),
+    (f"{DRUM}/mujoco_rolling.xml", "mujoco",
+     [('solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"', "")],
+     ["constraint: equality rolling is soft: solref is MuJoCo's default",
+      "inertia: inertia of x", "freedom: "]),
+    (f"{DRUM}/mujoco.xml", "mujoco", [('gravity="0 0 -9.81"', 'gravity="0.1 0 -9.81"')],
+     ["rest: acts on x at rest", "default: gravity is tilted: (0.1, 0, -9.81)"]),
+    (f"{DRUM}/mujoco.xml", "mujoco", [('contype="0" conaffinity="0" mass="0"', 'mass="0"')],
+     ["contact: touch during the motions", "default: ", *(f"{kind}: " for kind in
+      ("stiffness", "damping", "inertia"))]),
+    (f"{DRUM}/mujoco.xml", "mujoco", [('name="drum" pos="0 0 1"', 'name="drum" pos="0 2 1"')],
+     ["pose: drum (body:drum), rod (centre:rod): off by up to 2 m from the equations' pose"]),
+    (f"{DRUM}/mujoco.xml", "mujoco", [('axis="0 -1 0"', 'axis="1 0 0"')],
+     ["pose: rod (centre:rod)", "default: ", "inertia: "]),
+    (f"{DRUM}/mujoco.xml", "mujoco", [('rod = "centre:rod"', 'rod = "body:hand"')],
+     ["frames: the model has no 'body:hand'; it has"]),
+    (f"{DRUM}/mujoco.xml", "mujoco", [(HINGE, f'{HINGE} range="-30 30" limited="true"')],
+     [f"note {BEYOND}: theta is limited to [-30, 30], and the motions stay between"]),
+    (f"{MASS}/mujoco.xml", "mujoco", [("damping=", "margin=")],
+     ["damping: damping of x is 0 in the model and", "binding: the binding can't be read"]),
+    (f"{MASS}/mujoco.xml", "mujoco", [(SLIDE, f'{SLIDE} frictionloss="0.3"')],
+     ["dry friction: frictionloss of x is 0.3; dry friction is not smooth",
+      "friction: a friction of 0.3"]),
+    (f"{MASS}/mujoco.xml", "mujoco", [('springref="0"', 'springref="0.05"')],
+     ["rest: at rest in equilibrium", "default: the spring of x rests at 0.05"]),
+    (f"{MASS}/robot.urdf", "mujoco", [LIMIT],
+     ["joint limit: x is limited to [-0.01, 100]", "acceleration: "]),
+    (f"{MASS}/robot.urdf", "pybullet", [LIMIT], ["joint limit: x is limited to [-0.01, 100]"]),
+    (f"{MASS}/robot.urdf", "pybullet", [('friction="0"', 'friction="0.4"')],
+     ["dry friction: <dynamics friction> of x is 0.4; PyBullet ignores it"]),
+    (f"{MASS}/robot.urdf", "pybullet",
+     [(f"{INERTIAL}</inertial>", '<link name="mass">'), (BINDINGS, "")],
+     ["inertial: link mass moves and has no <inertial>", "inertia: "]),
+    (f"{MASS}/space.py", "pymunk", [("STIFFNESS = ", "STIFFNESS = 1000 * ")],
+     ["stiffness: stiffness of x is", "binding: "]),
+    (f"{PENDULUM}/mujoco.xml", "mujoco", [(HINGE, f'{HINGE} armature="0.001"')],
+     ["inertia: inertia of theta", "default: armature of theta adds an inertia of 0.001"]),
+    (f"{PENDULUM}/mujoco.xml", "mujoco", [(HINGE, f'{HINGE} range="-2 2"')],
+     ["joint limit: theta is limited to [-2, 2], and the motions reach", "acceleration: "]),
+    (f"{PENDULUM}/mujoco.xml", "mujoco", [(HINGE, f'{HINGE} range="-90 90"')], []),
+    (f"{PENDULUM}/space.py", "pymunk", [(SPACE, f"{SPACE}    space.damping = 0.99\n")],
+     ["default: Space.damping is 0.99", "damping: damping of theta is 0.00"]),
+    (f"{PENDULUM}/space.py", "pymunk", [("rod.error_bias = 1e-10", "pass")],
+     ["note constraint: error_bias of a PinJoint is pymunk's default"]),
+    # Without a length, the tendon's own is the intended one, unless a spring moves the joint.
+    (f"{PAIR}/mujoco.xml", "mujoco", [NO_LENGTH], ["note default: sets no springlength"]),
+    (f"{PAIR}/mujoco.xml", "mujoco",
+     [NO_LENGTH, ('name="x2" type="slide"', 'name="x2" type="slide" springref="0.1"')],
+     ["rest: a force of 3.8", "default: sets no springlength: its spring rests at 0.1"]),
+])  # fmt: skip
+def test_edit_is_reported_by_its_kinds(
+    audit_copy: AuditCopy, file: str, engine: str, edits: list[tuple[str, str]], expected: list[str]
+) -> None:
+    findings = audit_copy(*file.split("/"), engine, *edits)
+    lines = [f"{'note ' * (f.severity == 'note')}{f.kind}: {f.message}" for f in findings]
+    kinds = [line.split(": ")[0] for line in expected]
+    for kind, line in zip(kinds, expected, strict=True):
+        text = line.removeprefix(f"{kind}: ")
+        assert any(each.startswith(f"{kind}: ") and text in each for each in lines), lines
+    assert {f.kind for f in severe(findings)} <= set(kinds)
+    limits = [f.location for f in findings if f.kind == "joint limit"]
+    assert all(place is not None and place.line for place in limits)
 
 
 def test_wrong_nonlinear_term_is_reported_at_random_states(tmp_path: Path) -> None:
@@ -268,13 +208,6 @@ def test_findings_survive_json_and_print_as_lines(audit_copy: AuditCopy, tmp_pat
     assert audit_lines([]) == ["ok: literals and compiled terms match the equations"]
 
 
-def test_much_too_stiff_model_is_measured_with_shorter_steps(audit_copy: AuditCopy) -> None:
-    findings = audit_copy(
-        "mass_spring_damper", "space.py", "pymunk", ("STIFFNESS = ", "STIFFNESS = 1000 * ")
-    )
-    assert "stiffness of x is" in messages(findings, "stiffness")
-
-
 def test_accelerations_without_limit_are_unresolved() -> None:
     """Use an engine whose accelerations depend on the step."""
 
@@ -314,30 +247,4 @@ def test_thousands_of_invalid_bindings_are_summarized(tmp_path: Path) -> None:
     assert len(problems) == 11
     assert problems[-1].message == (
         "2990 more bindings were not checked, after 10 unreadable ones; fix these first"
-    )
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (('body name="drum" pos="0 0 1"', 'body name="drum" pos="0 2 1"'),
-         "drum (body:drum), rod (centre:rod): off by up to 2 m from the equations' pose"),
-        (('axis="0 -1 0"', 'axis="1 0 0"'), "rod (centre:rod)"),
-        (('rod = "centre:rod"', 'rod = "body:hand"'), "the model has no 'body:hand'; it has"),
-    ],
-)  # fmt: skip
-def test_misplaced_body_is_a_finding(
-    audit_copy: AuditCopy, change: tuple[str, str], words: str
-) -> None:
-    findings = audit_copy("drum_pendulum", "mujoco.xml", "mujoco", change)
-    assert words in messages(findings, "pose") + messages(findings, "frames")
-
-
-def test_joint_limit_beyond_the_motions_is_noted(audit_copy: AuditCopy) -> None:
-    limit = 'name="theta" type="hinge" range="-30 30" limited="true"'
-    findings = audit_copy(
-        "drum_pendulum", "mujoco.xml", "mujoco", ('name="theta" type="hinge"', limit)
-    )
-    assert "theta is limited to [-30, 30], and the motions stay between" in messages(
-        findings, BEYOND, "note"
     )

@@ -7,12 +7,13 @@ from typing import get_args
 
 import pytest
 
+from physics_crosscheck.engine import EngineError
 from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
+from physics_crosscheck.harness.records.finding import PlausibilityKind
+from physics_crosscheck.records import AuditFinding
 from tests.commands import crosscheck
 
 BOX = '<geometry><box size="0.1 0.1 0.4"/></geometry>'
@@ -65,119 +66,79 @@ def text_at(finding: AuditFinding) -> str:
     return Path(finding.location.file).read_text().splitlines()[finding.location.line - 1]
 
 
-def test_robot_of_uniform_boxes_gets_no_advice(tmp_path: Path) -> None:
-    parts = (link("left_arm"), joint("left_arm"), link("right_arm"), joint("right_arm"))
-    assert advice(tmp_path, *parts) == []
+STRONG, WEAK, KNEE = (
+    f'lower="{lower}" upper="1" effort="{effort}" velocity="1"'
+    for lower, effort in ((-1, 1000), (-1, 0.5), (0.2, 100))
+)
+CUBE = '<geometry><box size="1 1 1"/></geometry>'  # 6 m^2
+EQUAL = (0.01,) * 3
+ARMS = joint("left_arm") + link("right_arm") + joint("right_arm")
 
 
-def test_equal_inertias_of_different_links_are_reported(tmp_path: Path) -> None:
-    tensor = (0.01, 0.01, 0.01)
-    parts = (link("a", 1.0, tensor), joint("a"), link("b", 3.0, tensor), joint("b"))
-    finding = only(tmp_path, "equal inertias", *parts)
-    assert finding.subject == ("a", "b")
-    assert finding.actual == 0.01
-    assert finding.expected == pytest.approx(1.0 / 12 * (0.1**2 + 0.4**2), rel=1e-9)
-
-
-def test_equal_inertias_of_equal_links_are_fine(tmp_path: Path) -> None:
-    parts = [text for name in "abc" for text in (link(name), joint(name))]
-    assert advice(tmp_path, *parts) == []
-
-
-def test_inertia_beyond_all_mass_at_the_corners_is_too_large(tmp_path: Path) -> None:
-    finding = only(tmp_path, "inertia too large", link("a", 2.0, (0.5, 0.5, 0.1)), joint("a"))
-    assert "impossible" in finding.message
-    assert "<inertial>" in text_at(finding)
-    assert finding.expected == pytest.approx(0.0283, rel=0.01)
-
-
-def test_inertia_of_a_point_is_too_small(tmp_path: Path) -> None:
-    finding = only(tmp_path, "inertia too small", link("a", 2.0, (1e-6, 1e-6, 1e-6)), joint("a"))
-    assert finding.actual == pytest.approx(1e-6)
-
-
-def test_center_of_mass_outside_the_box_is_noted_with_its_distance(tmp_path: Path) -> None:
-    finding = only(tmp_path, "center outside", link("a", center="0 0 0.3"), joint("a"))
-    assert finding.actual == pytest.approx(0.1)
-
-
-def test_mass_denser_than_any_metal_is_noted(tmp_path: Path) -> None:
-    finding = only(tmp_path, "density", link("a", 100.0, (1.4, 1.4, 0.16)), joint("a", EFFORT))
-    assert finding.expected == pytest.approx(4.0)
-
-
-def test_mass_below_a_balloon_is_noted(
-    tmp_path: Path,
-) -> None:
-    cube = '<geometry><box size="1 1 1"/></geometry>'  # 6 m^2
-    for mass, kinds in ((0.02, ["density"]), (0.06, [])):
-        moments = (mass / 6,) * 3
-        findings = advice(tmp_path, link("a", mass, moments, shape=cube), joint("a"))
-        assert [finding.kind for finding in findings] == kinds
-
-
-EFFORT = 'lower="-1" upper="1" effort="1000" velocity="1"'
-
-
-def test_inertia_along_other_axes_than_the_shape_is_noted(tmp_path: Path) -> None:
-    moments = (0.0033, 0.0283, 0.0283)
-    finding = only(tmp_path, "swapped axes", link("a", 2.0, moments), joint("a"))
-    assert "rotation" in finding.message
-
-
-def test_left_and_right_with_different_masses_are_noted(tmp_path: Path) -> None:
-    parts = (link("left_arm", 2.2), joint("left_arm"), link("right_arm"), joint("right_arm"))
-    finding = only(tmp_path, "left and right", *parts)
-    assert finding.subject == ("left_arm", "right_arm")
-    assert (finding.actual, finding.expected) == (2.2, 2.0)
-
-
-def test_moving_mass_without_inertia_is_noted(tmp_path: Path) -> None:
-    part = link("a", 2.0, (0, 0, 0), center="0.04 0 0")
-    finding = only(tmp_path, "moving without inertia", part, joint("a"))
-    assert finding.expected == pytest.approx(0.0283, rel=0.01)
-
-
-def test_joint_that_engines_lock_is_noted(tmp_path: Path) -> None:
-    frame = '<link name="a"/>'
-    finding = only(tmp_path, "moving without inertia", frame, joint("a"), link("b"), joint("b"))
-    assert finding.subject == ("a_joint",)
-    assert 'name="a_joint"' in text_at(finding)
+@pytest.mark.parametrize(("robot", "kind", "actual", "expected", "subject", "text"), [
+    (link("a", 1.0, EQUAL) + joint("a") + link("b", 3.0, EQUAL) + joint("b"), "equal inertias",
+     0.01, 1.0 / 12 * (0.1**2 + 0.4**2), ("a", "b"), ""),
+    (link("a", 2.0, (0.5, 0.5, 0.1)) + joint("a"), "inertia too large",
+     0.5, 0.0283, ("a",), "impossible"),
+    (link("a", 2.0, (1e-6,) * 3) + joint("a"), "inertia too small",
+     1e-6, None, ("a",), "<inertial>"),
+    (link("a", center="0 0 0.3") + joint("a"), "center outside", 0.1, None, ("a",), ""),
+    (link("a", 100.0, (1.4, 1.4, 0.16)) + joint("a", STRONG), "density", 100.0, 4.0, ("a",), ""),
+    (link("a", 0.02, (0.02 / 6,) * 3, shape=CUBE) + joint("a"), "density", 0.02, None, ("a",), ""),
+    (link("a", 2.0, (0.0033, 0.0283, 0.0283)) + joint("a"), "swapped axes",
+     None, None, ("a",), "rotation"),
+    (link("left_arm", 2.2) + ARMS, "left and right", 2.2, 2.0, ("left_arm", "right_arm"), ""),
+    (link("a", 2.0, (0, 0, 0), center="0.04 0 0") + joint("a"), "moving without inertia",
+     None, 0.0283, ("a",), ""),
+    # Engines lock a joint that moves nothing.
+    ('<link name="a"/>' + joint("a") + link("b") + joint("b"), "moving without inertia",
+     None, None, ("a_joint",), 'name="a_joint"'),
+    (link("a", center="0.04 0 0") + joint("a", WEAK), "weak drive",
+     0.5, 2.0 * 9.81 * 0.04, ("a_joint",), ""),
+])  # fmt: skip
+def test_planted_fault_gets_one_advice_at_its_line(
+    tmp_path: Path, robot: str, kind: str, actual: float | None, expected: float | None,
+    subject: tuple[str, ...], text: str,
+) -> None:  # fmt: skip
+    finding = only(tmp_path, kind, robot)
+    assert finding.subject == subject
+    assert text in f"{finding.message} {text_at(finding)}"
+    for value, right in ((finding.actual, actual), (finding.expected, expected)):
+        assert right is None or value == pytest.approx(right, rel=0.01)
 
 
 UNREADABLE = '</collision><visual><geometry><mesh filename="absent.stl"/></geometry></visual>'
+ABSENT = '<geometry><mesh filename="package://r/absent.stl"/></geometry>'
+FRAME = link("inner", 2.0).replace("<collision>", "<!--").replace("</collision>", "-->")
+WELD = '<joint name="weld" type="fixed"><parent link="a"/><child link="inner"/></joint>'
 RIGHT = {
-    "tungsten": link("a", 76.0, (1.08, 1.08, 0.127)),
-    "compact mass in a cover": link("a", 2.0, (7e-4,) * 3, shape=BOX.replace("0.1 0.1", "1 1")),
-    "small proxy": link("a", 2.0, (0.5, 0.5, 0.1)).replace("</collision>", UNREADABLE),
-}
+    "two uniform boxes": link("left_arm") + ARMS,
+    "equal links": "".join(link(name) + joint(name) for name in "abc"),
+    "balloon": link("a", 0.06, (0.01,) * 3, shape=CUBE) + joint("a"),
+    "tungsten": link("a", 76.0, (1.08, 1.08, 0.127)) + joint("a", STRONG),
+    "compact mass in a cover": link("a", 2.0, (7e-4,) * 3, shape=BOX.replace("0.1 0.1", "1 1"))
+    + joint("a", STRONG),
+    "small proxy": link("a", 2.0, (0.5, 0.5, 0.1)).replace("</collision>", UNREADABLE)
+    + joint("a", STRONG),
+    "knee whose range excludes zero": link("a") + joint("a", KNEE),
+    "missing mesh": link("a", 0.1, (0.5,) * 3, shape=ABSENT) + joint("a"),
+    # A common pattern: a frame without shapes carries its parent's inertia.
+    "shapes of a welded link": f'<link name="a"><collision>{BOX}</collision></link>'
+    + joint("a") + FRAME + WELD,
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", RIGHT)
-def test_right_link_gets_no_advice(tmp_path: Path, name: str) -> None:
-    assert advice(tmp_path, RIGHT[name], joint("a", EFFORT)) == []
-
-
-def test_knee_whose_range_excludes_zero_gets_no_advice(tmp_path: Path) -> None:
-    limit = 'lower="0.2" upper="1" effort="100" velocity="1"'
-    assert advice(tmp_path, link("a"), joint("a", limit)) == []
-
-
-def test_effort_below_gravity_is_noted_with_the_torque(tmp_path: Path) -> None:
-    limit = 'lower="-1" upper="1" effort="0.5" velocity="1"'
-    part = link("a", center="0.04 0 0")
-    finding = only(tmp_path, "weak drive", part, joint("a", limit))
-    assert finding.expected == pytest.approx(2.0 * 9.81 * 0.04, rel=1e-3)
-    assert finding.actual == 0.5
+@pytest.mark.parametrize("robot", RIGHT.values(), ids=RIGHT)
+def test_right_robot_gets_no_advice(tmp_path: Path, robot: str) -> None:
+    assert advice(tmp_path, robot) == []
 
 
 def test_joint_without_transmission_has_no_drive_if_others_have_one(tmp_path: Path) -> None:
-    limit = 'lower="-1" upper="1" effort="0.5" velocity="1"'
     part = link("a", center="0.04 0 0")
     driven = '<transmission name="t"><joint name="{}"/></transmission>'
-    finding = only(tmp_path, "weak drive", part, joint("a", limit), driven.format("a_joint"))
+    finding = only(tmp_path, "weak drive", part, joint("a", WEAK), driven.format("a_joint"))
     assert finding.actual == 0.5
-    assert advice(tmp_path, part, joint("a", limit), driven.format("other_joint")) == []
+    assert advice(tmp_path, part, joint("a", WEAK), driven.format("other_joint")) == []
 
 
 ARM = """<mujoco>
@@ -266,20 +227,6 @@ def test_collada_mesh_whose_upper_axis_is_y_gives_no_advice(tmp_path: Path) -> N
         part = link("a", center="0 -0.4 0", shape=mesh)
         kind[upper] = [finding.kind for finding in advice(tmp_path / upper, part, joint("a"))]
     assert kind == {"Y": [], "Z": ["center outside"]}
-
-
-def test_missing_mesh_gives_no_advice_about_shapes(tmp_path: Path) -> None:
-    mesh = '<geometry><mesh filename="package://r/absent.stl"/></geometry>'
-    part = link("a", 0.1, (0.5, 0.5, 0.5), shape=mesh)
-    assert advice(tmp_path, part, joint("a")) == []
-
-
-def test_shapes_of_welded_links_count_for_their_body(tmp_path: Path) -> None:
-    """Accept a common pattern: a frame without shapes carries its parent's inertia."""
-    bare = link("inner", 2.0).replace("<collision>", "<!--").replace("</collision>", "-->")
-    fixed = """<joint name="weld" type="fixed"><parent link="a"/><child link="inner"/></joint>"""
-    shell = '<link name="a"><collision>' + BOX + "</collision></link>"
-    assert advice(tmp_path, shell, joint("a"), bare, fixed) == []
 
 
 def test_shape_fitted_to_a_mesh_has_no_size(tmp_path: Path) -> None:

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array, LoadedModel, Remark
 from physics_crosscheck.harness.checks.audit import where
 from physics_crosscheck.harness.engines.mujoco import MujocoModel
-from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
-from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.records import SourceLine
 from tests.audit.models import MODELS, AuditCopy, messages
 
 

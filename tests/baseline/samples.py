@@ -16,8 +16,7 @@ from physics_crosscheck.harness.records.baseline import (
     OnAccepted,
     Snapshot,
 )
-from physics_crosscheck.harness.records.case import Case, FullRun, Verdict
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Case, FullRun, Outcome, Verdict
 
 SYSTEM = "spring"
 NUMERICS = 7

@@ -9,7 +9,7 @@ from physics_crosscheck.harness.baseline.stale import location
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import system_folders
-from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.records import CaseId
 
 ROOT = Path(__file__).parents[2]
 

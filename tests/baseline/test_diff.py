@@ -24,9 +24,8 @@ from physics_crosscheck.harness.records.baseline import (
     Measurement,
     OnAccepted,
 )
-from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.diff import CaseNumbers, Changed, Diff, Status
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Case, Outcome
 from tests.baseline.samples import (
     ENDS,
     ENTRY,

@@ -14,9 +14,8 @@ from physics_crosscheck.harness.baseline.known import Accepted, changes_since, m
 from physics_crosscheck.harness.baseline.store import write_baseline
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
-from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.diff import Diff, Status
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Case, CaseId, Outcome
 from tests.baseline.samples import (
     ENTRY,
     FILES,

@@ -13,7 +13,7 @@ from campaigns.real_models.__main__ import is_done
 from campaigns.real_models.check import digest_of
 from campaigns.real_models.entry import EngineResult, FileEntry, append_entry, read_entries
 from campaigns.real_models.summary import FileKind, kind_of, summary
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 
 PENDULUM = """<mujoco model="p"><worldbody><body><joint name="q" axis="0 1 0"/>
 <geom size="0.1" pos="0 0 -1" mass="1"/></body></worldbody></mujoco>"""

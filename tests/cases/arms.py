@@ -8,8 +8,8 @@ from physics_crosscheck import (
     Output,
     Scenario,
     System,
+    ground,
 )
-from physics_crosscheck.reference.mechanism.kinematics import ground
 
 
 def _constant(name: str, value: float, unit: str) -> Constant:

@@ -13,7 +13,8 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.records.case import Case, CheckedStep
+from physics_crosscheck.harness.records.case import CheckedStep
+from physics_crosscheck.records import Case
 from tests.physics import physics
 from tests.records.made import case, full_run, verdict
 

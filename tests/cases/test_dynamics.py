@@ -14,8 +14,8 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, with_dynamics
 from physics_crosscheck.harness.numerics.forward_dynamics import FORCE_KINDS, AccelerationComparison
 from physics_crosscheck.harness.numerics.judgement import judge
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.table import dynamics_lines
+from physics_crosscheck.records import Outcome
 from tests.cases.test_robot import SERVO
 
 MOTION = CaseJudgement(

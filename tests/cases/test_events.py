@@ -19,9 +19,8 @@ from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.render.terminal.problems import print_problems
+from physics_crosscheck.records import Case, CauseId
 
 EVENTS = Path(__file__).parents[2] / "models" / "events"
 MODELS = sorted(path.parent.name for path in EVENTS.glob("*/system.py"))

@@ -10,7 +10,7 @@ from physics_crosscheck.harness.checks.case import judge, run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import default_engines, engines_reading
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 
 INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/>'
 URDF = f"""<robot name="gripper"><link name="w"/>

@@ -8,7 +8,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.jobs.workers import Failure
-from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.records import CaseId
 
 CASE = CaseId(system="s", model="robot.urdf", scenario="free", engine="mujoco")
 

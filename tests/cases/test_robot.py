@@ -23,8 +23,7 @@ from physics_crosscheck.harness.engines.registry import default_engines, engines
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.records import Outcome, read_results
 from physics_crosscheck.reference.solving.segments import Motion
 from tests import commands
 from tests.robots.files import ADRIFT, TIPPED, UNLIMITED

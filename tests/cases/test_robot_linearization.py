@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.records.model import EngineLinearization
+from physics_crosscheck.records import EngineLinearization
 from tests.robots.files import ADRIFT
 
 DATA = Path(pybullet_data.getDataPath())

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Engine
 from physics_crosscheck.harness.checks import acting_impulses as impulse_module
 from physics_crosscheck.harness.checks import audit as audit_run
 from physics_crosscheck.harness.checks import case as case_module
@@ -22,12 +23,11 @@ from physics_crosscheck.harness.checks.verdict import nonzero_scale
 from physics_crosscheck.harness.diagnosis import trial as diagnosis_module
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
-from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.numerics.full_run import traced_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.numerics.stepping import compare_run
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.records import Case
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.solving.solve import solve
 from tests.faults.known_folder import KNOWN_MODEL, SYSTEM, known_folder

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.checks.system_record import sketch_record, tree
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.render.html.systems import drawing, evaluate
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.sketch import Link
+from physics_crosscheck.sketch import Link
 
 NAMES = sorted(path.parent.name for path in builtin().glob("*/system.py"))
 

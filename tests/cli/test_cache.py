@@ -18,10 +18,8 @@ from physics_crosscheck.harness.planning import cache as caches
 from physics_crosscheck.harness.planning.cache import with_environment
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.case import ModelKey
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.run import run as run_all
+from physics_crosscheck.records import Outcome, Results, read_results
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.mutation.test_trees import MODEL, SYSTEM
 from tests.robots.files import joint, link

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.records import read_results
 from tests import commands
 from tests.faults.known_folder import known_folder
 

@@ -20,14 +20,11 @@ from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.case import Case, CaseKind
-from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.render.terminal.table import print_results, summary
 from physics_crosscheck.harness.results.status import Decision, TestStatus, status_of
+from physics_crosscheck.records import AuditFinding, Case, Outcome, Results, read_results
 from tests.commands import crosscheck
 from tests.records.made import case, finding, model, results
 from tests.standing import keep_default_engines, shorten_scenarios, without

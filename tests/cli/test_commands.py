@@ -12,8 +12,8 @@ import pytest
 
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.registry import GROUP, built_in_commands
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.records import Outcome
 from tests.commands import crosscheck
 from tests.records.made import case, results, verdict
 

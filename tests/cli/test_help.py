@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.interfaces.cli.help import GROUPS, CommandParser, group
+from physics_crosscheck.command import group
+from physics_crosscheck.harness.interfaces.cli.help import GROUPS, CommandParser
 from physics_crosscheck.harness.interfaces.cli.main import build_parser, subparsers
 from physics_crosscheck.harness.interfaces.cli.reference import generated_pages
 from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands

@@ -14,9 +14,8 @@ from physics_crosscheck.harness.extras.sweep.draws import Design
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
 from physics_crosscheck.harness.planning.cache import _environment
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.records import Outcome, read_results
 from tests.commands import crosscheck
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.records.made import case, results, verdict

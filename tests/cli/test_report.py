@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.records import Results
 from tests.records.made import case, results
 
 

@@ -17,10 +17,9 @@ from physics_crosscheck.harness.planning.cache import CacheKey
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan
-from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.hold import locked
-from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.render.terminal.progress import Progress
+from physics_crosscheck.records import Case, read_results
 from tests.faults.known_folder import KNOWN_ANSWER, KNOWN_MODEL, SYSTEM, known_folder
 from tests.robots.files import joint, link
 from tests.standing import without

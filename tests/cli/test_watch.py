@@ -12,8 +12,7 @@ from queue import Queue
 
 import pytest
 
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.records import Outcome, read_results
 from tests.cli.test_choosing import crosscheck, place
 from tests.faults.known_folder import environment
 

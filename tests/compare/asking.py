@@ -24,13 +24,9 @@ from physics_crosscheck.harness.commands.compare.side import pairs_of
 from physics_crosscheck.harness.commands.compare.states import SampledStates, sampled_states
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.comparison import (
-    Compared,
-    ComparedActing,
-    ComparedProperty,
-    ComparisonResult,
-)
+from physics_crosscheck.harness.records.comparison import Compared, ComparedActing, ComparedProperty
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
+from physics_crosscheck.records import ComparisonResult
 from tests.standing import keep_default_engines
 
 

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.comparison import ComparisonResult
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import ComparisonResult, Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, result, sampled, written
 from tests.compare.chains import chain

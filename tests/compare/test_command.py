@@ -9,10 +9,9 @@ import pytest
 from rich.console import Console
 
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.records.comparison import ComparisonResult
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
+from physics_crosscheck.records import ComparisonResult, Outcome
 from tests import commands
 from tests.compare.arm import MJCF
 from tests.compare.asking import changed, compared, model, written

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import CompiledTree
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.commands.compare.actuators import _state
 from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidate
@@ -16,12 +17,11 @@ from physics_crosscheck.harness.commands.compare.match import match
 from physics_crosscheck.harness.commands.compare.prepared import prepare
 from physics_crosscheck.harness.commands.compare.segments import Ends
 from physics_crosscheck.harness.commands.compare.states import SampledStates
-from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.numerics.ladder import ExtrapolatedLimit
-from physics_crosscheck.harness.records.comparison import ComparisonResult, FileDifference
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.comparison import FileDifference
+from physics_crosscheck.records import ComparisonResult, Outcome
 from physics_crosscheck.reference.solving.segments import Segments
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import compared, printed, result, sampled, written

@@ -19,11 +19,11 @@ from physics_crosscheck.harness.modelfiles.locations import literals
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
-from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
-from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.records.poses import FramePose, Poses
 from physics_crosscheck.harness.render.html import overview
 from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines, unread_line
+from physics_crosscheck.records import AuditFinding, Model
 from tests.poses.arm import SWING
 
 MJCF = """<mujoco><option timestep="0.002" gravity="0 0 0"/><visual><global fovy="30"/></visual>

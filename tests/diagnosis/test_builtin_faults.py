@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.records import read_results
 from tests.commands import crosscheck
 from tests.standing import keep_default_engines, shorten_scenarios
 

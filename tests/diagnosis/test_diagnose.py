@@ -10,7 +10,8 @@ import pytest
 
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit, Hypothesis
-from physics_crosscheck.harness.records.cause import CauseId, CauseKind
+from physics_crosscheck.harness.records.cause import CauseKind
+from physics_crosscheck.records import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 N = 400

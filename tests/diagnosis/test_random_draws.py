@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from campaigns.random_draws import Pairing, campaign, judge_at, pairings
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 
 
 @pytest.mark.slow

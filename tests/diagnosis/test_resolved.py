@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.diagnosis.diagnose import diagnose
 from physics_crosscheck.harness.diagnosis.fit import Hypothesis
-from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.records import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 

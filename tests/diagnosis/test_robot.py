@@ -25,10 +25,8 @@ from physics_crosscheck.harness.diagnosis.task import explanation
 from physics_crosscheck.harness.diagnosis.trial import REFUSED
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
-from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.harness.records.finding import Diagnosis
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.records import CauseId, Diagnosis, Outcome
 from physics_crosscheck.reference.solving.flows import Flow
 from tests.robots.files import TIP, TIPPED, joint
 

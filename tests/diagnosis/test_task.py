@@ -13,10 +13,8 @@ from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.records import CauseId, Diagnosis, SourceLine
 from tests.physics import physics
 
 MASS = "body[nut and bolt]/inertial@mass"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec
+from physics_crosscheck.engine import LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines, missing
 
 EXTRAS = ("pinocchio", "drake", "dart", "idyntree")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec
+from physics_crosscheck.engine import Array, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 

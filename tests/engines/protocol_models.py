@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec, Spring
+from physics_crosscheck.engine import Array, LoadedModel, ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import engines
 
 Values = Array | Sequence[object]

@@ -12,16 +12,16 @@ import msgspec
 import pytest
 
 import physics_crosscheck.harness.checks.task
+from physics_crosscheck import Constant
+from physics_crosscheck.engine import Engine, ModelSpec
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
-from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.reference.mechanism.declaration import Constant
+from physics_crosscheck.records import Case
 from tests.engines.extras import EXTRAS
 from tests.standing import shorten_scenarios
 

@@ -11,11 +11,20 @@ import numpy as np
 import pytest
 
 import physics_crosscheck.harness.interfaces.cli.engines as command
-from physics_crosscheck.harness.engines.conformance import CHECKS, Check, conform, conform_samples
+from physics_crosscheck.engine import (
+    Array,
+    Check,
+    Engine,
+    Force,
+    ModelSpec,
+    Remark,
+    StateForce,
+    conform,
+    conform_samples,
+)
+from physics_crosscheck.harness.engines.conformance import CHECKS
 from physics_crosscheck.harness.engines.known_answer import KnownEngine, KnownModel
-from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.engines.remark import Remark
 from tests.engines.extras import need
 from tests.engines.protocol_models import PAIRINGS, Pairing
 
@@ -34,8 +43,9 @@ def adapter(name: str) -> Engine:
 
 @pytest.mark.parametrize("name", ADAPTERS)
 def test_every_adapter_conforms_on_its_samples(name: str) -> None:
-    results = conform_samples(adapter(name))
-    assert results
+    engine = adapter(name)
+    results = conform_samples(engine)
+    assert {Path(file).suffix for file in results} == set(engine.formats)
     for checks in results.values():
         assert len(checks) == len(CHECKS)
         assert failures(checks) == []

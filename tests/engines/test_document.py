@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.engine import Engine, LoadedModel, conform_samples
 from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel
+from physics_crosscheck.harness.engines.conformance import CHECKS
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.faults.known_folder import SYSTEM
 
 PAGE = (Path(__file__).parents[2] / "docs" / "engines" / "adapter.md").read_text()

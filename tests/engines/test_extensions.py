@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, ModelSpec, Spring
+from physics_crosscheck.engine import Array, LoadedModel, ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.protocol_models import (
     GROUND,

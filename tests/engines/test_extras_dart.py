@@ -15,7 +15,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from tests.engines.extras import need
 from tests.engines.whole_steps import checked, problem_of

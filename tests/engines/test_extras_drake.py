@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.acting_impulses import urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.diagnosis.law_problem import (
     diagnose_laws,
 )
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, near_rigid_softness
 from physics_crosscheck.reference.mechanism.laws import NearRigidRules
 from tests.compare.asking import laws

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
+from physics_crosscheck.engine import EngineError, ModelSpec
+from physics_crosscheck.harness.engines.protocol import UnsupportedError
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 from tests.engines.mjcf import AWAY, EXACT, INERTIAL, PARTIAL_READERS, ends, hinge, mjcf, off, write

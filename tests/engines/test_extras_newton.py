@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
+from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import H, load, need
-from tests.engines.test_extras_readings import MIMIC, WELDED
-from tests.engines.test_readings import BODY, limit, moved, urdf
+from tests.engines.test_extras_readings import MIMIC
+from tests.engines.test_readings import BODY, WELDED, limit, moved, urdf
 
 HINGE = '<joint name="j" type="hinge" axis="0 1 0" {}/>'
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
@@ -27,15 +26,6 @@ def mjcf(
     compiler = '<compiler angle="radian"/>'
     path.write_text(f"<mujoco>{compiler}<worldbody>{body}</worldbody>{extra}</mujoco>")
     return engines()["newton"].load(ModelSpec(path, settings=settings or {}))
-
-
-def test_adapter_conforms() -> None:
-    need("newton")
-    results = conform_samples(engines()["newton"])
-    assert len(results) == 2
-    for checks in results.values():
-        assert len(checks) == len(CHECKS)
-        assert [str(check) for check in checks if not check.passed] == []
 
 
 def test_numbers_have_24_digits_and_damping_is_applied(tmp_path: Path) -> None:

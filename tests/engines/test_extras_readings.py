@@ -1,4 +1,4 @@
-"""How optional engines read one URDF, as listed in `docs/engines/`."""
+"""Readings of a URDF by optional engines alone, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 
@@ -7,43 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
-from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.engine import EngineError
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
     exponential,
     from_quaternion,
     unit_quaternion,
 )
-from tests.engines.extras import EXTRAS, H, load, need
+from tests.engines.extras import EXTRAS, H, load
 from tests.engines.test_free_joints import TUMBLING
-from tests.engines.test_readings import BELOW, BODY, limit, moved, urdf
+from tests.engines.test_readings import BELOW, BODY, WELDED, moved, urdf
 
 MIMIC = (
     f'<link name="b">{BODY}</link><joint name="k" type="continuous"><parent link="g"/>'
     '<child link="b"/><axis xyz="0 1 0"/><mimic joint="j" multiplier="2"/></joint>'
 )
-WELDED = (
-    '<link name="tip">{}</link><joint name="w" type="fixed"><parent link="a"/><child link="tip"/>'
-    '<origin xyz="1 0 0"/></joint>'
-)
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_adapters_conform(name: str) -> None:
-    need(name)
-    results = conform_samples(engines()[name])
-    assert {Path(file).suffix for file in results} == set(engines()[name].formats)
-    for checks in results.values():
-        assert len(checks) == len(CHECKS)
-        assert [str(check) for check in checks if not check.passed] == []
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_damping_is_applied(name: str, tmp_path: Path) -> None:
-    model = load(name, urdf('<dynamics damping="0.3"/>'), tmp_path)
-    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(np.exp(-0.3), rel=2e-3)
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "idyntree"])
@@ -54,41 +32,6 @@ def test_missing_damping_has_a_corrective_setting(name: str, tmp_path: Path) -> 
     (remedy,) = model.corrective_settings.values()
     corrected = load(name, text, tmp_path, settings=remedy)
     assert moved(corrected, 0.0, 1.0, 0.01)[1] < 0.75
-
-
-@pytest.mark.parametrize(("name", "speed"), [
-    ("pinocchio", 1.0), ("drake", 1.0), ("dart", 0.8), ("idyntree", 1.0),
-])  # fmt: skip
-def test_dart_applies_friction_unless_smooth(name: str, speed: float, tmp_path: Path) -> None:
-    text = urdf('<dynamics friction="0.2"/>')
-    model = load(name, text, tmp_path)
-    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(speed, abs=1e-6)
-    smooth = load(name, text, tmp_path, settings={"smooth": True})
-    assert moved(smooth, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
-
-
-@pytest.mark.parametrize(("name", "stopped"), [
-    ("pinocchio", False), ("drake", True), ("dart", False), ("idyntree", False),
-])  # fmt: skip
-def test_limits_act_only_in_discrete_drake_plants(name: str, stopped: bool, tmp_path: Path) -> None:
-    model = load(name, limit(-0.5, 0.5), tmp_path)
-    q, v = moved(model, 0.495, 1.0, 0.1)
-    assert (v < 0.5) is stopped
-    assert np.isfinite(model.limits).all() == stopped
-    if not stopped:
-        assert q == pytest.approx(0.595)
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_crossed_limits_have_no_effect(name: str, tmp_path: Path) -> None:
-    assert moved(load(name, limit(1, -1), tmp_path), 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_gazebo_springs_act(name: str, tmp_path: Path) -> None:
-    spring = '<gazebo reference="j"><springStiffness>50</springStiffness></gazebo>'
-    q, _ = moved(load(name, urdf(extra=spring), tmp_path), 0.1, 0.0, 0.01)
-    assert q == pytest.approx(0.1 * np.cos(np.sqrt(5000) * 0.01), rel=5e-3)
 
 
 @pytest.mark.parametrize(("name", "settings", "off", "led"), [
@@ -137,27 +80,6 @@ def test_disabled_mimic_is_ignored(name: str, tmp_path: Path) -> None:
     z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 10, push, 10)
     assert np.count_nonzero(z) == 1
     assert model.corrective_settings == {}
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_long_axis_is_normalized(name: str, tmp_path: Path) -> None:
-    _, once = moved(load(name, urdf(body=BELOW), tmp_path, 9.81), 0.5, 0.0, 0.01)
-    _, twice = moved(load(name, urdf(body=BELOW, axis="0 2 0"), tmp_path, 9.81), 0.5, 0.0, 0.01)
-    assert twice == pytest.approx(once, rel=1e-12)
-
-
-@pytest.mark.parametrize(("name", "inertia"), [
-    ("pinocchio", 0.01), ("drake", 0.01), ("dart", 0.01 + 1 + 1),
-])  # fmt: skip
-def test_dart_gives_a_massless_fixed_link_one_kilogram_by_default(
-    name: str, inertia: float, tmp_path: Path
-) -> None:
-    model = load(name, urdf(extra=WELDED.format("")), tmp_path)
-    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / inertia, rel=1e-6)
-    for remedy in model.corrective_settings.values():
-        corrected = load(name, urdf(extra=WELDED.format("")), tmp_path, settings=remedy)
-        assert moved(corrected, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
-        assert corrected.corrective_settings == {}
 
 
 @pytest.mark.parametrize(("name", "refused"), [
@@ -239,36 +161,6 @@ def test_only_drake_accepts_empty_dynamics(name: str, accepted: bool, tmp_path: 
     else:
         with pytest.raises(EngineError, match="no damping and no friction"):
             load(name, urdf("<dynamics/>"), tmp_path)
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_bodies_of_one_robot_do_not_touch(name: str, tmp_path: Path) -> None:
-    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
-    text = urdf(body=BODY + ball).replace(f'name="g">{BODY}', f'name="g">{BODY}{ball}')
-    assert text.count(ball) == 2
-    assert moved(load(name, text, tmp_path), 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_step_and_gravity_must_be_stated(name: str, tmp_path: Path) -> None:
-    need(name)
-    path = tmp_path / "bare.urdf"
-    path.write_text(urdf())
-    with pytest.raises(EngineError, match="must set step"):
-        engines()[name].load(ModelSpec(path))
-
-
-@pytest.mark.parametrize("name", EXTRAS)
-def test_products_of_inertia_lose_no_digits(name: str, tmp_path: Path) -> None:
-    tensor = np.array([[0.07, 0.011, -0.007], [0.011, 0.06, 0.005], [-0.007, 0.005, 0.08]])
-    axis = np.array([0.6, -0.48, 0.64])
-    keys = {f"i{'xyz'[i]}{'xyz'[j]}": float(tensor[i, j]) for i in range(3) for j in range(i, 3)}
-    words = " ".join(f'{key}="{value!r}"' for key, value in keys.items())
-    body = f'<inertial><mass value="1"/><inertia {words}/></inertial>'
-    model = load(name, urdf(body=body, axis=" ".join(map(str, axis))), tmp_path)
-    still = np.zeros((1, 1))
-    _, w = model.rollout(still, still, 1e-3, 1, np.ones((1, 1, 1)), 1)
-    assert float(w[0, 0, 0]) / 1e-3 * float(axis @ tensor @ axis) == pytest.approx(1, abs=1e-13)
 
 
 @pytest.mark.parametrize("name", EXTRAS)

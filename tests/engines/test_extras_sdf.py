@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_system, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
-from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.records.cause import Cause
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Cause, Outcome
 from tests.engines.extras import H, need
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, StateForce
+from physics_crosscheck.engine import LoadedModel, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, unit_quaternion
 from tests.engines.test_readings import BELOW

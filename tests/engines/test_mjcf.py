@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
+from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 
 pytest.importorskip("mujoco")

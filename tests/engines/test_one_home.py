@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel
+from physics_crosscheck.engine import Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_reading
 
 ROOT = Path(__file__).parents[2]

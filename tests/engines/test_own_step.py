@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.conformance import conform
-from physics_crosscheck.harness.engines.protocol import (
+from physics_crosscheck.engine import (
     Array,
     EngineError,
     LoadedModel,
     ModelSpec,
     StateForce,
+    conform,
 )
 from physics_crosscheck.harness.engines.registry import engines
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.engine import Engine, EngineError, ModelSpec
 from physics_crosscheck.harness.engines.pages import (
     COMMON,
     HELP,
@@ -15,7 +16,6 @@ from physics_crosscheck.harness.engines.pages import (
     phrases,
     renewed,
 )
-from physics_crosscheck.harness.engines.protocol import Engine, EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import BUILT_IN
 
 FOLDER = Path(__file__).parents[2] / "docs" / "engines"

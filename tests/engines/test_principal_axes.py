@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks import case as cases
 from physics_crosscheck.harness.checks.audit import audit_declared
 from physics_crosscheck.harness.checks.case import run_case
@@ -17,14 +18,12 @@ from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_sy
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
 from physics_crosscheck.harness.diagnosis.task import ranked
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.case import WholeStep
-from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import AuditFinding, Outcome
 from tests.audit.models import messages, severe
 
 pytest.importorskip("pybullet")

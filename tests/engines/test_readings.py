@@ -1,4 +1,4 @@
-"""How MuJoCo and PyBullet read one URDF, as listed in `docs/engines/`."""
+"""How engines read one URDF, as listed in `docs/engines/`."""
 
 from __future__ import annotations
 
@@ -7,22 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, ModelSpec
+from physics_crosscheck.engine import Array, EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from tests.engines.extras import need
+from tests.engines.extras import EXTRAS, H, load, need
 
 BOTH = ("mujoco", "pybullet")
+ALL = (*BOTH, *EXTRAS)
 SMALL = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 BODY = f'<inertial><mass value="1"/>{SMALL}</inertial>'
 BELOW = f'<inertial><origin xyz="0 0 -1"/><mass value="1"/>{SMALL}</inertial>'
-H = 1e-4
+WELDED = (
+    '<link name="tip">{}</link><joint name="w" type="fixed"><parent link="a"/><child link="tip"/>'
+    '<origin xyz="1 0 0"/></joint>'
+)
 
 
 @pytest.fixture(autouse=True)
 def _engines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes its log to the working directory
-    for name in BOTH:
-        need(name)
 
 
 def urdf(
@@ -43,13 +45,6 @@ def limit(lower: float, upper: float, velocity: float = 100) -> str:
     return urdf(inside, kind="revolute")
 
 
-def load(name: str, text: str, folder: Path, gravity: float = 0.0) -> LoadedModel:
-    path = folder / f"{name}.urdf"
-    path.write_text(text)
-    settings = {"step": H, "gravity": [0.0, 0.0, -gravity]}
-    return engines()[name].load(ModelSpec(path, settings=settings))
-
-
 def moved(
     model: LoadedModel, q: float, v: float, seconds: float, push: float | None = None
 ) -> tuple[float, float]:
@@ -61,23 +56,30 @@ def moved(
     return float(z[0, 0, 0]), float(w[0, 0, 0])
 
 
-@pytest.mark.parametrize("name", BOTH)
+@pytest.mark.parametrize("name", ALL)
 def test_damping_is_applied(name: str, tmp_path: Path) -> None:
     model = load(name, urdf('<dynamics damping="0.3"/>'), tmp_path)
     assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(np.exp(-0.3), rel=2e-3)
 
 
-@pytest.mark.parametrize(("name", "speed"), [("mujoco", 0.8), ("pybullet", 1.0)])
-def test_mujoco_applies_friction(name: str, speed: float, tmp_path: Path) -> None:
-    model = load(name, urdf('<dynamics friction="0.2"/>'), tmp_path)
-    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(speed, abs=1e-6)
+@pytest.mark.parametrize("name", ALL)
+def test_mujoco_and_dart_apply_friction_unless_smooth(name: str, tmp_path: Path) -> None:
+    text, speed = urdf('<dynamics friction="0.2"/>'), 0.8 if name in ("mujoco", "dart") else 1.0
+    assert moved(load(name, text, tmp_path), 0.0, 1.0, 0.01)[1] == pytest.approx(speed, abs=1e-6)
+    smooth = load(name, text, tmp_path, settings={"smooth": True})
+    assert moved(smooth, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_limits_act(name: str, tmp_path: Path) -> None:
-    q, v = moved(load(name, limit(-0.5, 0.5), tmp_path), 0.495, 1.0, 0.1)
-    assert q < 0.5
-    assert v < 0
+@pytest.mark.parametrize("name", ALL)
+def test_limits_act_in_mujoco_pybullet_and_discrete_drake_plants(name: str, tmp_path: Path) -> None:
+    model = load(name, limit(-0.5, 0.5), tmp_path)
+    q, v = moved(model, 0.495, 1.0, 0.1)
+    stopped = name in (*BOTH, "drake")
+    if stopped:
+        assert v < (0.5 if name == "drake" else 0.0)
+    else:
+        assert q == pytest.approx(0.595)
+    assert np.isfinite(model.limits).all() == stopped
 
 
 @pytest.mark.parametrize(("name", "q"), [("mujoco", 0.1), ("pybullet", 0.0)])
@@ -85,7 +87,7 @@ def test_equal_limits_hold_a_joint_in_pybullet(name: str, q: float, tmp_path: Pa
     assert moved(load(name, limit(0, 0), tmp_path), 0.0, 1.0, 0.1)[0] == pytest.approx(q)
 
 
-@pytest.mark.parametrize("name", BOTH)
+@pytest.mark.parametrize("name", ALL)
 def test_crossed_limits_have_no_effect(name: str, tmp_path: Path) -> None:
     assert moved(load(name, limit(1, -1), tmp_path), 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
 
@@ -96,7 +98,7 @@ def test_velocity_limits_are_not_enforced(name: str, tmp_path: Path) -> None:
     assert moved(model, 0.0, 500.0, 0.01)[1] == pytest.approx(500.0)
 
 
-@pytest.mark.parametrize("name", BOTH)
+@pytest.mark.parametrize("name", ALL)
 def test_gazebo_springs_act(name: str, tmp_path: Path) -> None:
     spring = '<gazebo reference="j"><springStiffness>50</springStiffness></gazebo>'
     q, _ = moved(load(name, urdf(extra=spring), tmp_path), 0.1, 0.0, 0.01)
@@ -121,11 +123,12 @@ def test_mimic_is_soft_in_mujoco_and_a_gear_in_pybullet(
     assert off[0] <= abs(z[0, 0, 1] - 2 * z[0, 0, 0]) <= off[1]
 
 
-@pytest.mark.parametrize(("name", "share"), [("mujoco", 1.0), ("pybullet", 0.5)])
-def test_mujoco_normalizes_a_long_axis(name: str, share: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ALL)
+def test_long_axis_is_normalized_except_in_pybullet(name: str, tmp_path: Path) -> None:
     _, once = moved(load(name, urdf(body=BELOW), tmp_path, 9.81), 0.5, 0.0, 0.01)
     _, twice = moved(load(name, urdf(body=BELOW, axis="0 2 0"), tmp_path, 9.81), 0.5, 0.0, 0.01)
-    assert twice / once == pytest.approx(share, rel=0.01)
+    share, within = (0.5, 0.01) if name == "pybullet" else (1.0, 1e-12)
+    assert twice / once == pytest.approx(share, rel=within)
 
 
 def test_setting_normalizes_axes_in_pybullet(tmp_path: Path) -> None:
@@ -159,74 +162,57 @@ def test_impossible_body_is_rejected(name: str, body: str, tmp_path: Path) -> No
         load(name, urdf(body=body), tmp_path)
 
 
-def test_mujoco_assumes_step_and_gravity_and_pybullet_requires_them(
-    tmp_path: Path,
-) -> None:
+@pytest.mark.parametrize("name", ALL)
+def test_mujoco_assumes_step_and_gravity_and_others_require_them(name: str, tmp_path: Path) -> None:
+    need(name)
     path = tmp_path / "bare.urdf"
     path.write_text(urdf())
-    model = engines()["mujoco"].load(ModelSpec(path))
-    assert (model.step, model.gravity) == (0.002, (0.0, 0.0, -9.81))
-    with pytest.raises(EngineError, match="must set step"):
-        engines()["pybullet"].load(ModelSpec(path))
+    if name == "mujoco":
+        model = engines()[name].load(ModelSpec(path))
+        assert (model.step, model.gravity) == (0.002, (0.0, 0.0, -9.81))
+    else:
+        with pytest.raises(EngineError, match="must set step"):
+            engines()[name].load(ModelSpec(path))
 
 
-@pytest.mark.parametrize(("name", "smallest", "largest"), [
-    ("mujoco", 0.0, 1e-13), ("pybullet", 1e-13, 1e-8),
-])  # fmt: skip
-def test_products_of_inertia_lose_digits_in_pybullet(
-    name: str, smallest: float, largest: float, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("name", ALL)
+def test_products_of_inertia_lose_digits_in_pybullet(name: str, tmp_path: Path) -> None:
     tensor = np.array([[0.07, 0.011, -0.007], [0.011, 0.06, 0.005], [-0.007, 0.005, 0.08]])
     axis = np.array([0.6, -0.48, 0.64])
-    keys = {
-        "ixx": (0, 0),
-        "iyy": (1, 1),
-        "izz": (2, 2),
-        "ixy": (0, 1),
-        "ixz": (0, 2),
-        "iyz": (1, 2),
-    }
-    words = " ".join(f'{key}="{float(tensor[at])!r}"' for key, at in keys.items())
+    keys = {f"i{'xyz'[i]}{'xyz'[j]}": float(tensor[i, j]) for i in range(3) for j in range(i, 3)}
+    words = " ".join(f'{key}="{value!r}"' for key, value in keys.items())
     body = f'<inertial><mass value="1"/><inertia {words}/></inertial>'
     model = load(name, urdf(body=body, axis=" ".join(map(str, axis))), tmp_path)
     still = np.zeros((1, 1))
     _, w = model.rollout(still, still, 1e-3, 1, np.ones((1, 1, 1)), 1)
     off = abs(float(w[0, 0, 0]) / 1e-3 * float(axis @ tensor @ axis) - 1)
-    assert smallest <= off < largest
+    assert (1e-13 <= off < 1e-8) if name == "pybullet" else off < 1e-13
 
 
-@pytest.mark.parametrize(("name", "touches"), [("mujoco", True), ("pybullet", False)])
-def test_fixed_base_touches_its_first_link_in_mujoco(
-    name: str, touches: bool, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("name", ALL)
+def test_fixed_base_touches_its_first_link_in_mujoco(name: str, tmp_path: Path) -> None:
     ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
     text = urdf(body=BODY + ball).replace(f'name="g">{BODY}', f'name="g">{BODY}{ball}')
     assert text.count(ball) == 2
     model = load(name, text, tmp_path)
     z = np.zeros((1, 1))
     reported = any("touch during the motions" in remark.message for remark in model.remarks(z, z))
-    assert reported is touches
-    if not touches:
-        assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0)
+    assert reported is (name == "mujoco")
+    if not reported:
+        assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_massless_fixed_link_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
-    welded = (
-        '<link name="tip"/><joint name="w" type="fixed"><parent link="a"/><child link="tip"/>'
-        '<origin xyz="1 0 0"/></joint>'
-    )
-    path = tmp_path / "tip.urdf"
-    path.write_text(urdf(extra=welded))
-    turned = {}
-    for bare in (True, False):
-        settings = {"step": H, "gravity": [0, 0, 0], "bare_links": bare}
-        model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
-        assert [bool(one) for one in model.corrective_settings.values()] == ([True] if bare else [])
-        turned[bare] = moved(model, 0.0, 0.0, H, push=1.0)[1] / H
-    assert turned[True] == pytest.approx(1 / (0.01 + 1 + 1))
-    assert turned[False] == pytest.approx(1 / 0.01)
-    model = load("mujoco", path.read_text(), tmp_path)
-    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
+@pytest.mark.parametrize("name", [name for name in ALL if name != "idyntree"])
+def test_massless_fixed_link_is_a_kilogram_in_pybullet_and_dart(name: str, tmp_path: Path) -> None:
+    heavy = name in ("pybullet", "dart")
+    model = load(name, urdf(extra=WELDED.format("")), tmp_path)
+    inertia = 0.01 + 1 + 1 if heavy else 0.01
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / inertia, rel=1e-6)
+    assert bool(model.corrective_settings) is heavy
+    for remedy in model.corrective_settings.values():
+        corrected = load(name, urdf(extra=WELDED.format("")), tmp_path, settings=remedy)
+        assert moved(corrected, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
+        assert corrected.corrective_settings == {}
 
 
 def test_inertia_scaling_acts_in_pybullet_by_default(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, Spring
+from physics_crosscheck.engine import EngineError, ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.protocol_models import (
     GRAVITY,
@@ -59,12 +59,6 @@ GOOD = {
 }
 
 
-@pytest.mark.parametrize(("engine", "ending"), ENDINGS)
-def test_missing_file_is_refused(tmp_path: Path, engine: str, ending: str) -> None:
-    settings = {"step": STEP} if ending == ".py" else SETTINGS
-    refused(engine, tmp_path / f"nowhere{ending}", settings)
-
-
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS[:3])
 def test_broken_xml_is_refused_with_its_line(tmp_path: Path, engine: str, ending: str) -> None:
     root = "mujoco" if ending == ".xml" else "robot name='r'"
@@ -89,31 +83,62 @@ def test_unknown_setting_is_refused_by_name(tmp_path: Path, engine: str, ending:
     assert f"{path.name}.toml" in message
 
 
-@pytest.mark.parametrize(("engine", "ending"), ENDINGS[2:])
-def test_step_that_the_format_lacks_is_required(tmp_path: Path, engine: str, ending: str) -> None:
-    path = file(tmp_path, f"model{ending}", GOOD[ending])
-    assert "must set step" in refused(
-        engine, path, {"gravity": [0, 0, 0]} if ending == ".urdf" else {}
-    )
+SLIDE = link("b", 1) + joint("q1", "prismatic", "b")
+OTHER = '<mimic joint="q1" multiplier="2" offset="0.1"/>'
+MOTOR = '</worldbody><actuator><motor joint="q1"/></actuator>'
+ROBOT = '<robot name="r">{}{}</robot>'
 
 
-def test_gravity_is_required_for_a_urdf_in_pybullet(tmp_path: Path) -> None:
-    path = file(tmp_path, "model.urdf", GOOD[".urdf"])
-    assert "must set gravity" in refused("pybullet", path, {"step": STEP})
+@pytest.mark.parametrize(("engine", "ending", "text", "settings", "word"), [
+    ("pybullet", ".urdf", GOOD[".urdf"], {"gravity": [0, 0, 0]}, "must set step"),
+    ("pymunk", ".py", GOOD[".py"], {}, "must set step"),
+    ("pybullet", ".urdf", GOOD[".urdf"], {"step": STEP}, "must set gravity"),
+    ("mujoco", ".xml", GOOD[".xml"], {"integrator": "leapfrog"}, "'leapfrog'"),
+    ("mujoco", ".xml", GOOD[".xml"].replace("</worldbody>", MOTOR), {}, "actuators"),
+    *((engine, ".urdf", ROBOT.format(GROUND, link("b", 1) + joint("q1", kind, "b")), SETTINGS, "")
+      for engine, kind in (
+          ("mujoco", "spherical"), ("pybullet", "floating"), ("pybullet", "planar"),
+      )),
+    ("pybullet", ".urdf", ROBOT.format(
+        GROUND, SLIDE + link("c", 1) + joint("q2", "prismatic", "c", extra=OTHER)
+    ), SETTINGS, "offset"),
+])  # fmt: skip
+def test_unsupported_input_is_refused_by_name(
+    tmp_path: Path, engine: str, ending: str, text: str, settings: dict[str, object], word: str
+) -> None:
+    assert word in refused(engine, file(tmp_path, f"model{ending}", text), settings)
 
 
-def test_unknown_integrator_is_refused_by_name(tmp_path: Path) -> None:
-    path = file(tmp_path, "model.xml", GOOD[".xml"])
-    assert "'leapfrog'" in refused("mujoco", path, {"integrator": "leapfrog"})
+SPRING = '<gazebo reference="{}"><springStiffness>{}</springStiffness></gazebo>'
 
 
-@pytest.mark.parametrize(
-    ("engine", "kind"),
-    [("mujoco", "spherical"), ("pybullet", "floating"), ("pybullet", "planar")],
-)
-def test_other_joint_types_of_a_urdf_are_refused(tmp_path: Path, engine: str, kind: str) -> None:
-    path = urdf(tmp_path, link("b", 1), joint("loose", kind, "b"))
-    refused(engine, path, SETTINGS)
+@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
+@pytest.mark.parametrize(("head", "parts", "words"), [
+    ("", link("b", 1) + joint("stuck", "fixed", "b"), ["no moving joint"]),
+    ('<!DOCTYPE robot [<!ENTITY a "b">]>', SLIDE, ["entities or a DTD"]),
+    ('<!DOCTYPE robot SYSTEM "http://localhost/x.dtd">', SLIDE, ["entities or a DTD"]),
+    ('<!DOCTYPE robot [<!ENTITY f SYSTEM "file:///etc/hostname">]>', SLIDE, ["entities or a DTD"]),
+    *(("", SLIDE + SPRING.format("q1", word), ["'q1'", repr(word)])
+      for word in ("stiff", "nan", "1 2")),
+    ("", SLIDE + SPRING.format("gone", 3), ["'gone'"]),
+])  # fmt: skip
+def test_invalid_urdf_is_refused_by_name(
+    tmp_path: Path, pairing: Pairing, head: str, parts: str, words: list[str]
+) -> None:
+    message = refused(pairing.engine, urdf(tmp_path, parts, head=head), urdf_settings(pairing))
+    assert all(word in message for word in words)
+
+
+@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
+def test_other_roots_and_springs_on_missing_joints_are_refused(
+    tmp_path: Path, pairing: Pairing
+) -> None:
+    path = file(tmp_path, "model.urdf", "<sdf><model/></sdf>")
+    message = refused(pairing.engine, path, urdf_settings(pairing))
+    assert "not <robot>" in message or "'sdf'" in message
+    spring = Spring({"away": 1.0}, 3.0, 0.0, 0.0)
+    path = urdf(tmp_path, SLIDE)
+    assert "away" in refused(pairing.engine, path, urdf_settings(pairing), (spring,))
 
 
 def test_mujoco_splits_a_planar_joint_into_two_slides_and_a_hinge(tmp_path: Path) -> None:
@@ -121,73 +146,6 @@ def test_mujoco_splits_a_planar_joint_into_two_slides_and_a_hinge(tmp_path: Path
     path = urdf(tmp_path, link("b", 1), joint("flat", "planar", "b"))
     model = engines()["mujoco"].load(ModelSpec(path, (), SETTINGS))
     assert model.coordinates == ("flat_TX", "flat_TY", "flat_RZ")
-
-
-def test_actuators_are_refused_since_inputs_act_on_joints(tmp_path: Path) -> None:
-    text = GOOD[".xml"].replace(
-        "</worldbody>", '</worldbody><actuator><motor joint="q1"/></actuator>'
-    )
-    assert "actuators" in refused("mujoco", file(tmp_path, "model.xml", text))
-
-
-@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_urdf_without_moving_joints_is_refused(tmp_path: Path, pairing: Pairing) -> None:
-    path = urdf(tmp_path, link("b", 1), joint("stuck", "fixed", "b"))
-    assert "no moving joint" in refused(pairing.engine, path, urdf_settings(pairing))
-
-
-@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-@pytest.mark.parametrize(
-    "head",
-    ['<!DOCTYPE robot [<!ENTITY a "b">]>', '<!DOCTYPE robot SYSTEM "http://localhost/x.dtd">',
-     '<!DOCTYPE robot [<!ENTITY f SYSTEM "file:///etc/hostname">]>'],
-)  # fmt: skip
-def test_urdf_with_a_dtd_or_entities_is_refused(
-    tmp_path: Path, pairing: Pairing, head: str
-) -> None:
-    path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), head=head)
-    assert "entities or a DTD" in refused(pairing.engine, path, urdf_settings(pairing))
-
-
-@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_xml_other_than_urdf_is_refused(tmp_path: Path, pairing: Pairing) -> None:
-    path = file(tmp_path, "model.urdf", "<sdf><model/></sdf>")
-    message = refused(pairing.engine, path, urdf_settings(pairing))
-    assert "not <robot>" in message or "'sdf'" in message
-
-
-@pytest.mark.parametrize("words", ["stiff", "nan", "1 2"])
-@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_invalid_spring_stiffness_is_refused_by_joint(
-    tmp_path: Path, pairing: Pairing, words: str
-) -> None:
-    extra = f'<gazebo reference="q1"><springStiffness>{words}</springStiffness></gazebo>'
-    path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), extra)
-    message = refused(pairing.engine, path, urdf_settings(pairing))
-    assert "'q1'" in message
-    assert repr(words) in message
-
-
-@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_springs_on_missing_joints_are_refused(tmp_path: Path, pairing: Pairing) -> None:
-    extra = '<gazebo reference="gone"><springStiffness>3</springStiffness></gazebo>'
-    path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), extra)
-    assert "'gone'" in refused(pairing.engine, path, urdf_settings(pairing))
-    path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"))
-    spring = Spring({"away": 1.0}, 3.0, 0.0, 0.0)
-    assert "away" in refused(pairing.engine, path, urdf_settings(pairing), (spring,))
-
-
-def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path: Path) -> None:
-    mimic = '<mimic joint="q1" multiplier="2" offset="0.1"/>'
-    path = urdf(
-        tmp_path,
-        link("a", 1),
-        joint("q1", "prismatic", "a"),
-        link("b", 1),
-        joint("q2", "prismatic", "b", extra=mimic),
-    )
-    assert "offset" in refused("pybullet", path, SETTINGS)
 
 
 @pytest.mark.parametrize(

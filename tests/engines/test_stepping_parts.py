@@ -8,15 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array, EngineError, ModelSpec, Spring, StateForce
 from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    EngineError,
-    ModelSpec,
-    Spring,
-    StateForce,
-)
 from physics_crosscheck.harness.engines.runge_kutta import (
     RungeKutta,
     displaced,

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import EngineError, ModelSpec
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.source import temporary_file
 from physics_crosscheck.harness.engines.urdf import load_urdf

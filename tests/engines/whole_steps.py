@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_comparison import LawComparison
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, law_problem
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from tests.engines.extras import need

@@ -14,11 +14,9 @@ import pytest
 
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.planning.options import Selection
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.read import read_results
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.records import Case, Results, read_results
 
 ROOT = Path(__file__).parents[2]
 KNOWN_ANSWER = ROOT / "tests" / "known_answer"

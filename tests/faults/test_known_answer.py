@@ -12,10 +12,8 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.records import Case, Outcome, Results
 from tests.faults.known_folder import (
     KNOWN_MODEL,
     ROOT,

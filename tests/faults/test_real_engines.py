@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.records import Case
 from tests.faults.known_folder import (
     discrepancy,
     off,

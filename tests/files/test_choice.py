@@ -13,7 +13,7 @@ from physics_crosscheck.harness.modelfiles.choice import (
     named_model,
 )
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
-from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.records import CaseId
 
 FREE = CaseId(system="arm", model="robot.urdf", scenario="free", engine="mujoco")
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from physics_crosscheck import System
 from physics_crosscheck.harness.documents import reading
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
@@ -25,7 +26,6 @@ from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar
 from physics_crosscheck.harness.planning.model_plan import text_of
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.system import System
 
 XML = '<mujoco><worldbody><body name="b"><joint name="x"/></body></worldbody></mujoco>'
 SIDECAR = 'engines = ["mujoco"]\n'

@@ -10,6 +10,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from physics_crosscheck.command import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.commands.gate.accept import AcceptError
 from physics_crosscheck.harness.commands.gate.gate import _lines
@@ -17,15 +18,14 @@ from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.text import gate_lines
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.records.diff import Status
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.records import Results
 from tests.gate.conftest import SYSTEM, Repository, copy_of, ignore_progress
 
 

@@ -14,14 +14,7 @@ from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.text import summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.diff import Diff, Status
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis, Explanation
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.github import (
     MOST_SUMMARY,
     Annotation,
@@ -30,21 +23,17 @@ from physics_crosscheck.harness.results.github import (
     in_ci,
     write_summary,
 )
+from physics_crosscheck.records import Case, Cause, Outcome, Results, SourceLine
 from tests.baseline.samples import case
 from tests.gate.conftest import Repository
+from tests.records import made
 
 HERE = {"GITHUB_ACTIONS": "true"}
 
 
 def note(**given: Any) -> Annotation:
-    values: dict[str, Any] = {
-        "level": "error",
-        "file": Path("a.xml"),
-        "line": 3,
-        "title": "t",
-        "message": "m",
-    }
-    return Annotation(**(values | given))
+    place: dict[str, Any] = {"level": "error", "file": Path("a.xml"), "line": 3}
+    return Annotation(**(place | {"title": "t", "message": "m"} | given))
 
 
 def test_at_most_the_first_ten_annotations_are_printed(
@@ -131,32 +120,18 @@ def test_changed_literal_is_annotated_at_its_line(
 
 
 def test_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Path) -> None:
+    shown: dict[str, Any] = {"kinds": ("model",), "messages": ("<b>|text`",), "moved": 0.1}
+    names: dict[str, Any] = {"system": "s", "scenario": "free", "engine": "e"}
     changes = tuple(
-        Change(
-            diff=Diff(
-                system="s",
-                model=f"m{i}.xml",
-                scenario="free",
-                engine="e",
-                status=status,
-                kinds=("model",),
-                messages=("<b>|text`",),
-                moved=0.1,
-            )
-        )
+        Change(diff=Diff(model=f"m{i}.xml", status=status, **names, **shown))
         for i, status in enumerate(Status)
     )
     result = GateResult(
         changes=changes, file_diffs=(), results=None, folders={}, baseline={}, seconds=0.0
     )
     annotations = notes(result)
-    assert [n.title.split(":")[0] for n in annotations] == [
-        "could not run",
-        "changed",
-        "gone",
-        "new",
-        "improved",
-    ]
+    titles = ["could not run", "changed", "gone", "new", "improved"]
+    assert [n.title.split(":")[0] for n in annotations] == titles
     assert [n.level for n in annotations] == ["error"] * 4 + ["notice"]
     assert "<b>" not in summary(result)
     assert "&#60;b&#62;&#124;text&#96;" in summary(result)
@@ -189,21 +164,11 @@ def test_pair_of_causes_is_annotated_at_the_first_with_a_line(tmp_path: Path) ->
 
 def test_unexplained_model_is_annotated_at_its_audit_finding(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text("x")
-    results = results_of(differing(tmp_path, "free"), causes=(cause("joint[x]@damping", 7),))
-    wrong = AuditFinding(
-        kind="literal",
-        subject=("mass",),
-        message="mass is 9 where m = 0.9",
-        location=SourceLine(file=str(tmp_path / "m.xml"), line=3),
-        expected=0.9,
-        actual=9.0,
-        severity="finding",
-    )
-    (model,) = results.models
-    assert model.diagnosis is not None
-    unexplained = replace(model.diagnosis, explained=False)
-    results = replace(results, models=(replace(model, diagnosis=unexplained, audit=(wrong,)),))
-    (annotation,) = case_notes(results)
+    place = SourceLine(file=str(tmp_path / "m.xml"), line=3)
+    wrong = made.finding("mass is 9 where m = 0.9", location=place, expected=0.9, actual=9.0)
+    unexplained = made.diagnosis(cause("joint[x]@damping", 7), explained=False)
+    case = differing(tmp_path, "free")
+    (annotation,) = case_notes(results_of(case, diagnosis=unexplained, audit=(wrong,)))
     assert (annotation.file.name, annotation.line) == ("m.xml", 3)
     assert annotation.message == "mass is 9 where m = 0.9: off"
 
@@ -219,37 +184,17 @@ def differing(folder: Path, scenario: str, **fields: Any) -> Case:
 
 
 def cause(subject: str, line: int | None) -> Cause:
-    return Cause(
-        kind="literal",
-        subject=(subject,),
-        nominal=1.0,
-        estimate=2.0,
-        standard_error=0.1,
-        locations=() if line is None else (SourceLine(file="m.xml", line=line),),
-    )
+    places = () if line is None else (SourceLine(file="m.xml", line=line),)
+    return made.cause(subject, locations=places)
 
 
-def results_of(*cases: Case, causes: tuple[Cause, ...] = ()) -> Results:
+def results_of(*cases: Case, causes: tuple[Cause, ...] = (), **fields: Any) -> Results:
     """Return the results of one model's cases, with a diagnosis if there are causes."""
-    explanation = Explanation(causes=causes, remaining=0.0)
-    model = Model(
-        system=cases[0].system,
-        model=cases[0].model,
-        engine=cases[0].engine,
-        folder=cases[0].folder,
-        text="",
-        sidecar="",
-        diagnosis=Diagnosis(explained=True, explanations=(explanation,)) if causes else None,
-    )
-    return Results(
-        created="",
-        versions={},
-        resolution=1e-9,
-        seconds=0.0,
-        systems=(),
-        models=(model,),
-        cases=cases,
-    )
+    (first, *_) = cases
+    names = {"system": first.system, "folder": first.folder, "engine": first.engine}
+    diagnosis = made.diagnosis(*causes) if causes else None
+    model = made.model(model=first.model, diagnosis=diagnosis, **names)
+    return made.results(*cases, models=(replace(model, **fields),))
 
 
 def test_workflow_and_hooks_call_existing_commands(

@@ -7,17 +7,17 @@ from collections.abc import Callable
 
 import pytest
 
+from physics_crosscheck.command import DIFFER
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.commands.gate.accept import AcceptError
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.interfaces.cli.exit_codes import DIFFER
 from physics_crosscheck.harness.interfaces.cli.gate import code
 from physics_crosscheck.harness.planning.model_checks import AUDIT, ModelCheck
 from physics_crosscheck.harness.planning.prepared import Arguments, TargetFacts
-from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.records import ModelId
 from tests.gate.conftest import SYSTEM, Repository, ignore_progress
 
 MODEL = ModelId(system=SYSTEM, model="space.py", engine="pymunk")

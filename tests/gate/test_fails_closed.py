@@ -17,11 +17,11 @@ from typing import Any, Protocol
 import pytest
 
 import physics_crosscheck.harness.commands.gate.gate as gating
+from physics_crosscheck.command import AGREE, FAIL
 from physics_crosscheck.harness.baseline.store import BaselineError, read_baseline
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, FAIL
 from tests.gate.conftest import SYSTEM, Repository, copy_of
 
 

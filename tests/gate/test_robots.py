@@ -14,6 +14,7 @@ import msgspec
 import pytest
 
 import physics_crosscheck.harness.commands.gate.gate as gating
+from physics_crosscheck.command import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.baseline.fingerprint import robot_file
 from physics_crosscheck.harness.baseline.stale import match, robot_options, stale
 from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
@@ -25,11 +26,10 @@ from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import gate_lines, summary
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from physics_crosscheck.harness.records.baseline import WholeSteps
 from physics_crosscheck.harness.records.diff import Status
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.records import Results
 from tests.gate.conftest import ignore_progress
 
 ROOT = Path(__file__).parents[2]

@@ -13,11 +13,11 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.diff import Status
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.records import Results
 from tests.gate.conftest import ignore_progress
 from tests.standing import keep_default_engines, shorten_scenarios, without
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from physics_crosscheck import Joint, RigidBody
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.step import LawModel, LawStep
 from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
 from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws, Softness, Surface
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.acting_impulses import merged, urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
-from physics_crosscheck.harness.engines.protocol import ModelSpec, WholeState
+from physics_crosscheck.harness.engines.protocol import WholeState
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from tests.laws.scenes import URDF_ARM, URDF_BOX

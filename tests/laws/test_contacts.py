@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from campaigns.compiled_arrays import plant_in
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.reference.laws.solids import KINDS, Solid, distance, gap, overlap
 from physics_crosscheck.reference.mechanism.rotations import from_rpy

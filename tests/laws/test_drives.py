@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from physics_crosscheck import ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.laws.drives import Driven, drive, unsaturated
 from physics_crosscheck.reference.laws.mechanics import LawTree, Posture
 from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.bodies import ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.mechanism.laws import Actuator, Laws
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
     diagnose_laws,
     law_problem,
 )
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.laws.scenes import URDF_ARM, URDF_BALLS
 
 pytest.importorskip("mujoco")

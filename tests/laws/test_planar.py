@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array, ModelSpec
 from physics_crosscheck.harness.checks.acting_impulses import planar_quantities
 from physics_crosscheck.harness.checks.planar_step import (
     PlanarSample,
@@ -17,9 +18,9 @@ from physics_crosscheck.harness.checks.planar_step import (
     drawn_states,
 )
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck
-from physics_crosscheck.harness.engines.protocol import Array, ModelSpec, PlanarWhole
+from physics_crosscheck.harness.engines.protocol import PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.laws.planar import PlanarModel
 from physics_crosscheck.reference.mechanism.planar import (
     PlanarBody,

@@ -6,17 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.engine import CompiledTree, ModelSpec
 from physics_crosscheck.harness.checks import whole_step
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
-from physics_crosscheck.harness.engines.compiled import CompiledTree
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import ReadingCheck, check_reading
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.laws.scenes import CONNECT, DRIVES, LIMITS, PAIR, TOUCH, WELD
 
 pytest.importorskip("mujoco")

@@ -10,6 +10,7 @@ import pytest
 
 from campaigns.laws import plant_faults
 from campaigns.scenes import mujoco_result, mujoco_scene
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
@@ -23,11 +24,10 @@ from physics_crosscheck.harness.checks.prepare import prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.diagnosis.law_problem import law_problem
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.laws.soft import Part
 from tests.laws.scenes import (
     CONNECT,

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.records.mutation import Mutation
+from physics_crosscheck.records import Mutation
 from tests.physics import physics
 
 SCENARIOS = 2

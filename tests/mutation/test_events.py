@@ -10,7 +10,8 @@ import pytest
 from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.commands.mutation.mistakes import Mistake
 from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey, survey
-from physics_crosscheck.harness.records.mutation import FaultVerdict, Mutation
+from physics_crosscheck.harness.records.mutation import FaultVerdict
+from physics_crosscheck.records import Mutation
 from tests.mutation.conftest import make_task, try_fault
 
 pytestmark = pytest.mark.slow

@@ -34,8 +34,8 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
+from physics_crosscheck.records import CauseId
 from tests.mutation.conftest import make_task, rows, subject, try_fault
 from tests.physics import physics
 from tests.standing import keep_default_engines, shorten_scenarios

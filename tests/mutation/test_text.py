@@ -12,10 +12,11 @@ from physics_crosscheck.harness.commands.mutation.faults import FAULTS
 from physics_crosscheck.harness.commands.mutation.survey import MutationError
 from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation, Mutations
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.terminal.progress import Counter
+from physics_crosscheck.records import Mutation, Mutations
 
 LITERAL, MISTAKE, NONE = FaultKind
 NAMED, CAUGHT, REFUSED, UNTESTED, MISSED, AGREES = FaultVerdict

@@ -9,13 +9,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from physics_crosscheck import compare
-from physics_crosscheck.harness.commands.compare.candidate import CompareError
-from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison
+from physics_crosscheck import CompareError, Comparison, compare
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import comparison
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.records import Outcome
 from tests.compare.asking import changed
 
 MODEL = builtin() / "simple_pendulum" / "mujoco.xml"

@@ -14,7 +14,7 @@ import pytest
 
 from physics_crosscheck import CheckResults, MotionError
 from physics_crosscheck.harness.interfaces.notebook.markup import GROUNDS
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.report import samples
 
 

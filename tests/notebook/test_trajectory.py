@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from physics_crosscheck import MotionError, Trajectory
 from physics_crosscheck.harness.interfaces.notebook.optional import MissingPackageError
-from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 

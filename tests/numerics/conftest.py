@@ -3,27 +3,21 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck import (
-    Constant,
-    Coordinate,
-    Equilibrium,
-    Input,
-    Output,
-    Scenario,
-    System,
-)
+from physics_crosscheck import System
+from physics_crosscheck.engine import Array, Force, LoadedModel, StateForce
 from physics_crosscheck.harness.checks.prepare import scaled
-from physics_crosscheck.harness.engines.protocol import Array, Force, LoadedModel, StateForce
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import solve
+from tests.reference.mechanisms import oscillator
 
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 
@@ -31,36 +25,6 @@ MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 def finite(value: float | None) -> float:
     assert value is not None
     return value
-
-
-def oscillator(
-    damping: float = DAMPING, drive: sp.Expr | float = 0.0, duration: float = 3.0
-) -> System:
-    """Return a mass on a spring as a declared system with one scenario."""
-    x = Coordinate("x", "m", "displacement")
-    m = Constant("m", MASS, "kg", "mass", "test")
-    c = Constant("c", damping, "N*s/m", "damping", "test")
-    k = Constant("k", STIFFNESS, "N/m", "stiffness", "test")
-    f = Input("f", "N", "force", on={x: 1})
-    return System(
-        name="oscillator",
-        title="Oscillator",
-        source="test",
-        coordinates=(x,),
-        constants=(m, c, k),
-        inputs=(f,),
-        outputs=(Output("x", x.q, "m", "displacement"),),
-        T=m * x.v**2 / 2,
-        V=k * x.q**2 / 2,
-        D=c * x.v**2 / 2,
-        equilibria=(Equilibrium("rest", at={x: 0}, search=False, description="rest"),),
-        scenarios=(
-            Scenario(
-                "only", "test", q={x: 0.25}, v={x: -0.4}, inputs={f: drive}, duration=duration
-            ),
-        ),
-        published=(),
-    )
 
 
 @dataclass
@@ -78,36 +42,32 @@ class SymplecticEuler(LoadedModel):
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         return 1, 1
 
+    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
+        """Return position and velocity one step later, of arrays or of floats."""
+        v = v + h * (push - self.stiffness * q - self.damping * v) / self.mass
+        return q + h * v, v
+
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
+        """Return the samples as given out; q are the starts."""
+        return z, w
+
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         assert not isinstance(force, StateForce)
         self.calls.append((h, n, len(q)))
-        if len(q) == 1:
-            return self._rollout_single(q.item(), v.item(), h, n, force, every)
-        q, v = q.copy(), v.copy()
-        out_q, out_v = [], []
-        for i in range(n):
-            push = np.zeros_like(q) if force is None else force[:, i]
-            v = v + h * (push - self.stiffness * q - self.damping * v) / self.mass
-            q = q + h * v
-            if (i + 1) % every == 0:
-                out_q.append(q)
-                out_v.append(v)
-        return np.stack(out_q, axis=1), np.stack(out_v, axis=1)
-
-    def _rollout_single(
-        self, q: float, v: float, h: float, n: int, force: Array | None, every: int
-    ) -> tuple[Array, Array]:
-        """Take the same steps from one state with floats, which are 20 times faster than arrays."""
-        pushes = [0.0] * n if force is None else force[0, :n, 0].tolist()
+        # One state as floats, which are 20 times faster than arrays.
+        x, speed = (q.item(), v.item()) if len(q) == 1 else (q.copy(), v.copy())
+        pushes = np.zeros((len(q), n, 1)) if force is None else force
+        columns = pushes[0, :n, 0].tolist() if len(q) == 1 else pushes.swapaxes(0, 1)[:n]
         states = []
-        for push in pushes:
-            v = v + h * (push - self.stiffness * q - self.damping * v) / self.mass
-            q = q + h * v
-            states.append((q, v))
-        sampled = np.array(states[every - 1 :: every]).reshape(1, -1, 2)
-        return sampled[:, :, :1], sampled[:, :, 1:]
+        for push in columns:
+            x, speed = self.stepped(x, speed, push, h)
+            states.append((x, speed))
+        shape = 2, n // every, len(q)
+        sampled = np.moveaxis(np.array(states[every - 1 :: every]), 1, 0).reshape(shape)
+        z, w = sampled.swapaxes(1, 2)[..., None]
+        return self.altered(z, w, q, h)
 
 
 @dataclass
@@ -154,7 +114,9 @@ def bench() -> MakeBench:
         drive: sp.Expr | float = 0.0,
         duration: float = 3.0,
     ) -> Bench:
-        system = oscillator(damping, drive, duration)
+        system = oscillator(
+            MASS, damping, STIFFNESS, force=drive, x=0.25, v=-0.4, duration=duration
+        )
         equations = derive(system)
         sidecar = Sidecar(
             model=Path("test.model"),

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import StateForce
+from physics_crosscheck import System
+from physics_crosscheck.engine import StateForce
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.system import System
 
 
 @pytest.fixture(scope="module")

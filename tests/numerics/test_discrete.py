@@ -9,14 +9,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array
 from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.task import load, model_task
-from physics_crosscheck.harness.engines.protocol import Array, StepRule
+from physics_crosscheck.harness.engines.protocol import StepRule
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.discrete import linearize_step
-from physics_crosscheck.harness.records.model import DiscreteLinearization, Model
+from physics_crosscheck.harness.records.model import DiscreteLinearization
 from physics_crosscheck.harness.render.terminal.table import _single_steps
+from physics_crosscheck.records import Model
 from physics_crosscheck.reference.solving.next_state import SteppedEquations
 from tests.numerics.conftest import MakeBench, SymplecticEuler, finite
 from tests.numerics.test_stepping import sidecar

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array, Force
 from physics_crosscheck.harness.checks.task import load
-from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.event_runs import (
     crossing,

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array, Force
 from physics_crosscheck.harness.checks.task import load
-from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.ladder import ODD_RUNGS, RUNGS, limits
 from physics_crosscheck.harness.numerics.segments import (

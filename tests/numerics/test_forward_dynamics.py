@@ -12,9 +12,9 @@ import numpy as np
 import pybullet_data
 import pytest
 
+from physics_crosscheck.engine import Array
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import load, model_task
-from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -25,7 +25,7 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
     forward_dynamics,
     mixed,
 )
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler

@@ -5,7 +5,7 @@ import pytest
 
 from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, judge, unresolved_reason
 from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 
 

@@ -1,14 +1,15 @@
 """Extrapolated segments, defects and verdicts, with an engine of a few lines."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from sympy import Expr, Heaviside, Rational, sin
 
 from physics_crosscheck import t
+from physics_crosscheck.engine import Array
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
-from physics_crosscheck.harness.engines.protocol import Array, Force
 from physics_crosscheck.harness.numerics.ladder import RUNGS
 from physics_crosscheck.harness.numerics.segments import (
     BlownUpError,
@@ -16,8 +17,8 @@ from physics_crosscheck.harness.numerics.segments import (
     extrapolate,
     limits_only,
 )
-from physics_crosscheck.harness.records.outcome import Outcome
-from tests.numerics.conftest import MASS, STIFFNESS, Bench, MakeBench, SymplecticEuler
+from physics_crosscheck.records import Outcome
+from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 NAMES = ("x", "x_dot")
 
@@ -62,16 +63,11 @@ def test_fault_below_the_floor_agrees(bench: MakeBench) -> None:
 class TwoStages(SymplecticEuler):
     """The midpoint method: order 2, though it inherits the claim of order 1."""
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        q, v = q.copy(), v.copy()
-        for _ in range(n):
-            a = (-self.stiffness * q - self.damping * v) / self.mass
-            middle_q, middle_v = q + h / 2 * v, v + h / 2 * a
-            q = q + h * middle_v
-            v = v + h * (-self.stiffness * middle_q - self.damping * middle_v) / self.mass
-        return q[:, None], v[:, None]
+    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
+        a = (-self.stiffness * q - self.damping * v) / self.mass
+        middle_q, middle_v = q + h / 2 * v, v + h / 2 * a
+        a = (-self.stiffness * middle_q - self.damping * middle_v) / self.mass
+        return q + h * middle_v, v + h * a
 
 
 def test_wrong_claimed_order_is_unresolved(bench: MakeBench) -> None:
@@ -84,10 +80,8 @@ def test_wrong_claimed_order_is_unresolved(bench: MakeBench) -> None:
 class Frozen(SymplecticEuler):
     """Ends at zero on every rung, like an engine that resets itself."""
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        return 0 * q[:, None], 0 * v[:, None]
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
+        return 0 * z, 0 * w
 
 
 def test_equal_rungs_are_unresolved(bench: MakeBench) -> None:
@@ -99,10 +93,7 @@ def test_equal_rungs_are_unresolved(bench: MakeBench) -> None:
 class Noisy(SymplecticEuler):
     """Single precision, which cannot resolve nine digits."""
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        z, w = super().rollout(q, v, h, n, force, every)
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
         return z.astype(np.float32).astype(float), w.astype(np.float32).astype(float)
 
 
@@ -119,16 +110,9 @@ def test_coarse_fault_is_seen_through_single_precision(bench: MakeBench) -> None
 class Stop(SymplecticEuler):
     """An inelastic stop at x = -0.1."""
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        q, v = q.copy(), v.copy()
-        for _ in range(n):
-            v = v + h * (-self.stiffness * q - self.damping * v) / MASS
-            q = q + h * v
-            hit = q < -0.1
-            q, v = np.where(hit, -0.1, q), np.where(hit, 0.0, v)
-        return q[:, None], v[:, None]
+    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
+        q, v = super().stepped(q, v, push, h)
+        return np.where(q < -0.1, -0.1, q), np.where(q < -0.1, 0.0, v)
 
 
 def test_undeclared_stop_never_agrees(bench: MakeBench) -> None:
@@ -138,10 +122,7 @@ def test_undeclared_stop_never_agrees(bench: MakeBench) -> None:
 
 
 class Exploding(SymplecticEuler):
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        z, w = super().rollout(q, v, h, n, force, every)
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
         z[3] = np.nan
         return z, w
 
@@ -196,10 +177,7 @@ def test_limits_only_matches_all_rungs_without_companion_steps(bench: MakeBench)
 class Bursting(SymplecticEuler):
     """Not finite from starts with x > 0.1."""
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        z, w = super().rollout(q, v, h, n, force, every)
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
         return np.where(q[:, None] > 0.1, np.nan, z), w
 
 

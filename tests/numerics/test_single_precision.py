@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import Array
 from physics_crosscheck.harness.checks.verdict import judge
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.harness.numerics.judgement import resolvable
 from physics_crosscheck.harness.numerics.ladder import (
     EPSILON,
@@ -19,7 +20,7 @@ from physics_crosscheck.harness.numerics.ladder import (
 from physics_crosscheck.harness.numerics.rounding import quantization_error
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import study_step
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.numerics.conftest import Bench, MakeBench, SymplecticEuler
 from tests.numerics.test_coarse_rounding import EVERYWHERE, Errors
 
@@ -33,22 +34,14 @@ class Single(SymplecticEuler):
 
     epsilon: float = SINGLE
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        assert not isinstance(force, StateForce)
+    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
         m, c, k, step = (np.float32(x) for x in (self.mass, self.damping, self.stiffness, h))
-        x, speed = q.astype(np.float32), v.astype(np.float32)
-        push = None if force is None else force.astype(np.float32)
-        positions, speeds = [], []
-        for i in range(n):
-            pushed = np.float32(0) if push is None else push[:, i]
-            speed = speed + step * (pushed - k * x - c * speed) / m
-            x = x + step * speed
-            if (i + 1) % every == 0:
-                positions.append(x)
-                speeds.append(speed)
-        return np.stack(positions, axis=1).astype(float), np.stack(speeds, axis=1).astype(float)
+        q, v, push = (np.float32(x) for x in (q, v, push))
+        v = v + step * (push - k * q - c * v) / m
+        return q + step * v, v
+
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
+        return z.astype(float), w.astype(float)
 
 
 def run(bench: Bench) -> tuple[Extrapolated, Array]:

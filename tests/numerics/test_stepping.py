@@ -5,23 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pybullet_data
 import pytest
 
+from physics_crosscheck.engine import Array
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import SystemTask, load, model_task
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce, StepRule
+from physics_crosscheck.harness.engines.protocol import StepRule
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.stepping import StepComparison, step_engine
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Case, Outcome
 from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler
@@ -217,11 +218,8 @@ class OneStepOff(SymplecticEuler):
     def step_rule(self) -> StepRule:
         return StepRule(scheme="semi-implicit Euler")
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        ends_q, ends_v = super().rollout(q, v, h, n, force, every)
-        return ends_q, ends_v + (self.by if h == self.step else 0.0)
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
+        return z, w + (self.by if h == self.step else 0.0)
 
 
 @pytest.mark.parametrize(("by", "outcome"), [(0.0, Outcome.AGREES), (1e-9, Outcome.DIFFERS)])
@@ -260,19 +258,14 @@ class SinglePrecision(SymplecticEuler):
     def step_rule(self) -> StepRule:
         return StepRule(scheme="semi-implicit Euler")
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        assert n == every
-        assert not isinstance(force, StateForce)
-        q, v, large = q.astype(np.float32), v.astype(np.float32), np.float32(3e4)
-        for i in range(n):
-            push = 0.0 if force is None else force[:, i]
-            resultant = push - self.stiffness * q - self.damping * v
-            a = (resultant / self.mass).astype(np.float32) + large - large
-            v = v + np.float32(h) * a
-            q = q + np.float32(h) * v
-        return q[:, None].astype(float), v[:, None].astype(float)
+    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
+        q, v, large = np.float32(q), np.float32(v), np.float32(3e4)
+        resultant = push - self.stiffness * q - self.damping * v
+        v = v + np.float32(h) * (np.float32(resultant / self.mass) + large - large)
+        return q + np.float32(h) * v, v
+
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
+        return z.astype(float), w.astype(float)
 
 
 def test_single_precision_is_not_a_wrong_step_rule(bench: MakeBench) -> None:

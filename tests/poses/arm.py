@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.poses import PoseCheck, check_poses
-from physics_crosscheck.harness.checks.task import load
-from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.reference.mechanism.declaration import (
+from physics_crosscheck import (
     Constant,
     Coordinate,
     Equilibrium,
     Output,
+    Pose,
     Scenario,
+    System,
+    ground,
 )
-from physics_crosscheck.reference.mechanism.kinematics import ground
-from physics_crosscheck.reference.mechanism.pose import Pose
-from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.harness.checks.poses import PoseCheck, check_poses
+from physics_crosscheck.harness.checks.task import load
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 
 a = Coordinate("a", "rad", "shoulder, about the vertical")
 b = Coordinate("b", "rad", "elbow, toward +x")

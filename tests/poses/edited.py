@@ -7,7 +7,7 @@ from pathlib import Path
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.records import Case
 
 
 def case_of_edited(path: Path, text: str, old: str, new: str, engine: str) -> Case:

@@ -10,17 +10,17 @@ import numpy as np
 import pybullet_data
 import pytest
 
+from physics_crosscheck.engine import Array
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
 from physics_crosscheck.harness.engines.mujoco.adapter import MujocoModel
-from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.problems import difference
+from physics_crosscheck.records import Outcome
 
 DATA = Path(pybullet_data.getDataPath())
 ARM = """<robot name="arm">

@@ -10,8 +10,7 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Case, Outcome
 from tests.poses.edited import case_of_edited
 
 TETRAHEDRON = "0 0 0  0.3 0 0  0 0.2 0  0 0 0.1"

@@ -14,10 +14,9 @@ import pytest
 from physics_crosscheck.harness.interfaces.pytest_plugin import session
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.records.case import Case, CaseId
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import Audit
+from physics_crosscheck.records import AuditFinding, Case, CaseId, Diagnosis
 from tests.records.made import case
 from tests.standing import keep_default_engines, shorten_scenarios
 

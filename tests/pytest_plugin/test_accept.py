@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.pytest_plugin.conftest import Project
 from tests.standing import without
 

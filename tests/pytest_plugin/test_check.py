@@ -17,11 +17,10 @@ from physics_crosscheck import check
 from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines
+from physics_crosscheck.records import Outcome, Results
 from tests.faults.known_folder import environment, known_folder
 from tests.robots.files import ARM, LAMP, UNLIMITED
 from tests.standing import keep_default_engines, shorten_scenarios, without

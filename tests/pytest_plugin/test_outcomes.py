@@ -13,11 +13,9 @@ import pytest
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.planning.model_checks import DIAGNOSIS
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results import status
 from physics_crosscheck.harness.results.status import TestStatus
+from physics_crosscheck.records import Case, Model, Outcome
 from tests.pytest_plugin.conftest import FakeResults, Project
 from tests.records.made import case, finding, model
 

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
-from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.records import Record
 
 Path = tuple[str | int, ...]
 

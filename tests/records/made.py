@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from typing import Any
 
-from physics_crosscheck.harness.records.case import (
+from rich.console import Console
+
+from physics_crosscheck.harness.records.case import CheckedStep, Stepping, TargetStep
+from physics_crosscheck.harness.render.terminal.table import print_results
+from physics_crosscheck.records import (
+    AuditFinding,
     Case,
-    CheckedStep,
+    Cause,
+    Diagnosis,
+    Explanation,
     FullRun,
-    Stepping,
-    TargetStep,
+    Model,
+    Outcome,
+    Results,
     Verdict,
 )
-from physics_crosscheck.harness.records.finding import AuditFinding
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 
 
 def verdict(**fields: Any) -> Verdict:
@@ -73,9 +78,29 @@ def finding(message: str = "is wrong", **fields: Any) -> AuditFinding:
     return AuditFinding(**defaults | fields)
 
 
+def cause(*subject: str, **fields: Any) -> Cause:
+    defaults: dict[str, Any] = {
+        "kind": "literal", "subject": subject, "nominal": 1.0, "estimate": 2.0,
+        "standard_error": 0.1,
+    }  # fmt: skip
+    return Cause(**defaults | fields)
+
+
+def diagnosis(*causes: Cause, remaining: float = 0.0, explained: bool = True) -> Diagnosis:
+    explanation = Explanation(causes=causes, remaining=remaining)
+    return Diagnosis(explanations=(explanation,), explained=explained)
+
+
 def results(*cases: Case, models: tuple[Model, ...] = (), **fields: Any) -> Results:
     defaults: dict[str, Any] = {
         "created": "2026-01-01T00:00:00+00:00", "versions": {}, "resolution": 1e-9,
         "seconds": 1.5, "systems": (), "models": models, "cases": cases,
     }  # fmt: skip
     return Results(**defaults | fields)
+
+
+def printed(run: Results, width: int = 160, **how: Any) -> str:
+    """Return the terminal's text of a run."""
+    out = StringIO()
+    print_results(Console(file=out, width=width), run, **how)
+    return out.getvalue()

@@ -10,18 +10,18 @@ from typing import get_args
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError, UnsupportedError
+from physics_crosscheck.engine import EngineError
+from physics_crosscheck.harness.engines.protocol import UnsupportedError
 from physics_crosscheck.harness.engines.remark import RemarkKind
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.inertias import Kind as InertiaKind
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
-from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.case import Case, CaseId, CaseKind
-from physics_crosscheck.harness.records.cause import Cause, CauseKind
+from physics_crosscheck.harness.records.case import CaseKind
+from physics_crosscheck.harness.records.cause import CauseKind
 from physics_crosscheck.harness.records.codes import GROUPS, codes
 from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
-from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind, PlausibilityKind
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.finding import AuditKind, PlausibilityKind
+from physics_crosscheck.records import AuditFinding, Case, CaseId, Cause, Outcome, Record
 from tests.records.made import case, finding
 
 HARNESS = Path(__file__).parents[2] / "harness"

@@ -12,8 +12,7 @@ import msgspec
 import pytest
 
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.records.read import ResultsError, read_results
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.records import Results, ResultsError, read_results
 from tests.records.examples import example, paths, replaced, required, value_at
 
 EXAMPLE: dict[str, Any] = example(Results)

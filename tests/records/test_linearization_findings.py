@@ -3,9 +3,8 @@
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.status import status_of
+from physics_crosscheck.records import Model, Results
 from tests.records.made import case
 from tests.report.samples import model
 

@@ -11,11 +11,10 @@ import pytest
 
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.records.base import number, numbers, rows
-from physics_crosscheck.harness.records.case import Case, Convergence, ForwardDynamics
-from physics_crosscheck.harness.records.outcome import Outcome, contradiction
-from physics_crosscheck.harness.records.read import ResultsError, read_results
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.case import Convergence, ForwardDynamics
+from physics_crosscheck.harness.records.outcome import contradiction
 from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.records import Case, Outcome, Results, ResultsError, read_results
 from tests.records.made import case, verdict
 
 

@@ -12,8 +12,6 @@ import jsonschema
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.schema import (
     PAGES,
     SCHEMAS,
@@ -21,6 +19,7 @@ from physics_crosscheck.harness.records.schema import (
     page_texts,
     schema,
 )
+from physics_crosscheck.records import Record, Results
 from tests.records.examples import example, paths, replaced
 
 

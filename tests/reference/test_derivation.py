@@ -53,7 +53,7 @@ def test_newtons_second_law_with_a_reversed_damper_differs() -> None:
     assert sp.simplify(equations_of("mass_spring_damper").residual[0] - wrong) != 0
 
 
-# Kane's method, from bodies, points and forces, without energies.
+# Kane's method, from bodies, points and forces, without energies; heyoka has the other systems.
 
 
 class Mechanism:
@@ -109,37 +109,6 @@ class Mechanism:
         return method.mass_matrix.xreplace(back), method.forcing.xreplace(back)
 
 
-def kane_mass_spring_damper(p: Mechanism) -> None:
-    v, x = p.value, p.q["x"]
-    block = p.point("A", p.origin, x * p.space.x)
-    p.particle(block, v["m"])
-    p.loads.append((block, (v["f"] - v["k"] * x - v["c"] * p.u["x"]) * p.space.x))
-
-
-def kane_torsional_disc(p: Mechanism) -> None:
-    v, theta = p.value, p.q["theta"]
-    disc = p.frame("D", theta, p.u["theta"])
-    p.body(p.origin, disc, sp.Symbol("any_mass"), v["J"])
-    p.loads.append((disc, (v["T"] - v["k_theta"] * theta) * p.space.z))
-
-
-def kane_pair(p: Mechanism, anchored: bool) -> None:
-    v, x1, x2 = p.value, p.q["x1"], p.q["x2"]
-    first = p.point("A", p.origin, x1 * p.space.x)
-    second = p.point("B", p.origin, x2 * p.space.x)
-    p.particle(first, v["m1"])
-    p.particle(second, v["m2"])
-    damper = v["c"] * (p.u["x2"] - p.u["x1"])  # pulls the first toward the second
-    p.loads += [(first, damper * p.space.x), (second, -damper * p.space.x)]
-    if anchored:
-        p.loads += [(first, -v["k1"] * x1 * p.space.x), (second, -v["k2"] * x2 * p.space.x)]
-        p.loads.append((second, v["f"] * p.space.x))
-    else:
-        spring = v["k"] * (x2 - x1)
-        p.loads += [(first, spring * p.space.x), (second, -spring * p.space.x)]
-        p.loads.append((first, v["f"] * p.space.x))
-
-
 def kane_drum_pendulum(p: Mechanism) -> None:
     v, x, theta = p.value, p.q["x"], p.q["theta"]
     centre = p.point("C", p.origin, x * p.space.x)
@@ -155,14 +124,6 @@ def kane_drum_pendulum(p: Mechanism) -> None:
         (centre, -v["M"] * v["g"] * p.space.y),
         (rod, v["tau"] * p.space.z),
     ]
-
-
-def kane_simple_pendulum(p: Mechanism) -> None:
-    v = p.value
-    rod = p.frame("R", p.q["theta"], p.u["theta"])
-    bob = p.point("A", p.origin, -v["l"] * rod.y)
-    p.particle(bob, v["m"])
-    p.loads += [(bob, -v["m"] * v["g"] * p.space.y), (rod, v["tau"] * p.space.z)]
 
 
 def kane_cart(p: Mechanism) -> None:
@@ -183,15 +144,7 @@ def kane_cart(p: Mechanism) -> None:
     ]
 
 
-KANE = {
-    "mass_spring_damper": kane_mass_spring_damper,
-    "torsional_disc": kane_torsional_disc,
-    "free_pair": lambda p: kane_pair(p, anchored=False),
-    "anchored_pair": lambda p: kane_pair(p, anchored=True),
-    "drum_pendulum": kane_drum_pendulum,
-    "simple_pendulum": kane_simple_pendulum,
-    CART.name: kane_cart,
-}
+KANE = {"drum_pendulum": kane_drum_pendulum, CART.name: kane_cart}
 
 
 def kane_matches(name: str, assemble: Callable[[Mechanism], None]) -> bool:

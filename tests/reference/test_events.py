@@ -13,25 +13,23 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from physics_crosscheck import (
+    Constant,
+    Contact,
+    Coordinate,
+    DeclarationError,
+    DryFriction,
+    Output,
+    Scenario,
+    System,
+)
 from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.declaration import (
-    Constant,
-    Coordinate,
-    DeclarationError,
-    Output,
-    Scenario,
-)
-from physics_crosscheck.reference.mechanism.interactions import (
-    Contact,
-    DryFriction,
-    Interaction,
-)
+from physics_crosscheck.reference.mechanism.interactions import Interaction
 from physics_crosscheck.reference.mechanism.laws import SoftLaw, Softness
-from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.segments import Motion
 
 EVENTS = Path(__file__).parents[2] / "models" / "events"
@@ -427,6 +425,23 @@ def test_motion_too_long_for_its_events_is_refused() -> None:
     long = replace(system.scenario("drop"), duration=1e5)
     with pytest.raises(EventError, match="shorten the motion"):
         solve_events(derive(system), long)
+
+
+@pytest.mark.parametrize(
+    ("height", "speed", "message"),
+    [
+        (0, -1.5, "starts with an impact: floor is closed, and its gap falls by 1.5 m/s"),
+        (-0.01, 1.5, "starts inside floor, where the gap is -0.01 m"),
+    ],
+)
+def test_motion_that_starts_in_a_contact_is_refused(
+    height: float, speed: float, message: str
+) -> None:
+    system = load_system(EVENTS / "bouncing_ball")
+    (z,) = system.coordinates
+    low = replace(system.scenario("drop"), q={z: height}, v={z: speed})
+    with pytest.raises(EventError, match=re.escape(message)):
+        solve_events(derive(system), low)
 
 
 def test_accumulating_impacts_are_rejected_with_a_valid_duration() -> None:

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from physics_crosscheck import Fluid
 from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
-from physics_crosscheck.reference.mechanism.tree import Fluid, Kind, Tree, TreeCoupling
+from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeCoupling
 from physics_crosscheck.reference.solving import flows
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError

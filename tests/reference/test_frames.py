@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck import DeclarationError, Pose, System
+from physics_crosscheck import DeclarationError, Pose, System, ground, rotation
 from physics_crosscheck.reference.mechanism.frames import frame_function
-from physics_crosscheck.reference.mechanism.kinematics import ground, rotation
 from tests.poses.arm import SWING, a, l
 
 EYE = sp.eye(3)

@@ -18,13 +18,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def spoil(folder: Path, old: str, new: str) -> int:
-    """Replace text in the declaration; return the line of the replacement."""
+def spoil(folder: Path, old: str, new: str) -> None:
+    """Replace text in the declaration."""
     path = folder / "system.py"
     text = path.read_text()
     assert text.count(old) == 1
     path.write_text(text.replace(old, new))
-    return text[: text.index(old)].count("\n") + 1
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -37,43 +36,31 @@ def test_folder_without_a_declaration_is_refused_naming_the_file(tmp_path: Path)
         load_system(tmp_path)
 
 
-def test_syntax_error_is_refused_with_file_and_line(folder: Path) -> None:
-    line = spoil(folder, 'x = Coordinate("x", "m",', 'x = = Coordinate("x", "m",')
-    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: SyntaxError: invalid syntax"):
-        load_system(folder)
+MUTE = "type('Mute', (ValueError,), {'__str__': lambda self: 1 / 0})"
+ENERGY = "V=k * x.q**2 / 2"
+CALL = "system = System("
 
 
-def test_missing_field_is_refused_with_file_and_line_and_its_name(folder: Path) -> None:
-    spoil(folder, "    D=c * x.v**2 / 2,\n", "")
+@pytest.mark.parametrize(("old", "new", "place", "sentence"), [
+    ('x = Coordinate("x",', 'x = = Coordinate("x",', "x = =", "SyntaxError: invalid syntax"),
+    (ENERGY, "V=kk * x.q**2 / 2", "V=kk", "NameError: name 'kk'"),
+    (ENERGY, f"V=(_ for _ in ()).throw({MUTE}())", "V=(_ for",
+     r"Mute: its message can't be shown \(ZeroDivisionError\)"),
     # A call is placed at its first line.
-    line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
-    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: .*missing 1 field: 'D'"):
-        load_system(folder)
-
-
-def test_wrong_name_is_refused_with_file_and_line(folder: Path) -> None:
-    line = spoil(folder, "V=k * x.q**2 / 2", "V=kk * x.q**2 / 2")
-    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: NameError: name 'kk'"):
-        load_system(folder)
-
-
-def test_error_without_a_message_is_reported_with_file_and_line(folder: Path) -> None:
-    mute = "type('Mute', (ValueError,), {'__str__': lambda self: 1 / 0})"
-    line = spoil(folder, "V=k * x.q**2 / 2", f"V=(_ for _ in ()).throw({mute}())")
-    message = rf"system\.py:{line}: Mute: its message can't be shown \(ZeroDivisionError\)"
-    with pytest.raises(DeclarationError, match=message):
-        load_system(folder)
-
-
-def test_declaration_error_is_refused_with_file_and_line(folder: Path) -> None:
-    spoil(folder, "V=k * x.q**2 / 2", "V=k * x.q")
-    line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
-    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: system 'mass_.*V has the u"):
+    ("    D=c * x.v**2 / 2,\n", "", CALL, ".*missing 1 field: 'D'"),
+    (ENERGY, "V=k * x.q", CALL, "system 'mass_.*V has the u"),
+])  # fmt: skip
+def test_wrong_declaration_is_refused_with_file_and_line(
+    folder: Path, old: str, new: str, place: str, sentence: str
+) -> None:
+    spoil(folder, old, new)
+    line = (folder / "system.py").read_text().split(place)[0].count("\n") + 1
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: {sentence}"):
         load_system(folder)
 
 
 def test_file_that_declares_no_system_is_refused_with_the_remedy(folder: Path) -> None:
-    spoil(folder, "system = System(", "other = System(")
+    spoil(folder, CALL, "other = System(")
     with pytest.raises(DeclarationError, match=r"must end with `system = System\(\.\.\.\)`"):
         load_system(folder)
 

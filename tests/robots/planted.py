@@ -10,7 +10,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.engines.registry import engines_reading
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.diagnosis.test_robot import check_named
 

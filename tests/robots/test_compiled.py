@@ -9,16 +9,16 @@ import gymnasium
 import numpy as np
 import pytest
 
+from physics_crosscheck.engine import EngineError, ModelSpec
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.robots.planted import PreparedFile, prepare_file
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from physics_crosscheck import RigidBody
+from physics_crosscheck.engine import Engine, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.mechanism.bodies import RigidBody
+from physics_crosscheck.records import Outcome
 from tests.robots.files import inertial, joint, link, read, tree_of
 
 

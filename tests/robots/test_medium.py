@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.dynamics.fluid import Immersion
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.engine import CompiledTree
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE
 from physics_crosscheck.harness.modelfiles.readers import Numbers, read_robot, robot_numbers

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.robots.planted import PreparedFile, prepare_file
 
 BUSHINGS = """<mujoco model="bushes">

@@ -12,11 +12,11 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from physics_crosscheck import MultibodySystem
 from physics_crosscheck.harness.commands.scaffold.folder import NewError
 from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 CODE = 'open("PWNED","w")'
 NAMES = (

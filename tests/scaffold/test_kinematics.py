@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy as sp
 
-from physics_crosscheck import Coordinate
-from physics_crosscheck.reference.mechanism.kinematics import ground, rotation
+from physics_crosscheck import Coordinate, ground, rotation
 
 A = Coordinate("a", "rad", "upper")
 B = Coordinate("b", "rad", "lower")

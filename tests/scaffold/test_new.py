@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck import MultibodySystem
 from physics_crosscheck.harness.commands.scaffold.folder import (
     NewError,
     check_name,
@@ -21,7 +22,6 @@ from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.run import Options, run
 from physics_crosscheck.reference.load import load_declaration, load_system
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 
 REPOSITORY = Path(__file__).parents[1] / "installed" / "repository" / "models"
 """The function that compares the equations with engines."""

@@ -12,6 +12,7 @@ import numpy as np
 import pybullet_data
 import pytest
 
+from physics_crosscheck import DeclarationError, MultibodySystem
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
@@ -20,11 +21,9 @@ from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.run import Options, Selection, run
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.load import load_declaration, load_system
-from physics_crosscheck.reference.mechanism.declaration import DeclarationError
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from tests import commands
 from tests.robots.files import ARM

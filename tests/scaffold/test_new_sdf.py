@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck import MultibodySystem
 from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.engines.registry import default_engines, engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from tests.robots.test_sdf import ARM, BASE, WELD, joint
 
 WORLD = "<gravity>0 0 -3.7</gravity><physics><max_step_size>0.004</max_step_size></physics>"

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.engine import EngineError
 from physics_crosscheck.harness.jobs.failure import LONGEST
 from physics_crosscheck.harness.jobs.stop import SIGNALS
 from physics_crosscheck.harness.jobs.workers import (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from physics_crosscheck import DeclarationError, PublishedEquation
 from physics_crosscheck.reference.dynamics.notation import readings
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation
 from soak.fuzz.minimize import minimize
 from soak.fuzz.target import FuzzFinding, FuzzTarget, SlowError, attack
 from soak.fuzz.targets import TARGETS

@@ -16,8 +16,8 @@ from physics_crosscheck.harness.extras.sweep.plan import CasePlan
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.records import Outcome
 from tests.mutation.test_trees import MODEL, SYSTEM
 from tests.robots.files import inertial, joint, link
 from tests.sweep.made import options, plan_of

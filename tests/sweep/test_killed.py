@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.extras.sweep.store import done, parts, read_rows
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.faults.known_folder import environment
 from tests.sweep.made import swept_folder
 

@@ -23,9 +23,9 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.harness.render.html.sweep import render_sweep
+from physics_crosscheck.records import Outcome
 from tests.robots.files import joint, link
 from tests.sweep.made import options, plan_of
 

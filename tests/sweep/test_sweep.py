@@ -19,8 +19,8 @@ from physics_crosscheck.harness.extras.sweep.store import locked_rows, parts, re
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.codes import case_code
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.load import load_system
 from tests.faults.known_folder import ROOT, one_scenario
 from tests.physics import copy_with_constants

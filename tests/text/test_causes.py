@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.base import Number, SourceLine
-from physics_crosscheck.harness.records.cause import Cause, CauseId, CauseKind
-from physics_crosscheck.harness.records.finding import Explanation
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.cause import CauseKind
 from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.records import Cause, CauseId, Explanation, SourceLine
 
 
 def cause(

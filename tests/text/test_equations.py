@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck import DeclarationError, Equilibrium, System
+from physics_crosscheck import DeclarationError, Equilibrium, MultibodySystem, System
 from physics_crosscheck.harness.checks.derivation import derivation, tree_derivation
 from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 from physics_crosscheck.harness.modelfiles.readers import read_robot
@@ -20,7 +20,6 @@ from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
 from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.terminal.equations import DerivedPage, describe
 from physics_crosscheck.reference.load import load_declaration, load_system
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from tests.cases.arms import arm
 from tests.reference.mechanisms import CART
 

@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 
 from physics_crosscheck.harness.records.case import TargetStep
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.models_table import MAX_ROWS, print_models
+from physics_crosscheck.records import Outcome
 from tests.records.made import case, full_run, verdict
 
 LONG = "two_drums_on_a_slope", "robot_folded_and_turned.urdf"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.progress import LOG_SECONDS, Progress
+from physics_crosscheck.records import Outcome
 from tests.records.made import case
 
 

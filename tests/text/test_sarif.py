@@ -12,14 +12,11 @@ import pytest
 
 from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.modelfiles.locations import find_in
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.codes import codes
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results import sarif as sarif_module
 from physics_crosscheck.harness.results.github import run_notes
 from physics_crosscheck.harness.results.sarif import sarif
+from physics_crosscheck.records import Cause, Diagnosis, Explanation, Outcome, SourceLine
 from tests.records.made import case, finding, model, results
 from tests.text.test_troubles import planted
 

@@ -10,9 +10,9 @@ from rich.console import Console
 
 from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.records.codes import case_code
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.render.terminal.sweep import print_sweep
+from physics_crosscheck.records import Outcome
 
 WIDTHS = (60, 80, 120)
 

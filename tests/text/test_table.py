@@ -12,19 +12,10 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from physics_crosscheck.harness.interfaces.pytest_plugin.collect import properties
-from physics_crosscheck.harness.records.case import (
-    Case,
-    CaseId,
-    EventTime,
-    SkippedCheck,
-    WholeStep,
-)
-from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.case import EventTime, SkippedCheck, WholeStep
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.diff import Status, bare_diff
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.render.html.cases import CaseView
 from physics_crosscheck.harness.render.terminal.console import STYLES, terminal, wrapped
 from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
@@ -39,14 +30,19 @@ from physics_crosscheck.harness.render.terminal.table import (
 )
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
 from physics_crosscheck.harness.results.status import duration, percent
-from tests.records.made import case, finding, full_run, model, results, stepping, verdict
-
-
-def printed(run: Results, **how: Any) -> str:
-    out = StringIO()
-    print_results(Console(file=out, width=160), run, **how)
-    return out.getvalue()
-
+from physics_crosscheck.records import Case, CaseId, Outcome
+from tests.records.made import (
+    case,
+    cause,
+    diagnosis,
+    finding,
+    full_run,
+    model,
+    printed,
+    results,
+    stepping,
+    verdict,
+)
 
 SMALL_BESIDE = verdict(
     component="x",
@@ -140,19 +136,18 @@ def test_problems_come_worst_first_with_engine_output() -> None:
 
 def test_audit_findings_replace_a_missing_cause() -> None:
     """List all wrong literals of the audit if at most two cannot explain a large fault."""
-    best = Cause(kind="constant", subject=("m",), nominal=1.0, estimate=7.0, standard_error=2.0)
-    explanation = Explanation(causes=(best,), remaining=0.07)
-    diagnosis = Diagnosis(explanations=(explanation,))
+    best = cause("m", kind="constant", estimate=7.0, standard_error=2.0)
+    vague = diagnosis(best, remaining=0.07, explained=False)
     wrong = finding("mass is 9 where m = 0.9"), finding("rounded", severity="note")
     differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=1.0))
-    run = results(differs, models=(model(*wrong, diagnosis=diagnosis),))
+    run = results(differs, models=(model(*wrong, diagnosis=vague),))
     text = printed(run)
     assert text.count("mass is 9 where m = 0.9") == 1
     assert "closest" not in text
     assert BEGIN_WITH_AUDIT in printed(run, details=True)
-    bare = printed(results(differs, models=(model(diagnosis=diagnosis),)))
+    bare = printed(results(differs, models=(model(diagnosis=vague),)))
     assert "cause: none found; closest: m is 7 ± 2 in the model, but 1 in the equations" in bare
-    far = Diagnosis(explanations=(Explanation(causes=(best,), remaining=0.2),), failure="it died")
+    far = replace(diagnosis(best, remaining=0.2, explained=False), failure="it died")
     bare = printed(results(differs, models=(model(diagnosis=far),)))
     assert "cause: none found: it died" in bare
     assert "ERROR" not in bare

@@ -2,47 +2,39 @@
 
 from __future__ import annotations
 
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from rich.console import Console
 
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.cause import Cause, CauseId
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html.diagnoses import sentence
-from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.results.issues import collect_issues
-from tests.records.made import case, finding, model, results, verdict
-
-WRONG = Cause(
-    kind="literal",
-    subject=("body[rod]/inertial@mass",),
-    nominal=3.3,
-    estimate=3.6000000000001,
-    standard_error=5e-12,
-    locations=(SourceLine(file="mujoco.xml", line=21),),
+from physics_crosscheck.records import (
+    Case,
+    CauseId,
+    Diagnosis,
+    Explanation,
+    Model,
+    Outcome,
+    Results,
+    SourceLine,
+)
+from tests.records.made import (
+    case,
+    cause,
+    diagnosis,
+    finding,
+    model,
+    printed,
+    results,
+    verdict,
 )
 
-
-def diagnosis(
-    cause: Cause = WRONG, *, explained: bool = True, remaining: float = 4e-12
-) -> Diagnosis:
-    explanation = Explanation(causes=(cause,), remaining=remaining)
-    return Diagnosis(explanations=(explanation,), explained=explained)
-
-
-def printed(run: Results, width: int = 80, *, details: bool = False) -> str:
-    out = StringIO()
-    print_results(Console(file=out, width=width), run, details=details)
-    return out.getvalue()
+WRONG = cause(
+    "body[rod]/inertial@mass", nominal=3.3, estimate=3.6000000000001, standard_error=5e-12,
+    locations=(SourceLine(file="mujoco.xml", line=21),),
+)  # fmt: skip
 
 
 def differing(*engines: str, scenarios: tuple[str, ...] = ("free", "driven")) -> tuple[Case, ...]:
@@ -97,7 +89,7 @@ def planted() -> Results:
         location=SourceLine(file="mujoco.xml", line=21),
     )
     models: tuple[Model, ...] = tuple(
-        model(wrong, engine=engine, diagnosis=diagnosis(remaining=remaining))
+        model(wrong, engine=engine, diagnosis=diagnosis(WRONG, remaining=remaining))
         for engine, remaining in (("mujoco", 4e-12), ("pybullet", 5e-12))
     )
     agreeing = [case(model=f"model_{i}.xml", scenario=s) for i in range(8) for s in ("a", "b")]
@@ -161,7 +153,7 @@ def test_fault_besides_the_cause_is_reported() -> None:
     frame = finding("rod is 3 mm off", kind="pose", subject=("rod",))
     term = finding("inertia of x is 2, not 1", kind="inertia", subject=("x",))
     other = finding("height is 2 where h = 1", location=SourceLine(file="mujoco.xml", line=30))
-    explained = model(frame, term, other, diagnosis=diagnosis())
+    explained = model(frame, term, other, diagnosis=diagnosis(WRONG))
     text = printed(results(*differing("mujoco"), models=(explained,)), 120)
     assert "height is 2 where h = 1" in text
     assert "1 more finding about computed terms" in text
@@ -171,13 +163,13 @@ def test_fault_besides_the_cause_is_reported() -> None:
 
 
 def test_unexplained_difference_has_no_fix() -> None:
-    vague = model(diagnosis=diagnosis(explained=False, remaining=0.7))
+    vague = model(diagnosis=diagnosis(WRONG, explained=False, remaining=0.7))
     assert "fix:" not in printed(results(*differing("mujoco"), models=(vague,)))
 
 
 def test_accepted_case_is_not_a_problem() -> None:
     accepted = case(Outcome.DIFFERS, accepted="soft")
-    explained = model(diagnosis=diagnosis(), accepted="soft")
+    explained = model(diagnosis=diagnosis(WRONG), accepted="soft")
     text = printed(results(accepted, models=(explained,)))
     assert "cause" not in text
     assert "1 difference accepted" in text
@@ -197,9 +189,9 @@ def test_findings_that_differ_only_in_numbers_are_reported_once() -> None:
 
 
 def test_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
-    cause = Cause(
-        kind="dropped", subject=("moments of link[tool]/inertial/inertia",), nominal=0.0,
-        estimate=0.0, standard_error=0.0, locations=(SourceLine(file="arm.urdf", line=22),),
+    dropped = cause(
+        "moments of link[tool]/inertial/inertia", kind="dropped", nominal=0.0, estimate=0.0,
+        standard_error=0.0, locations=(SourceLine(file="arm.urdf", line=22),),
     )  # fmt: skip
     link = finding(
         "link 'tool' has inertia and no mass", kind="inertia", subject=("tool", "massless"),
@@ -210,7 +202,7 @@ def test_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
     differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=2.1), **names)
     models = tuple(
         model(link, engine=engine, diagnosis=found, **names)
-        for engine, found in (("mujoco", diagnosis(cause)), ("pybullet", None))
+        for engine, found in (("mujoco", diagnosis(dropped)), ("pybullet", None))
     )
     assert printed(results(agreeing, differs, models=models)).splitlines()[:7] == [
         "arm.urdf",
@@ -228,10 +220,9 @@ def test_link_without_mass_has_its_line_and_fix(tmp_path: Path) -> None:
 
 
 def test_quiet_prints_problems_and_the_summary() -> None:
-    out = StringIO()
-    print_results(Console(file=out, width=100), planted(), quiet=True)
-    lines = out.getvalue().splitlines()
+    text = printed(planted(), 100, quiet=True)
+    lines = text.splitlines()
     assert lines[0].startswith("  FAIL  disc/mujoco.xml")
-    assert "model_0.xml" not in out.getvalue()
-    assert "the motion implies 3.6" in out.getvalue()
+    assert "model_0.xml" not in text
+    assert "the motion implies 3.6" in text
     assert lines[-1].startswith("4 of 20 cases differ")

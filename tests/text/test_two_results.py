@@ -6,7 +6,7 @@ from typing import Any
 
 from physics_crosscheck.harness.baseline.diff import diff_cases
 from physics_crosscheck.harness.records.diff import Diff, numbers_of
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import Outcome
 from tests.records.made import case, full_run, verdict
 
 

@@ -14,11 +14,6 @@ from rich.console import Console
 
 from physics_crosscheck.harness.commands.gate.text import _cell, _code
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.cause import Cause
-from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.render.terminal.console import escape
 from physics_crosscheck.harness.render.terminal.table import print_results
@@ -35,6 +30,7 @@ from physics_crosscheck.harness.results.github import (
 from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.harness.results.status import Decision, TestStatus
 from physics_crosscheck.harness.results.visible import odd_name, visible
+from physics_crosscheck.records import Cause, Diagnosis, Explanation, Outcome, Results, SourceLine
 from tests.records.made import case, finding, model, results
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.records.baseline import Gate
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.records import Outcome
 from tests.faults.known_folder import environment
 from tests.installed.documents import ROOT, check_shown, commands
 

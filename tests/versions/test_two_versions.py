@@ -24,8 +24,8 @@ from physics_crosscheck.harness.extras.versions.main import (
     site_folders,
 )
 from physics_crosscheck.harness.records.baseline import Gate
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.records import Outcome
 from tests.faults.known_folder import ROOT, SYSTEM
 
 PAGE = (ROOT / "docs" / "engines" / "adapter.md").read_text(encoding="utf-8")

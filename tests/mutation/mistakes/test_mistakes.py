@@ -10,17 +10,16 @@ from pathlib import Path
 import pytest
 from _pytest.mark import ParameterSet
 
+from physics_crosscheck.engine import EngineError
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.task import load, model_task
 from physics_crosscheck.harness.checks.verdict import judge
 from physics_crosscheck.harness.diagnosis.task import ranked
-from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.numerics.segments import extrapolate
-from physics_crosscheck.harness.records.case import FullRun
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.records import FullRun, Outcome
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.solving.solve import solve
 from tests.mutation.mistakes.mistakes import (

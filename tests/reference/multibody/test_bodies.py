@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physics_crosscheck import DeclarationError
-from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.bodies import (
+from physics_crosscheck import (
     Coupling,
+    DeclarationError,
     ForceElement,
     Joint,
+    MultibodySystem,
     RigidBody,
-    powers,
 )
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.assemble import assembled
+from physics_crosscheck.reference.mechanism.bodies import powers
 from physics_crosscheck.reference.mechanism.tree import WORLD, TreeError
 
 DOWN = (0.0, 0.0, -9.81)

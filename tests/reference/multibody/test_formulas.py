@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from physics_crosscheck import Coupling, ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.dynamics.formulas import SymbolicEquations, formulas
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 INERTIA = (0.1, 0.11, 0.05, 0.0, 0.0, 0.0)

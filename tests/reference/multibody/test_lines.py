@@ -10,16 +10,11 @@ import casadi
 import numpy as np
 import pytest
 
+from physics_crosscheck import CablePath, FrameForce, JointForce
 from physics_crosscheck.reference.dynamics.force_elements import Lines
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from physics_crosscheck.reference.mechanism.force_paths import (
-    CablePath,
-    FrameForce,
-    JointForce,
-    LinkFrame,
-    Way,
-)
+from physics_crosscheck.reference.mechanism.force_paths import LinkFrame, Way
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import (
     LONG_DOUBLES,

@@ -9,14 +9,15 @@ import casadi
 import numpy as np
 import pytest
 
+from physics_crosscheck import Fluid, Joint, RigidBody
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.bodies import MIN_BOX_MOMENT, Joint, RigidBody
+from physics_crosscheck.reference.mechanism.bodies import MIN_BOX_MOMENT
 from physics_crosscheck.reference.mechanism.multibody import tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, from_quaternion
-from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
+from physics_crosscheck.reference.mechanism.tree import Immersed, Tree
 from physics_crosscheck.reference.solving.samples import samples, smooth_segments
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
