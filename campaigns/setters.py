@@ -6,9 +6,10 @@ A fault changes a number of each model that an engine loads for a case, as a wro
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
@@ -21,10 +22,17 @@ from physics_crosscheck.harness.modelfiles.numbers import Number
 Plant = Callable[[Any], None]
 """Changes a loaded model."""
 
+Place = tuple[Path, int]
+"""A file, and the first byte of an element."""
+
 SHARES = 1e-4, 0.1
 
 BY_WORD = re.compile(r"sol\w+|\w*range|friction|gear|\w+prm|polycoef|anchor|size|gravity|wind")
 """Attributes whose numbers are the entries of a row, in order."""
+
+
+HOLDERS = "body", "link", "joint", "transmission"
+"""Elements whose names owners of numbers have; of a transmission, its joint's."""
 
 
 class LoadedFault(NamedTuple):
@@ -36,6 +44,7 @@ class LoadedFault(NamedTuple):
         path: pattern of the paths of the file's numbers that the value comes from.
         owner: name of the element, or of its body or link; empty if it has none.
         word: index in the row of an array.
+        places: of the element, then of the defaults that it takes; empty if unknown.
     """
 
     name: str
@@ -43,6 +52,18 @@ class LoadedFault(NamedTuple):
     path: str
     owner: str = ""
     word: int = 0
+    places: tuple[Place, ...] = ()
+
+    def stated(self, numbers: Iterable[tuple[Number, bool]]) -> list[bool]:
+        """Return whether the numbers that the value comes from are tested: its own, or defaults."""
+        mine = [(number, tested) for number, tested in numbers if self.concerns(number)]
+        for file, start in self.places:
+            here = [
+                tested for one, tested in mine if (one.file, one.element.start) == (file, start)
+            ]
+            if here:
+                return here
+        return [tested for _, tested in mine if not self.places]
 
     def concerns(self, number: Number) -> bool:
         """Return whether the value comes from a number of the file."""
@@ -50,10 +71,13 @@ class LoadedFault(NamedTuple):
             return False
         if BY_WORD.fullmatch(number.key) and number.word != self.word:
             return False
+        if self.places:
+            return True
         above, names = number.element, {number.element.attributes.get("name", "")}
-        while above.parent is not None and above.tag not in ("body", "link", "joint"):
+        while above.parent is not None and above.tag not in HOLDERS:
             above = above.parent
-        names.add(above.attributes.get("name", ""))
+        driven = above.findall("joint") if above.tag == "transmission" else []
+        names |= {one.attributes.get("name", "") for one in (above, *driven)}
         return not self.owner or "/default" in number.path or self.owner in names
 
 
@@ -71,8 +95,9 @@ def _loaders(engine: str) -> list[tuple[type, str]]:
     """Return the functions after which a fault is planted."""
     if engine == "pybullet":
         from physics_crosscheck.harness.engines.pybullet.adapter import PybulletModel
+        from physics_crosscheck.harness.engines.pybullet.whole import PybulletWhole
 
-        return [(PybulletModel, "_load")]
+        return [(PybulletModel, "_load"), (PybulletWhole, "_add_floor")]
     if engine == "drake":
         from physics_crosscheck.harness.engines.drake.adapter import DrakeUrdf
         from physics_crosscheck.harness.engines.drake.plant import Plant as DrakePlant
@@ -119,7 +144,7 @@ def setter_faults(
     setters, *places = SETTERS[engine]
     targets = [find(seen[-1]) for find in places]
     for name, (path, change) in setters.items():
-        there = targets[path.startswith(_JOINT)]
+        there = targets[_JOINT in path]
         for k in rng.choice(len(there), min(each, len(there)), replace=False):
             owner, place = there[k]
             for share in SHARES:
@@ -127,7 +152,9 @@ def setter_faults(
 
 
 def _call(change: Change, place: Any, share: float, model: Any) -> None:
-    change(model, place, share)
+    has_floor = type(model).__name__ == "PybulletWhole"
+    if (change is _pair) is has_floor:  # PyBullet forgets pairs of bodies that it has not loaded
+        change(model, place, share)
 
 
 _LINK, _JOINT = "robot/link/", "robot/joint/"
@@ -153,6 +180,13 @@ def _dynamics(model: Any, link: int, share: float, *, word: str, index: int) -> 
     p.changeDynamics(model._body, link, **words)
 
 
+def _set_dynamics(model: Any, link: int, share: float, *, word: str, to: float) -> None:
+    """Set a number that has no getter to a value, which a large fault quarters."""
+    import pybullet as p
+
+    p.changeDynamics(model._body, link, **{word: to * (1 if share < SHARES[1] else 0.25)})
+
+
 def _bullet_joint(model: Any, link: int, share: float, *, word: str) -> None:
     import pybullet as p
 
@@ -172,6 +206,13 @@ def _mask(model: Any, link: int, _: float) -> None:
     p.setCollisionFilterGroupMask(model._body, link, 0, 0)
 
 
+def _pair(model: Any, link: int, _: float) -> None:
+    """Filter the contacts of a link with the floor."""
+    import pybullet as p
+
+    p.setCollisionFilterPair(model._body, model._floor, link, -1, 0)
+
+
 _BULLET: dict[str, tuple[str, Change]] = {
     **{
         word: (_LINK + path, partial(_dynamics, word=word, index=index))
@@ -185,7 +226,19 @@ _BULLET: dict[str, tuple[str, Change]] = {
             ("linearDamping", 5, "-"), ("angularDamping", 5, "-"),
         )
     },
+    **{
+        word: (path, partial(_set_dynamics, word=word, to=to))
+        for word, path, to in (
+            ("jointLimitForce", f"{_JOINT}limit@(lower|upper)", 0.4),
+            ("maxJointVelocity", f"{_JOINT}limit@velocity", 0.4),
+            ("collisionMargin", f"{_LINK}collision/.*", 0.01),
+            ("frictionAnchor", f"{_LINK}contact/friction_anchor.*", 1.0),
+            ("contactProcessingThreshold", "-", 0.0),
+            ("contactDamping", f"{_LINK}contact/damping@value", 40.0),
+        )
+    },
     "setCollisionFilterGroupMask": (f"{_LINK}collision/.*", _mask),
+    "setCollisionFilterPair": (f"{_LINK}collision/.*", _pair),
     "jointLowerLimit": (f"{_JOINT}limit@lower", partial(_bullet_joint, word="lower")),
     "jointUpperLimit": (f"{_JOINT}limit@upper", partial(_bullet_joint, word="upper")),
     "jointDamping": (f"{_JOINT}dynamics@damping", partial(_bullet_joint, word="damping")),
@@ -236,12 +289,25 @@ def _drake_joint(model: Any, name: str, share: float, *, word: str) -> Any:
     joint = model.GetJointByName(name)
     if word == "set_gravity_enabled":
         return model.set_gravity_enabled(joint.model_instance(), False)
+    if word == "set_default_positions":
+        return joint.set_default_positions(joint.default_positions() + share)
+    if word.startswith("set_default_") and "damping" not in word:
+        return _drake_actuator(model, joint, share, word)
     old = joint.position_lower_limits() if "limits" in word else joint.default_damping_vector()
     new = old + share * np.where(np.isfinite(old) & (old != 0), -abs(old), -1) * (
         1 if "limits" in word else -1
     )
     more = [joint.position_upper_limits()] if "limits" in word else []
     return getattr(joint, word)(new, *more)
+
+
+def _drake_actuator(plant: Any, joint: Any, share: float, word: str) -> None:
+    """Change the actuator of a joint; without one, add one, which has no rotor by the file."""
+    every = (plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices())
+    actuator = next((one for one in every if one.joint().name() == joint.name()), None)
+    actuator = actuator or plant.AddJointActuator(f"fault of {joint.name()}", joint)
+    old = getattr(actuator, word.removeprefix("set_"))()
+    getattr(actuator, word)(old + share * (old or 1.0))
 
 
 _DRAKE: dict[str, tuple[str, Change]] = {
@@ -258,7 +324,15 @@ _DRAKE: dict[str, tuple[str, Change]] = {
         for word, path in (
             ("set_default_damping_vector", "dynamics@damping"), ("set_gravity_enabled", "-"),
             ("set_position_limits", "limit@(lower|upper)"), ("set_contact_model", "-"),
+            ("set_default_positions", "-"),
         )
+    },
+    **{
+        f"set_default_{word}": (
+            f".*({_JOINT}|transmission/actuator/)drake:{word}@value",
+            partial(_drake_joint, word=f"set_default_{word}"),
+        )
+        for word in ("rotor_inertia", "gear_ratio")
     },
 }  # fmt: skip
 
@@ -276,6 +350,8 @@ def _dart_joints(model: Any) -> list[tuple[str, str]]:
 def _dart(model: Any, name: str, share: float, *, word: str) -> Any:
     if word == "setGravity":
         return model._world.setGravity((1 + share) * model._world.getGravity())
+    if word in ("setGravityMode", "setCollidable"):
+        return getattr(model._body.getBodyNode(name), word)(False)
     if word in ("setMass", "setLocalCOM", "setMomentOfInertia"):
         node = model._body.getBodyNode(name)
         (xx, xy, xz), (_, yy, yz), (*_, zz) = (1 + share) * node.getInertia().getMoment()
@@ -299,7 +375,11 @@ _DART: dict[str, tuple[str, Change]] = {
         ("setCoulombFriction", f"{_JOINT}dynamics@friction"),
         ("setSpringStiffness", f"{_JOINT}-"), ("setRestPosition", f"{_JOINT}-"),
         ("setPositionLowerLimit", f"{_JOINT}limit@lower"),
+        ("setPositionUpperLimit", f"{_JOINT}limit@upper"),
         ("setVelocityUpperLimit", f"{_JOINT}limit@velocity"),
+        ("setVelocityLowerLimit", f"{_JOINT}limit@velocity"),
+        ("setForceUpperLimit", f"{_JOINT}limit@effort"), ("setInitialPosition", f"{_JOINT}-"),
+        ("setGravityMode", f"{_LINK}-"), ("setCollidable", f"{_LINK}collision/.*"),
     )
 }  # fmt: skip
 

@@ -249,7 +249,7 @@ class Acting:
         laws, joint = self.model.laws, self.model.tree.tree.links[link]
         there = self.model.tree.tree.velocities[link].start
         active = -drive.biases[2] * gear**2
-        passive = joint.damping + laws.drive_damping.get(link, 0.0)
+        passive = joint.damping + laws.dampers.get(link, (0.0,))[0]
         ends = laws.integrator != "euler"
         implicit = passive + active if ends else passive if laws.damps_implicitly else 0.0
         return Servo(

@@ -65,6 +65,8 @@ SMALLER = 0.9
 PLACED, DEPTHS = 16, (0.2, 0.01)
 """Number of shapes that are put onto others, and their depths, as shares of the smaller one."""
 
+_INEXACT = "exact depths, normals and points of contacts without a closed form"
+
 Pair = tuple[int, int]
 
 
@@ -393,6 +395,8 @@ class _Judge:
             flat = {one.kind for one in pairs[k]} == {"plane", "box"}
             for contact in contacts if flat else (deepest,):
                 self._judge_place(surfaces, pairs[k], contact, expected)
+        else:
+            self._unjudged[_INEXACT] += len(contacts)
 
     def _judge_place(
         self, surfaces: Pair, pair: tuple[Solid, Solid], contact: ContactPoint, expected: _Expected

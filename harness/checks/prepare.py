@@ -562,7 +562,10 @@ def _solved_robot(robot: Robot, motion: float, states: int) -> tuple[Robot, Prep
         scenario = scenario_of(robot)
         return robot, _solved(file, system, robot.limits, scenario, motion, states)
     except LockedError as error:
-        return _solved_robot(hold_joints(robot, error.joints), motion, states)
+        held = hold_joints(robot, error.joints)
+        if held.tree is None or not held.tree.links:
+            raise RobotError(f"{file}: no other joint moves: {error}") from None
+        return _solved_robot(held, motion, states)
     except ReferenceError as error:
         impossible = impossible_links(robot)
         message = "; ".join([*map(str, impossible), f"{file}: {error}"])

@@ -40,6 +40,7 @@ from physics_crosscheck.harness.checks.scene import (
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, decided, motions_in_words
 from physics_crosscheck.harness.engines.protocol import (
+    ARMATURES,
     EngineError,
     LoadedModel,
     ModelSpec,
@@ -194,12 +195,8 @@ def case_whole_step(
 ) -> WholeStepCheck | None:
     """Compare whole steps of a robot file, unless only its smooth forces are asked for."""
     target = task.target
-    if task.sidecar is not None or not isinstance(target, PreparedTree) or target.smooth:
+    if not isinstance(target, PreparedTree) or not compares_steps(task):
         return None
-    engine = engines()[task.engine]
-    usual = {*engine.switches, *engine.settings_for(target.place.suffix), "floating", "model"}
-    if set(task.spec.settings) - usual:
-        return None  # the laws are those of the file as it is shipped
     steps = target.steps if task.spec.path == target.place else None
     check = check_whole_step(target.place, task.spec, task.engine, task.resolution, steps)
     if not (misread := tuple(_misread_inertias(target, model, task.resolution))):
@@ -208,6 +205,15 @@ def case_whole_step(
     sentences = (*check.record.misread, *(one.sentence for one in misread))
     record = replace_fields(check.record, misread=sentences)
     return replace(check, record=record, misread=(*check.misread, *misread))
+
+
+def compares_steps(task: ModelTask[Any]) -> bool:
+    """Return whether whole steps of a robot file are compared: it acts as it is shipped."""
+    target, engine = task.target, engines()[task.engine]
+    if task.sidecar is not None or target.smooth:
+        return False
+    usual = {*engine.switches, *engine.settings_for(target.place.suffix)}
+    return not set(task.spec.settings) - usual - {"floating", "model", ARMATURES}
 
 
 PRINCIPAL_AXES = 1e-5

@@ -15,6 +15,7 @@ import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
+from physics_crosscheck.harness.checks.whole_step import compares_steps
 from physics_crosscheck.harness.diagnosis.law_problem import AnyLawProblem, law_problem
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of
@@ -133,6 +134,7 @@ class NumberEffect(Enum):
     MOTION = "motion"
     FRAMES = "frames"
     SHAPES = "shapes and sites"
+    PARTLY = "shared by elements of which some never act"
     FAINT = "effect below the resolution"
     NONE = "no effect on motion"
     FIXED = "links that do not move"
@@ -258,8 +260,7 @@ _DIRECTION = re.compile(r".*axis\w*(@.*)?")
 _STEP = {r"settings(\.\w+)?\.step": "time step"}
 
 _NAMED = tuple(
-    say.value
-    for say in (NumberEffect.NONE, NumberEffect.FAINT, NumberEffect.FIXED, NumberEffect.REFUSED)
+    say.value for say in NumberEffect if say.name in ("NONE", "PARTLY", "FAINT", "FIXED", "REFUSED")
 )
 """Reasons for which each number with an address is listed."""
 
@@ -453,7 +454,7 @@ def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
     says |= _in_frames(task, numbers, _small_changes(numbers, says))
     says |= _in_frames(task, numbers, _reversed_axes(numbers, says))
     smooth = {i for i, effect in says.items() if effect in SMOOTH}
-    whole = task.sidecar is None and not task.target.smooth
+    whole = compares_steps(task)
     if whole:
         steps = _in_steps(task, numbers, says)
         says |= {i: step for i, step in steps.items() if i not in smooth or step in SMOOTH}
@@ -500,9 +501,21 @@ def _largest_effect(parts: Sequence[AnyLawProblem], index: int, resolution: floa
     for part in parts:
         effects.add(_effect(part, index, resolution))
         if NumberEffect.MOTION in effects:
-            return NumberEffect.MOTION
+            return _at_each_element(parts, index, resolution)
     others = NumberEffect.REFUSED, NumberEffect.FAINT
     return next((effect for effect in others if effect in effects), NumberEffect.NONE)
+
+
+def _at_each_element(parts: Sequence[AnyLawProblem], index: int, resolution: float) -> NumberEffect:
+    """Return the effect of a number that acts: it counts if it does at all elements with it."""
+    size = NUDGE * parts[0].hypotheses[index].size
+    waiting: list[int] | None = None
+    for part in parts:
+        effects = part.element_effects(index, waiting)
+        waiting = [k for k, one in effects.items() if np.max(np.abs(one)) * size <= resolution]
+        if not waiting:
+            return NumberEffect.MOTION
+    return NumberEffect.PARTLY
 
 
 def _effect(problem: RobotProblem | AnyLawProblem, index: int, resolution: float) -> NumberEffect:

@@ -59,7 +59,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
 from physics_crosscheck.reference.laws.mistakes import LawMistake, hard_mistakes, soft_mistakes
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
-from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule
+from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule, single_changes
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -284,6 +284,28 @@ class LawProblem(Generic[M, S]):
                 acts = float(np.max(np.abs(change), initial=0.0)) > ROUNDING_CHANGE
                 return change / step if acts else np.zeros_like(change)
         return None
+
+    def element_effects(
+        self, index: int, elements: Sequence[int] | None = None
+    ) -> dict[int, Array]:
+        """Return the changes of all components by a number of several elements, such as a default.
+
+        Args:
+            index: of the number.
+            elements: indices of those that take its new value, one at a time; all by default.
+
+        Returns:
+            By the element, per unit, (N,) each; nothing if there are fewer than two.
+        """
+        step = NUDGE * self.hypotheses[index].size
+        laws, model = self._changed({index: step}), self.comparison.laws
+        if not isinstance(laws, LawModel) or not isinstance(model, LawModel):
+            return {}
+        rows = list(single_changes(model.laws, laws.laws))
+        chosen = range(len(rows)) if elements is None else elements
+        if len(rows) < 2:
+            return {}
+        return {k: self._linear(model.under(rows[k])).ravel() / step for k in chosen}
 
     def _changed(self, faults: Faults) -> M | None:
         """Return the laws with faults; None if they have other coordinates, states or shapes."""

@@ -489,6 +489,12 @@ class WholeStep(Record, frozen=True, kw_only=True):
         """True if it differs."""
         return self.outcome is Outcome.DIFFERS or bool(self.misread or self.contact_faults)
 
+    @property
+    def omitted(self) -> tuple[str, ...]:
+        """Return what compared steps leave out, one phrase each."""
+        steps = ("next states, time step, integrator and states of drives",)
+        return (*(() if self.next_state or self.outcome is None else steps), *self.unjudged)
+
 
 class Case(Record, frozen=True, kw_only=True):
     """The result of one case.

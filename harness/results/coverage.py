@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
@@ -49,6 +50,27 @@ def left_out(models: Iterable[Model]) -> list[str]:
     }
     reason = "it has more than is checked; not compared"
     return [f"{file}: {reason}: {what}" for file, what in lines_by_file.items()]
+
+
+_IGNORED = re.compile(r"<(?!contact\b)\w+> of <(gazebo|link|joint|limit|dynamics)>.*")
+"""Elements of a URDF that no engine reads, as a file's omissions state them."""
+
+_RATIOS = ("mechanicalReduction", "motorInertia")
+"""Numbers of a transmission that no engine reads."""
+
+
+def unread_line(models: Iterable[Model]) -> str:
+    """Return what files state and no engine reads, such as the inertia of a motor, or ""."""
+    unread: dict[str, list[str]] = {}
+    for coverage in (model.coverage for model in models):
+        if coverage is not None:
+            names = [name for one in coverage.untested for name in one.examples]
+            stated = [f"<{name}> of <transmission>" for name in _RATIOS if name in names]
+            for what in (*stated, *filter(_IGNORED.fullmatch, coverage.left_out)):
+                name, _, place = what.partition(" of ")
+                unread.setdefault(place.partition(" (")[0], []).append(name)
+    parts = [f"{', '.join(dict.fromkeys(names))} of {place}" for place, names in unread.items()]
+    return f"no engine reads {'; '.join(parts)}" if parts else ""
 
 
 def refused(results: Results) -> list[str]:

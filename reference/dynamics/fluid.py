@@ -33,8 +33,14 @@ from physics_crosscheck.reference.mechanism.tree import Fluid, Immersed, Tree
 
 
 @dataclass(frozen=True)
-class _Box:
-    """Pose and coefficients of a box; coefficients of forces and of moments, (3,) each."""
+class DragBox:
+    """Pose and coefficients of a box; coefficients of forces and of moments, (3,) each.
+
+    Attributes:
+        position, rotation: in the frame of its link.
+        drag, turning_drag: factors of a force and a moment at |u| u and |w| w.
+        resistance, turning_resistance: the same at u and w.
+    """
 
     position: Scalars
     rotation: Scalars
@@ -61,9 +67,9 @@ class Immersion:
     def __init__(self, tree: Tree, recursion: Recursion, field: Field = DOUBLES) -> None:
         self._tree, self._recursion, self._field = tree, recursion, field
         self._wind = None
-        self._boxes: list[_Box] = []
+        self._boxes: list[DragBox] = []
         if tree.fluid is not None:
-            self._boxes = [_box(immersed, tree.fluid, field) for immersed in tree.immersed]
+            self._boxes = [drag_box(immersed, tree.fluid, field) for immersed in tree.immersed]
             self._wind = field.array(tree.fluid.wind) if any(tree.fluid.wind) else None
 
     def __bool__(self) -> bool:
@@ -94,7 +100,7 @@ class Immersion:
 
     def _moving(
         self, placements: list[Placement], v: Scalars
-    ) -> Iterator[tuple[Immersed, _Box, Moving]]:
+    ) -> Iterator[tuple[Immersed, DragBox, Moving]]:
         """Yield each box with the velocity of its center relative to the fluid, in its own axes."""
         links = self._recursion.velocities(placements, v)
         blowing = self._blowing(placements, v)
@@ -114,7 +120,7 @@ class Immersion:
         return [rotate_back(pose.rotation, wind) for pose in self._recursion.poses_of(placements)]
 
 
-def _dragged(box: _Box, moving: Moving) -> Acting:
+def _dragged(box: DragBox, moving: Moving) -> Acting:
     """Return the force on the link at the link's origin, in the link's frame."""
     angular, linear = moving
     tall = (3, *(1,) * (linear.ndim - 1))
@@ -128,12 +134,13 @@ def _dragged(box: _Box, moving: Moving) -> Acting:
     return force, moment + cross(center, force)
 
 
-def _box(immersed: Immersed, fluid: Fluid, field: Field) -> _Box:
+def drag_box(immersed: Immersed, fluid: Fluid, field: Field = DOUBLES) -> DragBox:
+    """Return the pose of a box in a fluid, and its coefficients."""
     size: Array = immersed.size
     others = size[[1, 2, 0]], size[[2, 0, 1]]
     mean = size.sum() / 3
     density, viscosity = max(fluid.density, 0.0), max(fluid.viscosity, 0.0)
-    return _Box(
+    return DragBox(
         position=field.array(immersed.position),
         rotation=field.array(immersed.rotation),
         drag=field.array(density / 2 * others[0] * others[1]),

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from physics_crosscheck.reference.dynamics.fluid import drag_box
 from physics_crosscheck.reference.dynamics.force_elements import ForceElements
 from physics_crosscheck.reference.dynamics.propagation import LinkMotion, Placement
 from physics_crosscheck.reference.dynamics.recursion import Recursion
@@ -212,7 +213,10 @@ class Posture:
             body: index of the body.
             point: that moves with it, in the world, m, (3,).
         """
-        tree, link = self.parent.tree, self.parent.bodies[body][0]
+        return self._link_jacobian(self.parent.bodies[body][0], point)
+
+    def _link_jacobian(self, link: int, point: Array) -> tuple[Array, Array]:
+        tree = self.parent.tree
         linear, angular = np.zeros((3, tree.nv)), np.zeros((3, tree.nv))
         while link != WORLD:
             there, (about, along) = tree.velocities[link], self._axes[link]
@@ -220,6 +224,24 @@ class Posture:
             linear[:, there] = along + cross(about, (point - self.poses[link].origin)[:, None])
             link = tree.links[link].parent
         return linear, angular
+
+    def fluid_damping(self) -> Array:
+        """Return minus the derivative of the fluid's forces by the velocities, (nv, nv)."""
+        tree, result = self.parent.tree, np.zeros_like(self.mass)
+        if (fluid := tree.fluid) is None:
+            return result
+        for immersed in tree.immersed:
+            box, pose = drag_box(immersed, fluid), self.poses[immersed.link]
+            center, turn = pose.origin + pose.rotation @ box.position, pose.rotation @ box.rotation
+            linear, angular = self._link_jacobian(immersed.link, center)
+            for rows, wind, drag, resistance in (
+                (linear, np.array(fluid.wind), box.drag, box.resistance),
+                (angular, np.zeros(3), box.turning_drag, box.turning_resistance),
+            ):
+                speed = np.abs(turn.T @ (rows @ self.m - wind))
+                along = turn.T @ rows
+                result += along.T @ ((2 * drag * speed + resistance)[:, None] * along)
+        return result
 
     @cached_property
     def _axes(self) -> list[tuple[Array, Array]]:

@@ -6,9 +6,9 @@ laws: the change of the gradient there, times the inverse of the Hessian, is the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -80,6 +80,22 @@ def differing(first: Laws, second: Laws) -> tuple[Laws, Laws]:
     )
 
 
+def single_changes(first: Laws, second: Laws) -> Iterator[Laws]:
+    """Yield the first laws with one row of the second ones at a time, of those that differ.
+
+    Surfaces that touch no other one are left out.
+    """
+    for name in ("limits", "frictions", "equalities", "surfaces", "drives"):
+        rows, others = getattr(first, name), getattr(second, name)
+        for i, row in enumerate(others[: len(rows)]):
+            if row != rows[i] and (name != "surfaces" or any(i in pair for pair in first.touching)):
+                changed: dict[str, Any] = {name: (*rows[:i], row, *rows[i + 1 :])}
+                yield replace(first, **changed)
+    for joint, row in second.joint_ranges.items():
+        if row != first.joint_ranges.get(joint):
+            yield replace(first, joint_ranges={**first.joint_ranges, joint: row})
+
+
 def _equal(first: Laws, second: Laws, name: str) -> bool:
     return bool(getattr(first, name) == getattr(second, name))
 
@@ -113,5 +129,5 @@ def _contacts(first: Laws, second: Laws, contacts: Sequence[ContactPoint]) -> li
 
 def same_rule(first: Laws, second: Laws) -> bool:
     """Return whether the rule of the next state is the same for equal accelerations."""
-    names = ("step", "integrator", "drive_damping", "damps_implicitly")
+    names = ("step", "integrator", "dampers", "damps_implicitly")
     return all(_equal(first, second, name) for name in names)

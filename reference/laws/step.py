@@ -260,15 +260,18 @@ class LawModel(Constraints):
         """Return the damping that the integrator evaluates at the step's end, (nv, nv)."""
         match self.laws.integrator:
             case "euler":
-                joints = self._joint_damping + self._drive_damping
+                joints = self._joint_damping + self._dampers_of_joints(law.posture.m)
                 acts = self.laws.damps_implicitly and bool(np.any(joints > 0))
                 return np.diag(joints if acts else 0 * joints)
             case "implicitfast":
-                return self._dampers(law) * self._branches + self._gyroscopic(law.posture)
+                damping = self._dampers(law) + law.posture.fluid_damping()
+                return damping * self._branches + self._gyroscopic(law.posture)
             case "implicit dampers":
                 return self._dampers(law)
             case "implicit":
-                return (_by_velocity(self.tree, law.posture) + law.driven.damping) * self._branches
+                smooth = _by_velocity(self._quadratic, law.posture)
+                curved = self._tendon_damping(law.posture) + law.posture.fluid_damping()
+                return (smooth + curved + law.driven.damping) * self._branches
         return None
 
     def _dampers(self, law: LawStep) -> Array:
@@ -286,20 +289,17 @@ class LawModel(Constraints):
             ]
         )
 
-    @cached_property
-    def _drive_damping(self) -> Array:
-        tree = self.tree.tree
-        damping = np.zeros(tree.nv)
-        for joint, coefficient in self.laws.drive_damping.items():
-            damping[tree.velocities[joint]] += coefficient
-        return damping
+    def _dampers_of_joints(self, m: Array) -> Array:
+        slopes = np.zeros_like(m)
+        for joint, powers in self.laws.dampers.items():
+            there = self.tree.tree.velocities[joint]
+            slopes[there] += _slope(powers, np.abs(m[there]))
+        return slopes
 
     def _tendon_damping(self, posture: Posture) -> Array:
         damping = np.zeros_like(posture.mass)
         for row, element in zip(posture.pull_rows, self.tree.tree.pulls, strict=True):
-            speed = abs(float(row @ posture.m))
-            slope = sum(i * d * speed ** (i - 1) for i, d in enumerate(element.damping, start=1))
-            damping += slope * np.outer(row, row)
+            damping += _slope(element.damping, np.abs(row @ posture.m)) * np.outer(row, row)
         return damping
 
     def _gyroscopic(self, posture: Posture) -> Array:
@@ -312,8 +312,13 @@ class LawModel(Constraints):
         return result
 
     @cached_property
+    def _quadratic(self) -> LawTree:
+        """The bodies with forces that are quadratic in the velocities."""
+        return replace(self.tree, tree=replace(self.tree.tree, pulls=(), fluid=None))
+
+    @cached_property
     def _without_springs(self) -> LawTree:
-        return replace(self.tree, tree=replace(self.tree.tree, pulls=(), bushings=()))
+        return replace(self.tree, tree=replace(self._quadratic.tree, bushings=()))
 
     @cached_property
     def _lone(self) -> list[slice]:
@@ -326,6 +331,12 @@ class LawModel(Constraints):
             for i, (link, there) in rows
             if link.kind == "free" and link.parent == WORLD and i not in carriers
         ]
+
+
+def _slope(powers: Sequence[float], speed: Array) -> Array:
+    """Return the derivative of a damper's force by the speed."""
+    slope: Array = sum((i * d * speed ** (i - 1) for i, d in enumerate(powers, 1)), 0.0 * speed)
+    return slope
 
 
 def _by_velocity(tree: LawTree, posture: Posture) -> Array:

@@ -234,7 +234,8 @@ class Laws:
         step: s.
         integrator: "euler", "implicitfast", "implicit", or "implicit dampers": those of joints,
             paths and drives, also of drives at a limit; another one has no rule for the next state.
-        drive_damping: damping of drives that the Euler step adds to that of their joints, by joint.
+        dampers: (first, second, ...) powers of drives' and joints' own dampers, by joint, without
+            `TreeLink.damping`; the Euler step evaluates them at its end.
         elliptic: whether friction cones are elliptic, or pyramids.
         mixing: of the frictions of two surfaces.
         friction_ratio: of the softness of normal forces to that of friction.
@@ -262,7 +263,7 @@ class Laws:
     sliding_drift: bool = False
     safe: bool = True
     damps_implicitly: bool = True
-    drive_damping: Mapping[int, float] = field(default_factory=dict)
+    dampers: Mapping[int, Numbers] = field(default_factory=dict)
     limits: tuple[SoftLimit, ...] = ()
     frictions: tuple[SoftFriction, ...] = ()
     equalities: tuple[SoftEquality, ...] = ()

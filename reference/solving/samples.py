@@ -105,16 +105,31 @@ class LockedError(ReferenceError):
         self.joints = joints
 
 
-def _check_locks(equations: TreeEquations, settling: Array) -> None:
-    """Refuse joints that their own dampers lock: engines move them by rounding only."""
+def locked_joints(equations: TreeEquations, q: Array) -> dict[str, float]:
+    """Return joints that their own dampers lock at some positions (K, n), with the damping.
+
+    Raises:
+        ReferenceError: if the mass matrix is singular.
+    """
+    start = np.concatenate([q, 0 * q], axis=1)
+    locks = _locks(equations, _rates(equations, start, 0 * q)[1])
+    return {name: damper for name, damper, _ in locks}
+
+
+def _locks(equations: TreeEquations, settling: Array) -> list[tuple[str, float, float]]:
+    """Return joints that their own dampers lock: damping and rate, rad/s, of each."""
     damping = {link.name: link.damping for link in equations.system.tree.links}
     names = [coordinate.name for coordinate in equations.system.coordinates]
-    locked = [
+    return [
         (name, damping[name], rate)
         for name, rate in zip(names, settling, strict=True)
         if rate > LOCKED_RATE and damping.get(name, 0.0) > 0
     ]
-    if locked:
+
+
+def _check_locks(equations: TreeEquations, settling: Array) -> None:
+    """Refuse joints that their own dampers lock: engines move them by rounding only."""
+    if locked := _locks(equations, settling):
         name, damper, rate = locked[0]
         raise LockedError(
             f"damping {damper:g} stops joint {name!r}, of inertia {damper / rate:.2g}, within "

@@ -8,7 +8,9 @@ from typing import cast
 import numpy as np
 import pytest
 
+from physics_crosscheck import CompareError
 from physics_crosscheck.engine import CompiledTree
+from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.commands.compare.actuators import _state
 from physics_crosscheck.harness.commands.compare.candidate import candidate
 from physics_crosscheck.harness.commands.compare.judge import judge, recorded_runs
@@ -17,6 +19,7 @@ from physics_crosscheck.harness.commands.compare.prepared import prepare
 from physics_crosscheck.harness.commands.compare.segments import Ends
 from physics_crosscheck.harness.commands.compare.states import SampledStates
 from physics_crosscheck.harness.jobs.executor import InThisProcess
+from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.numerics.ladder import ExtrapolatedLimit
 from physics_crosscheck.harness.records.comparison import FileDifference
 from physics_crosscheck.records import ComparisonResult, Outcome
@@ -204,6 +207,40 @@ def test_unmatched_joint_is_named_and_held(tmp_path: Path) -> None:
             in result(comparison).notes
         )
         assert with_effect(comparison) == []
+
+
+@pytest.mark.parametrize(("other", "outcome"), [("1e16", "AGREES"), ("1e11", "DIFFERS"),
+                                                ("1.3", "DIFFERS")])  # fmt: skip
+def test_joint_that_damping_locks_is_held_and_its_damping_compared(
+    tmp_path: Path, other: str, outcome: str
+) -> None:
+    motor = (
+        "</mujoco>",
+        '<actuator><motor joint="reach"/><motor joint="elbow"/></actuator></mujoco>',
+    )
+    a, b = (
+        written(tmp_path, name, MJCF, ('damping="1.3"', f'damping="{damping}"'), motor)
+        for name, damping in (("a.xml", "1e16"), ("b.xml", other))
+    )
+    for first, second in ((a, b), (b, a)):
+        comparison = compared(first, second)
+        assert comparison.outcome is Outcome[outcome]
+        assert "is locked by its damping, 1e+16: held" in " ".join(result(comparison).notes)
+        assert [one.about for one in result(comparison).properties] == ["reach"] * (
+            outcome == "DIFFERS"
+        )
+
+
+def test_lone_joint_that_damping_locks_is_named(tmp_path: Path) -> None:
+    text = (
+        "<mujoco><worldbody><body><joint name='j' damping='1e11'/><inertial pos='0 0 1'"
+        " mass='1' diaginertia='1 1 1'/></body></worldbody></mujoco>"
+    )
+    file = written(tmp_path, "a.xml", text)
+    with pytest.raises(CompareError, match=r"no joint moves: joint j of A is locked by its damp"):
+        compared(file, file)
+    with pytest.raises(RobotError, match="no other joint moves: damping 1e\\+11 stops joint 'j'"):
+        prepare_tree(file)
 
 
 # PyBullet gives 1 kg to a link without <inertial>.

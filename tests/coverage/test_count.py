@@ -22,7 +22,7 @@ from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.records.poses import FramePose, Poses
 from physics_crosscheck.harness.render.html import overview
-from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines
+from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines, unread_line
 from physics_crosscheck.records import AuditFinding, Model
 from tests.poses.arm import SWING
 
@@ -200,3 +200,14 @@ def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:
     assert coverage_lines(models) == [
         "arm/a.xml [known], arm/a.xml [other]: poses not compared: the system declares no frames"
     ]
+
+
+def test_what_no_engine_reads_is_one_line() -> None:
+    """Catch the ratio of a transmission that is lost among the numbers without effect."""
+    ratios = Untested(reason="transmissions", count=2, examples=("motorInertia", "reduction"))
+    parts = ("<contact> of <link>", "<mu1> of <gazebo>", "<static> of <gazebo> (2)", "dry friction")
+    models = [model(coverage=Coverage(numbers=2, untested=(ratios,), left_out=parts))] * 2
+    assert unread_line(models) == (
+        "no engine reads <motorInertia> of <transmission>; <mu1>, <static> of <gazebo>"
+    )
+    assert unread_line([model(coverage=Coverage(left_out=parts[:1]))]) == ""

@@ -184,3 +184,24 @@ def test_numbers_of_the_text_and_directions_of_axes_count(tmp_path: Path) -> Non
     assert "joint[a]@damping" in smooth
     assert axis.address in smooth
     assert by_address["mujoco/default/joint@damping"].effect is NumberEffect.NONE
+
+
+SHARED = """<mujoco><default><geom solref=".02 .9"/></default><worldbody>
+<geom type="plane" size="3 3 .1" solref=".02 1"/><body pos="0 0 .1"><freejoint/>
+<geom type="box" size=".1 .1 .1"/>{}</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("more", "effect"),
+    [("", NumberEffect.MOTION), ('<geom size=".001" mass="1"/>', NumberEffect.PARTLY)],
+)
+def test_default_counts_if_it_acts_at_each_element(
+    tmp_path: Path, more: str, effect: NumberEffect
+) -> None:
+    """Catch a default that counts as tested though a shape that takes it never touches."""
+    pytest.importorskip("mujoco")
+    file = tmp_path / "r.xml"
+    file.write_text(SHARED.format(more))
+    task = model_task(prepare_tree(file), "mujoco")
+    counted = counted_numbers(task, robot_numbers(file, task.spec.settings))
+    assert {one.effect for one in counted if "/default" in one.path} == {effect}

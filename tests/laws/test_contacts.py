@@ -84,7 +84,8 @@ def test_right_contacts_agree(tmp_path: Path, text: str, engine: str) -> None:
     result = check(tmp_path, text, _no_change, engine)
     assert not result.record.differs
     assert result.record.contacts > 10
-    assert result.record.unjudged == ()
+    partly = any("exact depths" in one for one in result.record.omitted)
+    assert len(result.record.omitted) == partly == (text == SCENES["slab"])
 
 
 FAULTS = {
@@ -114,10 +115,14 @@ BOX = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/><body pos="0 0 .1"
 <geom type="box" size=".1 .1 .1" pos="0 .01 0" friction=".7"/></body></worldbody></mujoco>"""
 
 
+ROTOR = """<transmission><type>SimpleTransmission</type><joint name="hip"/><actuator name="m">
+<drake:rotor_inertia value=".001"/><drake:gear_ratio value="20"/></actuator></transmission>
+</robot>"""
 PLANTED = {
     "mujoco": (BOX, "geom_(size|pos|solref)|body_mass|opt.timestep", 5),
-    "pybullet": (URDF_BOX, "mass|lateralFriction|restitution|setCollisionFilter.*", 4),
-    "drake": (URDF_LEG, "set_(contact_model|position_limits)|SetMass|SetCenter.*", 4),
+    "pybullet": (URDF_BOX, "mass|lateralFriction|restitution|setCollisionFilter.*", 5),
+    "drake": (URDF_LEG.replace("</robot>", ROTOR),
+              "set_(contact_model|position_limits|default_(rotor|gear).*)|SetMass|SetCenter.*", 5),
     "dart": (URDF_LEG.replace('damping=".2"', 'damping=".2" friction=".3"'),
              "set(CoulombFriction|Mass|MomentOfInertia|DampingCoefficient)", 4),
 }  # fmt: skip
@@ -134,7 +139,8 @@ def test_no_changed_number_is_wrongly_green(tmp_path: Path, engine: str) -> None
     file.write_text(text)
     table = plant_in([file], seed=2, only=only, engine=engine, each=2, floating=engine != "dart")
     assert sum(counts["detected"] > 0 for counts in table.values()) == count
-    assert {verdict for counts in table.values() for verdict in counts} <= {"detected", "no effect"}
+    verdicts = {verdict for counts in table.values() for verdict in counts}
+    assert verdicts <= {"detected", "no effect", "listed"}
 
 
 def test_repeated_contacts_are_counted(tmp_path: Path) -> None:

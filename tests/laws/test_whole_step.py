@@ -52,6 +52,8 @@ OPTIONS = (
     'integrator="Euler"',
     'integrator="implicitfast" cone="elliptic" impratio="10"',
     'integrator="implicit"',
+    'density="900" viscosity="2" wind="1 2 0" integrator="implicitfast"',
+    'density="900" viscosity="2" wind="1 2 0" integrator="implicit"',
 )
 
 
@@ -93,10 +95,17 @@ def test_every_row_and_drive_follows_its_law(tmp_path: Path, scene: str, options
 PENDULUM = """<mujoco><option integrator="Euler"/><worldbody><body><joint name="j" axis="0 1 0"
  stiffness="8 1" damping=".3"/><joint name="k" axis="1 0 0" damping=".1"/>
 <inertial pos=".1 0 -.2" mass="1" diaginertia=".02 .02 .01"/></body></worldbody></mujoco>"""
+CURVED = PENDULUM.replace('damping=".3"', 'damping="0 .2 .1"').replace(
+    "</mujoco>", '<actuator><motor joint="k" gear="2" damping=".2 .3"/></actuator></mujoco>'
+)
 OVERRIDE = 'o_friction=".5 .6 .01 .001 .002"><flag override="enable"/></option><option'
 RIGHT = {
     "damper beside a polynomial spring": PENDULUM,
     "the same, implicit": PENDULUM.replace("Euler", "implicitfast"),
+    **{
+        f"damper of three powers, {integrator}": CURVED.replace("Euler", integrator)
+        for integrator in ("Euler", "implicitfast", "implicit")
+    },
     "two sliding coefficients": TOUCH[6].format(OVERRIDE),
     "undamped contact": TOUCH[3].replace("-3000 -60", "-3000 0"),
     "undamped limit": LIMITS.replace("-800 -30", "-800 0"),
@@ -114,6 +123,7 @@ def test_right_file_agrees(tmp_path: Path, name: str) -> None:
     check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
     assert check is not None
     assert check.record.outcome is Outcome.AGREES
+    assert check.record.next_state
     assert not check.record.misread
     compiled = engines()["mujoco"].compiled(file)
     assert acting_quantities(compiled) or name.startswith(("damper", "the same"))

@@ -192,7 +192,12 @@ def test_accepted_difference_is_not_counted_again() -> None:
     sample = results(2)
     cases = list(sample.cases)
     cases[0] = replace(judged(cases[0], Outcome.DIFFERS, "off"), accepted="within its own 3e-08")
-    assert report(replace(sample, cases=tuple(cases))).verdict.startswith("1 difference accepted.")
+    page = report(replace(sample, cases=tuple(cases)))
+    assert page.verdict.startswith("1 difference accepted.")
+    cells = [cell for row in page.matrix.rows for cell in row.cells if cell]
+    (cell,) = [one for one in cells if one.word == "as accepted"]
+    assert (cell.outcome, cell.symbol) == ("AGREES", "✓")
+    assert "DIFFERS, within its own 3e-08" in cell.summary
 
 
 def test_agreeing_page_lists_outliers() -> None:

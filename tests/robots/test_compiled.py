@@ -355,13 +355,19 @@ def test_problem_in_an_included_file_is_located_in_that_file(
     assert (where.file, where.line) == (str(problem.file), 3)
 
 
-def test_missing_mesh_is_named_with_its_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("inertial", "sentence"), [
+    ("", r"parts \(missing\); it gives body 'hand' its inertia: add it, or state an <in"),
+    ('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>',
+     r"parts \(missing\): add it, or correct <mesh"),
+])  # fmt: skip
+def test_missing_mesh_is_named_with_its_line(tmp_path: Path, inertial: str, sentence: str) -> None:
     file = tmp_path / "arm.xml"
     mesh = '<mujoco>\n<compiler meshdir="parts"/><asset>\n<mesh name="m" file="none.stl"/>\n'
-    body = '</asset><worldbody><body><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
-    file.write_text(mesh + body)
-    with pytest.raises(EngineError, match=r"arm\.xml:3: .*none\.stl does not exist"):
-        engines()["mujoco"].compiled(file)
+    body = f'<body name="hand">{inertial}<joint/><geom type="mesh" mesh="m"/></body>'
+    file.write_text(f"{mesh}</asset><worldbody>{body}</worldbody></mujoco>")
+    missing = r"arm\.xml:3: .*none\.stl does not exist, searched in .*"
+    with pytest.raises(EngineError, match=missing + sentence):
+        engines()["mujoco"].load(ModelSpec(file))
 
 
 @pytest.mark.parametrize("part", [

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.findings import inertia_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
@@ -195,7 +197,7 @@ _LOCKED = {
     "robot.xml": (
         '<mujoco><worldbody><body><joint name="lift" type="slide" damping="1e11"/>'
         '<geom size=".1"/><body pos="1 0 0"><joint name="j"/><geom size=".1"/></body></body>'
-        "</worldbody></mujoco>"
+        '</worldbody><actuator><motor joint="lift"/><motor joint="j"/></actuator></mujoco>'
     ),
     "robot.sdf": (
         '<sdf version="1.9"><model name="m"><link name="b"/>'
@@ -220,6 +222,8 @@ def test_joint_that_damping_locks_is_held_and_listed(tmp_path: Path, name: str) 
     numbers = robot_numbers(file, prepared.settings).tree({})
     assert numbers is not None
     assert numbers.nv == 1
+    if name == "robot.xml":  # a drive of a joint that is held has no control
+        assert engines()["mujoco"].load(ModelSpec(file, settings=prepared.settings)).coordinates
 
 
 def test_file_without_inertia_is_reported_once(tmp_path: Path) -> None:

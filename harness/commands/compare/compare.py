@@ -453,6 +453,7 @@ def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComp
     trial = _Trial(executor, prepared, recorded, options.resolution)
     followed, judgement = trial.judged(np.ones(len(match.names)))
     files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
+    files = replace(files, properties=(*prepared.locked, *files.properties))
     if judgement.outcome is Outcome.UNRESOLVED and files.sides is not None:
         sides = prepared.source_first(files.sides)
         judgement = judged_by_equations(sides, match, recorded, judgement, options.resolution)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from physics_crosscheck.harness.commands.compare.actuators import held_alike, pair_actuators
@@ -15,14 +15,20 @@ from physics_crosscheck.harness.commands.compare.candidate import (
     facts,
     smooth,
 )
+from physics_crosscheck.harness.commands.compare.equations import FileEquations
 from physics_crosscheck.harness.commands.compare.execute import ask
 from physics_crosscheck.harness.commands.compare.match import Match, match, spoken_for
 from physics_crosscheck.harness.commands.compare.partners import JointPairs, pair_joints
 from physics_crosscheck.harness.commands.compare.placed import PlacedTree, placed, positions
+from physics_crosscheck.harness.commands.compare.property import make_property, shown
+from physics_crosscheck.harness.commands.compare.side import lines_of, model_side
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.tree import WORLD
+from physics_crosscheck.reference.solving.collocation import ReferenceError
+from physics_crosscheck.reference.solving.samples import locked_joints
 
 T = TypeVar("T")
 
@@ -42,6 +48,7 @@ class PreparedComparison:
         notes: actions, a sentence each.
         omissions: of both files, that the runs leave out.
         uncompared: omissions that may differ, since no literals of one format show them.
+        locked: different dampings of joints that damping locks, so that no run shows them.
     """
 
     facts: Pair
@@ -49,6 +56,7 @@ class PreparedComparison:
     notes: tuple[str, ...]
     omissions: tuple[tuple[Omission, ...], tuple[Omission, ...]]
     uncompared: tuple[str, ...]
+    locked: tuple[ComparedProperty, ...] = ()
 
     @property
     def models(self) -> tuple[Candidate, Candidate]:
@@ -89,10 +97,16 @@ def prepare(
             f"joint {name} of {label} has no partner in {other}: held at {at:g}"
             for name, at in held.items()
         ]
+    pairs, locked = _joints(joint_pairs, joints), tuple(map(_locked, models))
+    differences = tuple(_lock_differences(models, pairs, locked))
+    notes += _lock(models, pairs, locked, still)
+    moving = {a: b for a, b in joint_pairs.pairs.items() if a not in still[0]}
+    joint_pairs = replace(joint_pairs, pairs=moving)
     models = _with(executor, models, [{"held": list(held)} if held else {} for held in still])
     if not include_constraints:
-        pairs = _joints(joint_pairs, joints)
-        models, more = _actuated(executor, models, pairs, held=any(still))
+        models, more = _actuated(
+            executor, models, pairs, held=any(map(_lose_actuators, models, still))
+        )
         notes += more
         unlike += [note for note in more if note.startswith(NOT_COMPARED)]
     return PreparedComparison(
@@ -101,7 +115,70 @@ def prepare(
         notes=tuple(notes),
         omissions=omissions,
         uncompared=tuple(unlike),
+        locked=differences,
     )
+
+
+def _locked(model: Facts) -> dict[str, float]:
+    """Return joints that their damping locks, with the damping; {} for a file with a sidecar."""
+    tree = model.whole_tree
+    if tree is None or not model.candidate.bare or not any(link.damping for link in tree.links):
+        return {}
+    file = FileEquations(tree, model.coordinates)
+    try:
+        return locked_joints(file.equations, model.home[None, file.kept])
+    except ReferenceError:
+        return {}
+
+
+def _lock_differences(
+    models: Pair, pairs: Mapping[str, str], locked: tuple[Mapping[str, float], ...]
+) -> Iterator[ComparedProperty]:
+    """Yield different dampings of pairs of joints of which damping locks at least one."""
+    for names in pairs.items():
+        if not any(name in one for name, one in zip(names, locked, strict=True)):
+            continue
+        sides = [model_side(one, one.home) for one in models]
+        if sides[0] is None or sides[1] is None:
+            continue
+        a, b = (
+            next((link.damping for link in side.tree.links if link.name == name), 0.0)
+            for side, name in zip(sides, names, strict=True)
+            if side is not None
+        )
+        if a != b:
+            yield make_property(
+                "damping", names[0], f"damping of joint {names[0]}: {shown(a, b)}", a=a, b=b,
+                lines=lines_of(sides[0], sides[1], "damping", names), moves=False,
+                relative=abs(a - b) / max(a, b),
+            )[0]  # fmt: skip
+
+
+def _lock(
+    models: Pair,
+    pairs: Mapping[str, str],
+    locked: tuple[Mapping[str, float], ...],
+    still: list[Mapping[str, float]],
+) -> list[str]:
+    """Hold joints that damping locks, with their partners, and return a note on each.
+
+    Raises:
+        CompareError: if no other joint moves.
+    """
+    notes = [
+        f"joint {name} of {label} is locked by its damping, {damping:g}: held"
+        for label, joints in zip("AB", locked, strict=True)
+        for name, damping in joints.items()
+    ]
+    for i, others in enumerate(({b: a for a, b in pairs.items()}, pairs)):
+        shared = [others[name] for name in locked[1 - i] if name in others]
+        still[i] = {**still[i], **_held(models[i], [*locked[i], *shared])}
+        if notes and set(still[i]) >= set(models[i].coordinates):
+            raise CompareError(
+                f"{models[i].candidate.name}: no joint moves: {'; '.join(notes)}; lower the "
+                "damping in the file"
+            )
+    return notes
 
 
 def _with(executor: Executor, models: Pair, settings: Sequence[Mapping[str, object]]) -> Pair:
@@ -181,6 +258,14 @@ def _actuated(
     return _with(executor, models, settings), notes
 
 
+def _lose_actuators(model: Facts, held: Mapping[str, float]) -> bool:
+    """Return whether holding joints removes actuators, or may change what they act on."""
+    return bool(held) and any(
+        one.on in held or not one.kind[0].startswith("transmission joint")
+        for one in model.actuators
+    )
+
+
 def _is_stated(model: Facts) -> bool:
     """Return whether a sidecar states a file's actuators."""
     stated = model.candidate.settings
@@ -226,8 +311,8 @@ def _drawn(models: Pair) -> tuple[PlacedTree, PlacedTree] | None:
     return sides[0], sides[1]
 
 
-def _held(model: Facts, unpaired: Sequence[str]) -> dict[str, float]:
-    """Return positions of unpaired joints to lock; {} for models whose sidecar declares couplings.
+def _held(model: Facts, names: Sequence[str]) -> dict[str, float]:
+    """Return positions of joints to lock; {} for models whose sidecar declares couplings.
 
     There a joint may follow others.
     """
@@ -237,7 +322,7 @@ def _held(model: Facts, unpaired: Sequence[str]) -> dict[str, float]:
     single = {} if model.tree is None else {link.name: link.kind for link in model.tree.links}
     return {
         name: float(model.home[model.coordinates.index(name)])
-        for name in unpaired
+        for name in names
         if single.get(name) in ("hinge", "slide")
     }
 

@@ -89,7 +89,6 @@ from physics_crosscheck.harness.engines.protocol import (
     StateForce,
     StepRule,
     clip_ranges,
-    held_joints,
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import engine_errors
@@ -299,7 +298,7 @@ class MujocoEngine(Engine):
                     complete_urdf(tree, spec, file)
                 apply_settings(tree, spec)
                 if robot is None:  # a URDF's copy holds them
-                    without_joints(tree, held_joints(spec))
+                    spec = without_joints(tree, spec)
                 model = tree.compile()
         except EngineError:
             raise

@@ -16,14 +16,15 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     as_pair,
     box_fluid,
     control,
+    ellipsoids,
     gear_of,
     is_off,
     numbers_of,
     of_actuator,
     of_tendon,
     output,
+    powers,
 )
-from physics_crosscheck.harness.engines.mujoco.rule import has_nonlinear_damping
 from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
 from physics_crosscheck.harness.engines.mujoco.state import BALL
 from physics_crosscheck.reference.mechanism.laws import (
@@ -64,7 +65,7 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
         friction_ratio=float(m.opt.impratio),
         safe=acts(m, "REFSAFE"),
         damps_implicitly=acts(m, "EULERDAMP") and acts(m, "DAMPER"),
-        drive_damping=_drive_damping(m),
+        dampers=_joint_dampers(m),
         limits=tuple(_limits(m)) if on and acts(m, "LIMIT") else (),
         frictions=tuple(_frictions(m)) if on and acts(m, "FRICTIONLOSS") else (),
         equalities=tuple(_equalities(m)) if on and acts(m, "EQUALITY") else (),
@@ -91,24 +92,31 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
 
 
 def _has_no_rule(m: Any, integrator: str) -> bool:
-    """Return whether damping that is not constant leaves the next state without a rule."""
-    implicit = integrator.startswith("implicit")
-    curved = any(any(armature_and_damping(m, i)[2:]) for i in range(actuators(m)))
-    return has_nonlinear_damping(m) or curved or (implicit and box_fluid(m) is not None)
-
-
-def _drive_damping(m: Any) -> dict[int, float]:
-    """Return the damping of actuators on joints, by joint."""
+    """Return whether velocities at a step's end follow from forces whose slopes have no law."""
     import mujoco
 
-    damping: dict[int, float] = {}
+    hinges = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
+    turning = (i for i in range(m.nv) if m.jnt_type[m.dof_jntid[i]] not in hinges)
+    implicit = integrator.startswith("implicit")
+    return any(any(powers(m, "dof_damping", i)[1:]) for i in turning) or (
+        implicit and box_fluid(m) is not None and any(ellipsoids(m))
+    )
+
+
+def _joint_dampers(m: Any) -> dict[int, tuple[float, ...]]:
+    """Return the powers of dampers on joints, without the linear ones of joints, by joint."""
+    import mujoco
+
+    dampers: dict[int, Any] = {}
+    for i in range(m.nv):
+        if any(higher := powers(m, "dof_damping", i)[1:]):
+            dampers[int(m.dof_jntid[i])] = np.array([0.0, *higher])
     for i in range(actuators(m)):
-        _, *coefficients = armature_and_damping(m, i)
-        coefficient = coefficients[0] if coefficients else 0.0
-        if coefficient and m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
-            joint = int(m.actuator_trnid[i][0])
-            damping[joint] = damping.get(joint, 0.0) + gear_of(m, i)[0] ** 2 * coefficient
-    return damping
+        _, *damping = armature_and_damping(m, i)
+        if any(damping) and m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
+            joint, size = int(m.actuator_trnid[i][0]), gear_of(m, i)[0] ** 2
+            dampers[joint] = size * np.array(damping) + dampers.get(joint, np.zeros(len(damping)))
+    return {joint: numbers_of(one) for joint, one in dampers.items()}
 
 
 def _softness(reference: Any, impedance: Any) -> Softness:

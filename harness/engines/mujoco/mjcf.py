@@ -226,10 +226,31 @@ def _missing_file(reason: str, path: Path, sources: Sequence[Document]) -> Engin
         return None
     for source in sources:
         for element in source.root.iter(None):
-            if Path(element.get("file") or "").name == wanted.name:
-                sentence = f"{wanted} does not exist. Correct <{element.tag} file>, or add the file"
-                return EngineError(sentence, file=source.path, line=source.line(element))
+            if Path(element.get("file")).name == wanted.name:
+                users = _bodies_of(element.get("name") or wanted.stem, sources)
+                inertia = f"; it gives body {' and '.join(users)} its inertia" if users else ""
+                other = ", or state an <inertial> in the body" if users else ""
+                folder = wanted.parent if wanted.parent.is_dir() else f"{wanted.parent} (missing)"
+                return EngineError(
+                    f"{wanted} does not exist, searched in {folder}{inertia}: add it{other}, or "
+                    f"correct <{element.tag} file> or meshdir",
+                    file=source.path,
+                    line=source.line(element),
+                )
     return None
+
+
+def _bodies_of(mesh: str, sources: Sequence[Document]) -> list[str]:
+    """Return bodies without <inertial> that get their inertia from a mesh."""
+    geoms = [geom for source in sources for geom in source.root.iter("geom")]
+    bodies = [geom.parent for geom in geoms if geom.get("mesh") == mesh]
+    return list(
+        dict.fromkeys(
+            repr(one.get("name")) if one.get("name") else "without a name"
+            for one in bodies
+            if one is not None and one.tag == "body" and one.find("inertial") is None
+        )
+    )
 
 
 def load_error(error: Exception, path: Path, xml_sources: Sequence[Document]) -> EngineError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     without_ellipsoids,
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
+from physics_crosscheck.harness.engines.protocol import ModelSpec, held_joints
 
 _SOLREF, _SOLIMP = [1e-12, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 """Equalities as stiff as a step allows, which settle in one step; steps can be 1e-8 s or less."""
@@ -134,12 +136,20 @@ def _actuators_with_armature(m: Any) -> list[int]:
     ]
 
 
-def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
-    """Remove joints from a specification, so that their bodies stay at the drawn positions.
+def without_joints(tree: Any, spec: ModelSpec) -> ModelSpec:
+    """Remove held joints from a specification, so that their bodies stay at the drawn positions.
 
     Unnamed joints have the adapter's names. Actuators, sensors and equalities of such a joint are
     removed with it, and so are all keyframes, which contain its position.
+
+    Returns:
+        The settings without the controls of these actuators.
     """
+    joints, controls = held_joints(spec), spec.settings.get("controls")
+    acting = [one.target not in joints for one in tree.actuators]
+    if isinstance(controls, list) and len(controls) == len(acting):
+        kept = [value for value, acts in zip(controls, acting, strict=True) if acts]
+        spec = replace(spec, settings={**spec.settings, "controls": kept})
     users = (
         *((user, (user.target,)) for user in tree.actuators),
         *((user, (user.objname,)) for user in tree.sensors),
@@ -151,6 +161,7 @@ def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
     gone += [joint for i, joint in rows if (joint.name or f"joint_{i}") in joints]
     for user in gone:
         tree.delete(user)
+    return spec
 
 
 _SMOOTH = _WRAPPED, _ARMATURES, _ELLIPSOIDS = (

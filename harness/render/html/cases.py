@@ -97,9 +97,10 @@ class CaseView:
 
 
 def severity(case: Case) -> tuple[int, float]:
-    """Return a sort key that puts the worst cases first."""
+    """Return a sort key that puts the worst cases first; what is accepted counts as agreeing."""
     discrepancy = case.verdict.discrepancy if case.verdict else None
-    return -case.outcome.severity, -(discrepancy or 0.0)
+    outcome = Outcome.AGREES if case.accepted else case.outcome
+    return -outcome.severity, -(discrepancy or 0.0)
 
 
 def case_view(
@@ -304,7 +305,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
             ("not read from the text", steps.unread),
             ("contacts otherwise", steps.contact_faults),
             ("never acted", steps.inactive),
-            ("not compared", steps.unjudged),
+            ("not compared", steps.omitted),
             ("numbers of contacts", steps.contact_counts),
         )
         if sentences

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html.cases import (
     SYMBOLS,
     CaseView,
@@ -32,7 +33,8 @@ class Cell:
 
     Attributes:
         id: permalink of the worst case.
-        outcome, symbol: outcome of the worst case.
+        outcome, symbol: outcome of the worst case; that of an agreeing one if it is accepted.
+        word: the fewest digits, the outcome, or "as accepted".
         counts: number of scenarios with this outcome, and of all scenarios.
         digits: the fewest digits.
         tint: the digits as colour; empty if none agree.
@@ -45,6 +47,7 @@ class Cell:
     id: str
     outcome: str
     symbol: str
+    word: str
     counts: str
     digits: str
     tint: str
@@ -162,8 +165,9 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
     if not pairs:
         return None
     worst, view = min(pairs, key=lambda pair: severity(pair[0]))
-    outcome = worst.outcome
-    alike = sum(case.outcome is outcome for case, _ in pairs)
+    accepted = bool(worst.accepted) and worst.outcome is not Outcome.AGREES
+    outcome = Outcome.AGREES if accepted else worst.outcome
+    alike = sum(case.outcome is worst.outcome for case, _ in pairs)
     judged = [case for case, v in pairs if v.judged]
     digits = [digits_of(case) for case in judged]
     numeric = [d for d in digits if d not in (NOTHING, "all")]
@@ -172,17 +176,20 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
     costs = [took for case in judged if (took := _cost(case)) is not None]
     cost = _pace(max(costs)) if costs else ""
     counts = f"{alike} of {len(pairs)}"
+    stated = f"{worst.outcome}, {worst.accepted}" if accepted else worst.outcome
+    agrees = outcome is Outcome.AGREES
     return Cell(
         id=view.id,
         outcome=outcome,
         symbol=SYMBOLS[outcome],
+        word="as accepted" if accepted else fewest if agrees else outcome,
         counts=counts,
         digits=fewest,
         tint=fewest if numeric else "",
         global_error=largest,
         cost=cost,
         summary=(
-            f"{counts} {outcome}, {fewest} digits, error at dt {largest}, {view.scenario} worst"
+            f"{counts} {stated}, {fewest} digits, error at dt {largest}, {view.scenario} worst"
         ),
         about=f"{view.system} {view.model} {view.engine}",
     )

@@ -32,7 +32,11 @@ from physics_crosscheck.harness.render.terminal.problems import (
     is_single_file,
     print_problems,
 )
-from physics_crosscheck.harness.results.coverage import coverage_lines, coverage_summary
+from physics_crosscheck.harness.results.coverage import (
+    coverage_lines,
+    coverage_summary,
+    unread_line,
+)
 from physics_crosscheck.harness.results.failure import acting_texts, advice_lines
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
@@ -285,6 +289,8 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         print_wrapped(console, f"{line}; --details lists the rest")
         for line in _acting_lines(results):
             print_wrapped(console, line, indent=2)
+    if line := unread_line(results.models):
+        print_wrapped(console, line)
     for system in results.systems:
         meshes = () if system.scene is None else system.scene.unread
         missing = [one for one in meshes if one.problem == "missing"]
@@ -526,10 +532,7 @@ def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
     """Yield what whole steps that agree do not compare, with its engines."""
     parts: dict[str, list[str]] = {}
     for step, case in alike:
-        what = list(step.unjudged)
-        if not step.next_state:
-            what.insert(0, "next states, time step, integrator and states of drives")
-        for part in what:
+        for part in step.omitted:
             parts.setdefault(part, []).append(case.engine)
     for part, names in parts.items():
         yield f"whole steps: {part} not compared in {', '.join(dict.fromkeys(names))}"
