@@ -87,12 +87,10 @@ def draw(coverage_file: Path, count: int, seed: int) -> list[dict[str, Any]]:
     contexts: dict[str, dict[int, list[str]]] = {}
     for measured in data.measured_files():
         name = re.sub(r"^.*?/(?=(harness|reference)/)", "", measured)
-        contexts[name] = {
-            line: sorted({c.split("|")[0] for c in tests if c})
-            for line, tests in data.contexts_by_lineno(measured).items()
-        }
-    every = (test for lines in contexts.values() for tests in lines.values() for test in tests)
-    extent = Counter(every)
+        by_line = data.contexts_by_lineno(measured).items()
+        contexts[name] = {i: sorted({one.split("|")[0] for one in tests}) for i, tests in by_line}
+    lists = (tests for file in contexts.values() for tests in file.values())
+    extent = Counter(test for tests in lists for test in tests)
     generator, rooms = random.Random(seed), defaultdict[str, list[str]](list)
     for name in sorted(contexts):
         rooms["/".join(name.split("/")[:2])].append(name)
@@ -101,10 +99,12 @@ def draw(coverage_file: Path, count: int, seed: int) -> list[dict[str, Any]]:
         for room in sorted(rooms):
             name = generator.choice(rooms[room])
             text = (ROOT / name).read_text(encoding="utf-8")
-            executed = [c for c in changes(text) if contexts[name].get(c.line)]
+            drawn = {fault["line"] for fault in faults if fault["file"] == name}
+            lines = contexts[name].keys() - drawn
+            executed = [c for c in changes(text) if c.line in lines and any(contexts[name][c.line])]
             if executed:
                 change = generator.choice(executed)
-                tests = sorted(contexts[name][change.line], key=lambda test: extent[test])
+                tests = sorted(filter(None, contexts[name][change.line]), key=extent.__getitem__)
                 faults.append(_fault(name, text, change, tests))
     return faults[:count]
 

@@ -25,8 +25,9 @@ from physics_crosscheck.harness.records.comparison import FileDifference
 from physics_crosscheck.records import ComparisonResult, Outcome
 from physics_crosscheck.reference.solving.segments import Segments
 from tests.compare.arm import MJCF, URDF
-from tests.compare.asking import compared, printed, result, sampled, written
+from tests.compare.asking import compared, printed, result, sampled
 from tests.compare.test_agreement import agrees
+from tests.models import written
 from tests.robots.files import TIPPED
 
 TOUCHING = (
