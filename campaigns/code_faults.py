@@ -166,7 +166,7 @@ def caught(fault: dict[str, Any], edited: list[str]) -> str | None:
             test = failing(attempt)
         finally:
             path.write_text(text, encoding="utf-8")
-        if test and not failing([test]):
+        if test and not failing(attempt if test == "timeout" else [test]):
             return test
     return None
 
