@@ -171,14 +171,12 @@ def _linearization_ratios(
             amplitude=np.where(motion.amplitude > 0, motion.amplitude, 1.0),
             push=np.where(push > 0, push, 1.0),
         )
-        matrices = linearize_engine(model, coordinates, point, RESOLUTION)
-        for key, matrix, error in (
-            ("A", matrices.a, matrices.a_uncertainty),
-            ("B", matrices.b, matrices.b_uncertainty),
-        ):
-            wanted = taylor.arrays[key]
+        _, matrix = linearize_engine(model, coordinates, point, RESOLUTION)
+        size = len(point.amplitude)
+        for key, part in (("A", slice(0, size)), ("B", slice(size, None))):
+            wanted, error = taylor.arrays[key], matrix.uncertainty[:size, part]
             rounded = 16 * EPSILON * np.max(np.abs(wanted), initial=0.0)
-            yield _ratios(np.abs(matrix - wanted), error + rounded)
+            yield _ratios(np.abs(matrix.value[:size, part] - wanted), error + rounded)
 
 
 def campaign(count: int, seed: int) -> list[tuple[DrawJudgement, str]]:

@@ -1,4 +1,4 @@
-"""Records of a case and a linearization in results.json: the numbers for plots and tables."""
+"""Records of a case in results.json: the numbers for plots and tables."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.verdict import CaseJudgement as Judgement
 from physics_crosscheck.harness.checks.verdict import component
-from physics_crosscheck.harness.numerics.discrete import StepLinearization as FoundStep
 from physics_crosscheck.harness.numerics.forward_dynamics import (
     AccelerationComparison as FoundDynamics,
 )
-from physics_crosscheck.harness.numerics.linearization import LinearizationComparison as Found
 from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
 from physics_crosscheck.harness.numerics.stepping import StepComparison as FoundStepping
@@ -22,13 +20,11 @@ from physics_crosscheck.harness.records.base import (
     number,
     numbers,
     rounded,
-    rows,
 )
 from physics_crosscheck.harness.records.case import (
     CheckedStep,
     Convergence,
     EnergySeries,
-    ErrorDecomposition,
     ForceTerm,
     ForwardDynamics,
     FullRun,
@@ -37,11 +33,6 @@ from physics_crosscheck.harness.records.case import (
     Stepping,
     TargetStep,
     Verdict,
-)
-from physics_crosscheck.harness.records.model import (
-    DiscreteLinearization,
-    EngineLinearization,
-    EnginePole,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
@@ -130,7 +121,7 @@ def full_run_record(study: StepStudy, time_step: float, integrator: str) -> Full
         order=number(study.full_run_check.order),
         residual=number(study.full_run_check.residual) if len(study.others) > 1 else None,
         resolved_until=number(study.full_run_check.until),
-        decomposition=_decomposition(study),
+        decomposition=study.decomposition,
         steps_for=tuple(
             TargetStep(target=target, step=number(step))
             for target, step in zip(TARGETS, study.steps_for, strict=True)
@@ -139,18 +130,6 @@ def full_run_record(study: StepStudy, time_step: float, integrator: str) -> Full
         energy_error=number(study.base_run.energy),
         constraint_drift=number(study.base_run.drift),
         events=study.events,
-    )
-
-
-def _decomposition(study: StepStudy) -> ErrorDecomposition | None:
-    if study.decomposition is None:
-        return None
-    return ErrorDecomposition(
-        amplitude=number(study.decomposition.amplitude),
-        phase=number(study.decomposition.phase),
-        frequency=number(study.decomposition.frequency),
-        damping=number(study.decomposition.damping),
-        explained=number(study.decomposition.explained),
     )
 
 
@@ -240,51 +219,6 @@ def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
         h=numbers(run.h for run in runs),
         error=rounded(errors, 5),
         seconds=rounded([run.seconds for run in runs], 3),
-    )
-
-
-def linearization_record(limit: Found, one_step: FoundStep | None) -> EngineLinearization:
-    """Build the record of an engine's linearization, compared with Taylor's."""
-    return EngineLinearization(
-        equilibrium=limit.equilibrium,
-        a=rows(limit.a.tolist()),
-        b=rows(limit.b.tolist()),
-        a_error=number(limit.a_error),
-        b_error=number(limit.b_error),
-        poles=tuple(_pole(pole) for pole in limit.poles),
-        taylor_poles=tuple(_pole(pole) for pole in limit.taylor_poles),
-        transfer_error=number(limit.transfer_error),
-        a_bound=number(limit.a_bound),
-        b_bound=number(limit.b_bound),
-        differs=limit.differs,
-        mode_similarity=number(limit.shapes),
-        frequencies=_row(limit.frequencies, 5),
-        response=tuple(_rows(matrix, 5) for matrix in limit.response),
-        taylor_response=tuple(_rows(matrix, 5) for matrix in limit.taylor_response),
-        one_step=None if one_step is None else _one_step(one_step),
-    )
-
-
-def _one_step(step: FoundStep) -> DiscreteLinearization:
-    return DiscreteLinearization(
-        step=number(step.step),
-        a=rows(step.a.tolist()),
-        b=rows(step.b.tolist()),
-        error=number(step.error),
-        bound=number(step.bound),
-        differs=step.differs,
-        radius=number(step.radius),
-        exact_radius=number(step.exact_radius),
-    )
-
-
-def _pole(value: complex) -> EnginePole:
-    size = abs(value)
-    return EnginePole(
-        real=number(value.real),
-        imaginary=number(value.imag),
-        frequency=number(size),
-        damping=number(-value.real / size) if size else None,
     )
 
 

@@ -8,24 +8,14 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.checks.system_record import (
-    constants,
     errata_records,
     linearity_records,
     mode_records,
     motion_terms,
     pole_records,
-    quantities,
 )
 from physics_crosscheck.harness.modelfiles.robot import home_of
-from physics_crosscheck.harness.render.terminal.equations import (
-    DerivedEquilibrium,
-    DerivedSystem,
-    DerivedTree,
-    Matrix,
-    ShownBody,
-    ShownJoint,
-    Transfer,
-)
+from physics_crosscheck.harness.render.terminal.equations import DerivedPage, Matrix
 from physics_crosscheck.harness.render.terminal.typeset import SumTerms, deviation
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.formulas import SymbolicEquations, formulas
@@ -39,7 +29,7 @@ from physics_crosscheck.reference.dynamics.linearize import (
 from physics_crosscheck.reference.dynamics.modes import damped_shapes, s, transfer_functions
 from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, powers
+from physics_crosscheck.reference.mechanism.bodies import powers
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.mechanism.system import System
@@ -54,7 +44,7 @@ ROUNDING = 1e-40
 """Relative size below which a matrix entry is rounding; entries are computed with 60 digits."""
 
 
-def derivation(system: System) -> DerivedSystem:
+def derivation(system: System) -> DerivedPage:
     """Return everything that is derived from a system, without integrating a scenario.
 
     This covers equations of motion, class, linearizations with poles, modes and transfer functions,
@@ -64,63 +54,63 @@ def derivation(system: System) -> DerivedSystem:
         DeclarationError: for a wrong equilibrium, or an unreadable erratum.
     """
     equations = derive(system)
-    linear = equations.linear
     linearizations = tuple(linearize(equations, e) for e in system.equilibria)
-    return DerivedSystem(
-        title=system.title,
-        source=system.source,
-        q=system.q,
-        v=system.v,
-        a=system.a,
-        coordinates=quantities(system.coordinates),
-        inputs=quantities(system.inputs),
-        constants=constants(system),
-        outputs=[o.expression for o in system.outputs],
-        energies=[("T", system.T), ("V", system.V), ("D", system.D)],
-        forces=system.forces(),
-        motion=motion_terms(equations),
-        kind=classify(len(system.inputs), len(system.outputs)),
-        linear=linear,
-        order=ORDER,
-        equilibria=[
-            _equilibrium(equations, linearization, linear) for linearization in linearizations
-        ],
-        errata=errata_records(equations, linearizations),
+    return DerivedPage(
+        name="derive",
+        symbols=(system.q, system.v, system.a),
+        coordinates=[coordinate.name for coordinate in system.coordinates],
+        values={
+            "system": system,
+            "sides": motion_terms(equations),
+            "kind": classify(len(system.inputs), len(system.outputs)),
+            "linear": equations.linear,
+            "order": ORDER,
+            "equilibria": [_equilibrium(equations, one) for one in linearizations],
+            "errata": errata_records(equations, linearizations),
+            "s": s,
+        },
     )
 
 
-def _equilibrium(
-    equations: Equations, linearization: TaylorLinearization, linear: bool
-) -> DerivedEquilibrium:
+def _equilibrium(equations: Equations, linearization: TaylorLinearization) -> dict[str, object]:
+    """Return what a page shows about an equilibrium.
+
+    - rest: each position symbol and its value at rest.
+    - matrices: M, C, K, A, B; without empty ones.
+    - damped: eigenvalue and complex shape of each mode; empty without damping.
+    - transfers: output, input and transfer function of each pair.
+    - moved: symbols of deviations from nonzero rest positions, each with its meaning.
+    - series: both sides of each equation's Taylor series; None for linear equations, empty if too
+      long to read.
+    - linearity: empty for linear equations, or about an unstable equilibrium.
+    """
     system = equations.system
-    (declared,) = (e for e in system.equilibria if e.name == linearization.equilibrium)
     moved = {
         q: deviation(q)
         for q, at in zip(system.q, linearization.symbolic_position, strict=True)
         if at != 0
     }
-    series = None if linear else _series(equations, linearization, moved)
+    series = None if equations.linear else _series(equations, linearization, moved)
     damped = any(linearization.damping) and len(system.q) > 1
-    return DerivedEquilibrium(
-        name=declared.name,
-        description=declared.description,
-        rest=list(zip(system.q, linearization.symbolic_position, strict=True)),
-        matrices=list(_matrices(linearization, system)),
-        poles=pole_records(linearization),
-        modes=mode_records(linearization),
-        damped=[
+    return {
+        "declared": next(e for e in system.equilibria if e.name == linearization.equilibrium),
+        "rest": list(zip(system.q, linearization.symbolic_position, strict=True)),
+        "matrices": list(_matrices(linearization, system)),
+        "poles": pole_records(linearization),
+        "modes": mode_records(linearization),
+        "damped": [
             (value, [complex(share) for share in shape])
             for value, shape in (damped_shapes(linearization) if damped else ())
         ],
-        transfers=_transfers(linearization, system),
-        moved=[
+        "transfers": _transfers(linearization, system),
+        "moved": [
             (d, q - linearization.symbolic_position[system.q.index(q)]) for q, d in moved.items()
         ]
         if series
         else [],
-        series=series,
-        linearity=linearity_records(equations, linearization),
-    )
+        "series": series,
+        "linearity": linearity_records(equations, linearization),
+    }
 
 
 def _matrices(linearization: TaylorLinearization, system: System) -> Iterator[Matrix]:
@@ -166,12 +156,14 @@ def _invertible(*matrices: sp.Matrix) -> bool:
     return _short(*matrices) and not any(matrix.has(sp.Float) for matrix in matrices)
 
 
-def _transfers(linearization: TaylorLinearization, system: System) -> list[Transfer]:
+def _transfers(
+    linearization: TaylorLinearization, system: System
+) -> list[tuple[sp.Symbol, sp.Symbol, sp.Expr]]:
     if not system.inputs:
         return []
     functions = transfer_functions(linearization)
     return [
-        Transfer(output=sp.Symbol(o.name), input=u, function=functions[i, j], s=s)
+        (sp.Symbol(o.name), u, functions[i, j])
         for i, o in enumerate(system.outputs)
         for j, u in enumerate(system.u)
     ]
@@ -213,7 +205,7 @@ angles in the file.
 """
 
 
-def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> DerivedTree:
+def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> DerivedPage:
     """Return the equations of bodies.
 
     Args:
@@ -233,24 +225,22 @@ def tree_derivation(declared: MultibodySystem, omitted: Sequence[str] = ()) -> D
     force = np.where(np.abs(force) > MASS_ROUNDING * np.max(np.abs(force)), force, 0.0)
     size = np.sqrt(np.outer(mass.diagonal(), mass.diagonal()))
     mass = np.where(np.abs(mass) > MASS_ROUNDING * size, mass, 0.0)
-    return DerivedTree(
-        title=declared.title,
-        source=declared.source,
-        q=system.q,
-        v=system.v,
-        a=system.a,
-        coordinates=quantities(system.coordinates),
-        bodies=[_body(one) for one in declared.bodies],
-        joints=[_joint(one, body) for body in declared.bodies for one in body.joints],
-        gravity=declared.gravity,
-        pulls=[one.name for one in declared.pulls],
-        couplings=[one.follower for one in declared.couplings],
-        omitted=omitted,
-        motion=_motion(formula, system.a) if isinstance(formula, SymbolicEquations) else [],
-        left_out="" if isinstance(formula, SymbolicEquations) else formula,
-        home=home.tolist(),
-        mass=Matrix(name="M", symbolic=None, numbers=mass.tolist()),
-        force=Matrix(name="f", symbolic=None, numbers=force[:, None].tolist()),
+    sides = _motion(formula, system.a) if isinstance(formula, SymbolicEquations) else []
+    return DerivedPage(
+        name="bodies",
+        symbols=(system.q, system.v, system.a),
+        coordinates=[coordinate.name for coordinate in system.coordinates],
+        values={
+            "declared": declared,
+            "q": system.q,
+            "coefficients": powers,
+            "omitted": omitted,
+            "sides": sides,
+            "left_out": "" if sides else formula,
+            "position": home.tolist(),
+            "mass": Matrix(name="M", symbolic=None, numbers=mass.tolist()),
+            "force": Matrix(name="f", symbolic=None, numbers=force[:, None].tolist()),
+        },
     )
 
 
@@ -262,21 +252,3 @@ def _motion(
         (list(zip(row, a, strict=True)), [(term, sp.Integer(1)) for term in force])
         for row, force in zip(equations.mass, equations.force, strict=True)
     ]
-
-
-def _body(body: RigidBody) -> ShownBody:
-    carried = body.parent or "the world"
-    moved = ", ".join(joint.name for joint in body.joints) or "welded"
-    return ShownBody(name=body.name, parent=carried, by=moved, mass=float(body.mass))
-
-
-def _joint(joint: Joint, body: RigidBody) -> ShownJoint:
-    return ShownJoint(
-        name=joint.name,
-        kind=joint.kind,
-        body=body.name,
-        limits=joint.limits if joint.single else None,
-        damping=powers(joint.damping),
-        stiffness=powers(joint.stiffness),
-        armature=float(joint.armature),
-    )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.case_record import linearization_record
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.numerics.differences import MAX_PERTURBATION
@@ -30,6 +30,6 @@ def run_linearizations(task: Linearized) -> tuple[EngineLinearization, ...]:
             continue
         # Once for a step of the file's own length, and once as h -> 0.
         step = linearize_step(model, coordinates, task.target.stepped, point, task.resolution)
-        limit = linearize_engine(model, coordinates, point, task.resolution, task.thorough)
-        records.append(linearization_record(limit, step))
+        limit, _ = linearize_engine(model, coordinates, point, task.resolution, task.thorough)
+        records.append(replace(limit, one_step=step))
     return tuple(records)

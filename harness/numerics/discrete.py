@@ -9,8 +9,6 @@ motion decays, the step destabilizes the equilibrium.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
@@ -22,34 +20,10 @@ from physics_crosscheck.harness.numerics.stepping import (
     Steps,
     steps_alike,
 )
+from physics_crosscheck.harness.records.base import number, rows
+from physics_crosscheck.harness.records.model import DiscreteLinearization
 from physics_crosscheck.harness.records.outcome import differs
-from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.next_state import Stepped
-
-
-@dataclass(frozen=True, kw_only=True)
-class StepLinearization:
-    """One step about an equilibrium.
-
-    Attributes:
-        step: the file's own time step, seconds.
-        a, b: (2n, 2n) and (2n, inputs).
-        error, bound: largest difference from the rule on the equations in any entry, and its
-            uncertainty, relative to the largest entry of the rule's step minus identity; nan
-            without a rule.
-        differs: whether an entry differs by more than its uncertainty, at the requested resolution.
-        radius, exact_radius: largest eigenvalue magnitude of `a`, and of the exact motion over the
-            same time.
-    """
-
-    step: float
-    a: Array
-    b: Array
-    error: float
-    bound: float
-    differs: bool
-    radius: float
-    exact_radius: float
 
 
 def linearize_step(
@@ -58,7 +32,7 @@ def linearize_step(
     stepped: Stepped | None,
     point: OperatingPoint,
     resolution: float,
-) -> StepLinearization | None:
+) -> DiscreteLinearization | None:
     """Linearize one step, of the file's own time step, about an equilibrium.
 
     Args:
@@ -93,13 +67,13 @@ def linearize_step(
     from scipy.linalg import expm  # slow import, not needed by every command
 
     exact = expm(point.matrices["A"] * model.step)
-    return StepLinearization(
-        step=model.step,
-        a=a,
-        b=b,
-        error=error,
-        bound=bound,
+    return DiscreteLinearization(
+        step=number(model.step),
+        a=rows(a.tolist()),
+        b=rows(b.tolist()),
+        error=number(error),
+        bound=number(bound),
         differs=is_wrong,
-        radius=float(np.max(np.abs(np.linalg.eigvals(a)))),
-        exact_radius=float(np.max(np.abs(np.linalg.eigvals(exact)))),
+        radius=number(np.max(np.abs(np.linalg.eigvals(a)))),
+        exact_radius=number(np.max(np.abs(np.linalg.eigvals(exact)))),
     )

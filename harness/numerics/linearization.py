@@ -7,8 +7,6 @@ segment. Its logarithm gives A and B.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +18,8 @@ from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
 from physics_crosscheck.harness.numerics.rounding import with_companions
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
+from physics_crosscheck.harness.records.base import Rows, number, rounded, rows
+from physics_crosscheck.harness.records.model import EngineLinearization, EnginePole
 from physics_crosscheck.harness.records.outcome import differs
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Segments
@@ -34,53 +34,16 @@ SERIES_TERMS = 60
 previous one."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinearizationComparison:
-    """Engine and Taylor linearization about one equilibrium.
-
-    Attributes:
-        a, b: the engine's matrices; a is (2n, 2n), b is (2n, inputs).
-        a_uncertainty, b_uncertainty: of each entry.
-        a_error, b_error: largest difference from Taylor's in any entry, relative to the largest
-            entry.
-        poles: the engine's eigenvalues, sorted like `taylor_poles`.
-        transfer_error: largest difference of the transfer functions from Taylor's over the grid of
-            frequencies, relative to the largest value there; nan without inputs.
-        a_bound, b_bound: largest uncertainty of any entry, relative to the largest entry.
-        differs: whether the transition over a short segment differs from Taylor's by more than its
-            uncertainty, at the requested resolution.
-        frequencies: that grid, rad/s.
-        response, taylor_response: |transfer function|, (frequencies, outputs, inputs).
-        shapes: smallest modal assurance criterion between paired eigenvectors; 1 is equal.
-    """
-
-    equilibrium: str
-    a: Array
-    b: Array
-    a_uncertainty: Array
-    b_uncertainty: Array
-    a_error: float
-    b_error: float
-    poles: tuple[complex, ...]
-    taylor_poles: tuple[complex, ...]
-    transfer_error: float
-    a_bound: float
-    b_bound: float
-    differs: bool
-    frequencies: Array
-    response: Array
-    taylor_response: Array
-    shapes: float
-
-
 def linearize_engine(
     model: LoadedModel,
     coordinates: CoordinateMap,
     point: OperatingPoint,
     resolution: float,
     thorough: bool = True,
-) -> LinearizationComparison:
+) -> tuple[EngineLinearization, Estimate]:
     """Linearize an engine's model about an equilibrium, and compare.
+
+    Returns the record, and the matrix [A, B] with the uncertainty of each entry.
 
     Args:
         point: the equilibrium.
@@ -112,25 +75,38 @@ def linearize_engine(
     transfer_error = float("nan")
     if b.size and len(taylor["Cy"]):
         transfer_error = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
-    return LinearizationComparison(
+    record = EngineLinearization(
         equilibrium=point.name,
-        a=found_a,
-        b=found_b,
-        a_uncertainty=uncertainty[:size, :size],
-        b_uncertainty=uncertainty[:size, size:],
-        a_error=_relative(found_a, a),
-        b_error=_relative(found_b, b),
-        poles=poles,
-        taylor_poles=taylor_poles,
-        transfer_error=transfer_error,
-        a_bound=_share(uncertainty[:size, :size], a),
-        b_bound=_share(uncertainty[:size, size:], b),
+        a=rows(found_a.tolist()),
+        b=rows(found_b.tolist()),
+        a_error=number(_relative(found_a, a)),
+        b_error=number(_relative(found_b, b)),
+        poles=tuple(map(_pole, poles)),
+        taylor_poles=tuple(map(_pole, taylor_poles)),
+        transfer_error=number(transfer_error),
+        a_bound=number(_share(uncertainty[:size, :size], a)),
+        b_bound=number(_share(uncertainty[:size, size:], b)),
         differs=is_wrong,
-        frequencies=frequencies,
-        response=on_axis[0],
-        taylor_response=on_axis[1],
-        shapes=shapes,
+        mode_similarity=number(shapes),
+        frequencies=rounded(frequencies.tolist(), 5),
+        response=_magnitudes(on_axis[0]),
+        taylor_response=_magnitudes(on_axis[1]),
     )
+    return record, generator
+
+
+def _pole(value: complex) -> EnginePole:
+    size = abs(value)
+    return EnginePole(
+        real=number(value.real),
+        imaginary=number(value.imag),
+        frequency=number(size),
+        damping=number(-value.real / size) if size else None,
+    )
+
+
+def _magnitudes(response: Array) -> tuple[Rows, ...]:
+    return tuple(tuple(rounded(row, 5) for row in matrix) for matrix in response.tolist())
 
 
 def _fastest(a: Array, amplitude: Array) -> float:
@@ -211,8 +187,8 @@ def _by_segments(
     # Transitions are compared, since they have a limit even without a logarithm.
     size, rates = len(point.amplitude), np.zeros_like(transition.value)
     rates[:size] = np.hstack([point.matrices["A"], point.matrices["B"]])
-    rows = Estimate(value=transition.value[:size], uncertainty=transition.uncertainty[:size])
-    return generator, _entries_differ(rows, expm(rates * length)[:size], point, length, resolution)
+    upper = Estimate(value=transition.value[:size], uncertainty=transition.uncertainty[:size])
+    return generator, _entries_differ(upper, expm(rates * length)[:size], point, length, resolution)
 
 
 def _transition(
@@ -271,19 +247,19 @@ def _pair(engine: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[comp
     cost = np.abs(values[:, None] - targets[None, :])
     from scipy.optimize import linear_sum_assignment  # slow import, not needed by every command
 
-    rows, columns = linear_sum_assignment(cost)
+    picked, columns = linear_sum_assignment(cost)
     scale = np.max(np.abs(targets)) or 1.0
     least = 1.0
-    for row, column in zip(rows, columns, strict=True):
+    for row, column in zip(picked, columns, strict=True):
         gaps = np.delete(np.abs(targets - targets[column]), column)
         if len(gaps) and np.min(gaps) < 1e-4 * scale:
             continue
         parallel = abs(np.vdot(vectors[:, row], target_vectors[:, column])) ** 2
         least = min(least, float(parallel))
     wanted_poles = targets[columns]
-    order = sorted(range(len(rows)), key=lambda i: (abs(wanted_poles[i]), wanted_poles[i].imag))
+    order = sorted(range(len(picked)), key=lambda i: (abs(wanted_poles[i]), wanted_poles[i].imag))
     return (
-        tuple(complex(values[rows[i]]) for i in order),
+        tuple(complex(values[picked[i]]) for i in order),
         tuple(complex(wanted_poles[i]) for i in order),
         least,
     )

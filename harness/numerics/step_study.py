@@ -28,7 +28,8 @@ from physics_crosscheck.harness.numerics.full_run import (
     follows,
     full_run,
 )
-from physics_crosscheck.harness.records.case import EventTime
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.case import ErrorDecomposition, EventTime
 from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.segments import Motion
@@ -78,7 +79,7 @@ class StepStudy:
     global_error: float
     velocity_error: float
     full_run_check: FullRunCheck
-    decomposition: OscillationError | None
+    decomposition: ErrorDecomposition | None
     steps_for: tuple[float | None, ...]
     checked: tuple[float, float, float] | None
     events: tuple[EventTime, ...] = ()
@@ -238,7 +239,7 @@ def _wants_more(runs: list[CompleteRun], evidence: FullRunCheck) -> bool:
     return len(runs) < 3 or (len(runs) < MOST_RUNS and not evidence.order_plausible)
 
 
-def _decomposed(run: CompleteRun, motion: Motion, size: Array) -> OscillationError | None:
+def _decomposed(run: CompleteRun, motion: Motion, size: Array) -> ErrorDecomposition | None:
     if not run.finite or largest(run, size) > MAX_DECOMPOSED_ERROR:
         return None
     n = len(size)
@@ -315,9 +316,8 @@ def _check(
     return None
 
 
-@dataclass(frozen=True, kw_only=True)
-class OscillationError:
-    """An oscillation's error by parts: engine(t) = (1 + gain) reference(t - lag) + shift.
+def decompose(t: Array, engine: Array, motion: Motion, component: int) -> ErrorDecomposition:
+    """Decompose an error: engine(t) = (1 + gain) reference(t - lag) + shift.
 
     Gain, lag and shift are linear in t, fitted by least squares. For y = Re(a exp(s t)) + const
     this covers every change of a and s that is small over the motion. With s = -sigma + i omega,
@@ -327,24 +327,6 @@ class OscillationError:
     a delayed oscillation has decayed less. The amplitude at the end changes by the factor (1 +
     gain) exp(sigma lag), which is to first order gain + damping ratio times phase (of the undamped
     frequency). The phase lags by omega lag.
-
-    Attributes:
-        amplitude: relative error of the amplitude at the end.
-        phase: phase error at the end, rad; positive lags behind.
-        frequency: relative error of the frequency.
-        damping: error of the damping ratio.
-        explained: share of the mean square error that the decomposition explains.
-    """
-
-    amplitude: float
-    phase: float
-    frequency: float
-    damping: float
-    explained: float
-
-
-def decompose(t: Array, engine: Array, motion: Motion, component: int) -> OscillationError:
-    """Decompose the error of one position into amplitude and phase, and their growth.
 
     Args:
         t: evenly spaced sample times, (S,).
@@ -371,12 +353,12 @@ def decompose(t: Array, engine: Array, motion: Motion, component: int) -> Oscill
     total = float(np.sum(error[inside] ** 2))
     pace = float(np.std(rate) / max(float(np.std(y)), 1e-300))
     kept = float(np.exp(_decay(t, motion, component) * lag.sum()))
-    return OscillationError(
-        amplitude=float((1 + gain.sum()) * kept - 1),
-        phase=float(lag.sum() * pace),
-        frequency=float(-lag[1] / end),
-        damping=float(-gain[1] / end / pace) if pace > 0 else 0.0,
-        explained=1.0 - float(np.sum(residual**2)) / total if total > 0 else 1.0,
+    return ErrorDecomposition(
+        amplitude=number(float((1 + gain.sum()) * kept - 1)),
+        phase=number(float(lag.sum() * pace)),
+        frequency=number(float(-lag[1] / end)),
+        damping=number(-gain[1] / end / pace) if pace > 0 else 0.0,
+        explained=number(1.0 - float(np.sum(residual**2)) / total) if total > 0 else 1.0,
     )
 
 

@@ -34,9 +34,13 @@ class ProposedChange:
     old: float
     new: str
 
+    @property
+    def places(self) -> str:
+        """Different lines of its locations."""
+        return ", ".join(dict.fromkeys(map(str, self.locations)))
+
     def __str__(self) -> str:
-        places = ", ".join(dict.fromkeys(map(str, self.locations)))
-        return f"{places} from {self.old:.10g} to {self.new}"
+        return f"{self.places} from {self.old:.10g} to {self.new}"
 
 
 def run_again(results: Results, out: Path) -> str:

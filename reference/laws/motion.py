@@ -263,7 +263,11 @@ def march(hybrid: Hybrid, scenario: Scenario) -> tuple[list[Stretch], list[Event
     state, time = start_of(hybrid.equations.system, scenario), 0.0
     soon = SOON_SHARE * duration / SEGMENTS_AT_LEAST
     every = {i: part.modes for i, part in enumerate(hybrid.parts)}
-    mode = hybrid.next_mode(time, state, every, tuple(FREE for _ in every), soon)
+    try:
+        mode = hybrid.next_mode(time, state, every, tuple(FREE for _ in every), soon)
+    except EventError:
+        _check_start(hybrid, state)
+        raise
     stretches, events = list[Stretch](), list[Event]()
     fastest = 0.0
     while True:
@@ -289,6 +293,25 @@ def march(hybrid: Hybrid, scenario: Scenario) -> tuple[list[Stretch], list[Event
         )
         events.append(Event(mark=mark, before=before, after=after))
         time, state = stop, after
+
+
+def _check_start(hybrid: Hybrid, state: Array) -> None:
+    """Raise an error that names a rigid contact in which the motion starts, or an impact."""
+    for part in hybrid.parts:
+        if not isinstance(part, Contacting) or part.law is not None:
+            continue
+        numbers = hybrid.equations.compile([part.gap, part.rate.value])
+        gap, rate = hybrid.evaluate(numbers, np.zeros(1), state[None])[0].tolist()
+        if gap < -TOUCH:
+            raise EventError(
+                f"the motion starts inside {part.name}, where the gap is {gap:.4g} m; start it "
+                "where no gap is negative"
+            )
+        if gap < TOUCH and rate < 0:
+            raise EventError(
+                f"the motion starts with an impact: {part.name} is closed, and its gap falls by "
+                f"{-rate:.4g} m/s; start it earlier, or with the velocity after the impact"
+            )
 
 
 def _change(before: Modes, after: Modes, crossed: Sequence[int]) -> str:

@@ -36,7 +36,7 @@ def hoppers(folder: Path, old: str, new: str) -> tuple[Path, Path]:
     ('range="-0.5 0.5"', "", "range of joint hip: (-0.5 0.5) in A, none in B", 7),
     ('"-4 4"', '"-4 4.1"', "forcerange[1] of actuator servo: 4 in A, 4.1 in B", 11),
     ('angle="radian"/>', 'angle="radian"/><option cone="elliptic"/>',
-     "cone of options: false in A, true in B", 0),
+     "cone of options: pyramidal in A, elliptic in B", 0),
 ])  # fmt: skip
 def test_one_number_of_the_laws_is_named_with_its_line(
     old: str, new: str, message: str, line: int, tmp_path: Path

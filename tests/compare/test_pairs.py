@@ -28,6 +28,7 @@ MJCF = """<mujoco>
 <equality><joint joint1="hip" joint2="elbow" polycoef="0 0.5"/></equality>
 <tendon><fixed name="cord" range="-1 1"><joint joint="hip" coef="1"/></fixed></tendon>
 <actuator><motor name="m" joint="hip" ctrlrange="-1 1" forcerange="-3 3"/></actuator>
+<equality><weld name="dock" body1="arm" active="false"/></equality>
 </mujoco>"""
 
 URDF = """<robot name="r"><link name="base"/>
@@ -67,6 +68,8 @@ RED = (
     ('integrator="Euler"', 'integrator="RK4"', "integrator", 3),
     ("<option ", '<option cone="elliptic" ', "cone", 3),
     ("<option ", '<option noslip_iterations="3" ', "noslip_iterations", 3),
+    ("<option ", '<option density="1.2" wind="1 0 0" ', "density", 3),
+    ('active="false"', 'active="true"', "active of weld dock", 19),
     ('energy="disable"', 'contact="disable"', "contact", 3),
     ('energy="disable"', 'filterparent="disable"', "filterparent", 3),
     ('<geom name="floor" type="plane" size="5 5 1"/>', "", "floor", 6),

@@ -190,8 +190,8 @@ def test_line_names_the_engine_whose_checks_are_counted() -> None:
     assert coverage_line(model(coverage=counted)).startswith("23 of 31 numbers tested in other (")
     other = model(engine="other", coverage=counted)
     assert coverage_line(other).startswith("23 of 31 numbers tested (")
-    (row,) = overview.tested_numbers([model(coverage=counted), other])
-    assert row.engine == "other"
+    ((best, _),) = overview.tested_numbers([model(coverage=counted), other])
+    assert best.engine == "other"
 
 
 def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:

@@ -22,6 +22,11 @@ from tests.reference.mechanisms import oscillator
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 
 
+def finite(value: float | None) -> float:
+    assert value is not None
+    return value
+
+
 @dataclass
 class SymplecticEuler(LoadedModel):
     """v += h a(q, v); q += h v, of the oscillator in plain Python."""

@@ -16,11 +16,11 @@ from physics_crosscheck.harness.numerics import step_study
 from physics_crosscheck.harness.numerics.convergence import Sensitivity, check_full_runs
 from physics_crosscheck.harness.numerics.full_run import SampledRun, full_run
 from physics_crosscheck.harness.numerics.step_study import (
-    OscillationError,
     StepStudy,
     decompose,
     study_step,
 )
+from physics_crosscheck.harness.records.case import ErrorDecomposition
 from physics_crosscheck.reference.solving.segments import Motion
 from tests.numerics.conftest import (
     DAMPING,
@@ -29,6 +29,7 @@ from tests.numerics.conftest import (
     Bench,
     MakeBench,
     SymplecticEuler,
+    finite,
 )
 
 
@@ -43,7 +44,7 @@ def study(bench: Bench, claimed: int = 1) -> StepStudy:
     )
 
 
-def decomposed(bench: Bench) -> OscillationError:
+def decomposed(bench: Bench) -> ErrorDecomposition:
     result = study(bench).decomposition
     assert result is not None
     return result
@@ -71,7 +72,7 @@ def test_frequency_and_damping_errors_match_the_difference_equation(
     # The least squares ignore terms of second order in the error: about 1 %.
     assert result.frequency == pytest.approx(s.imag / exact.imag - 1, rel=0.03)
     assert result.damping == pytest.approx(exact.real / abs(exact) - s.real / abs(s), rel=0.03)
-    assert result.explained > 0.999
+    assert finite(result.explained) > 0.999
 
 
 @pytest.mark.slow
@@ -80,7 +81,7 @@ def test_wrong_frequency_is_reported_as_frequency_error(bench: MakeBench) -> Non
     result = decomposed(bench(model, duration=8.0))
     assert result.frequency == pytest.approx(1e-3, rel=0.05)
     # Half a percent of damping ratio would be 2.9e-4; the stiffness alone changes it by 6e-5.
-    assert abs(result.damping) < 1e-4
+    assert abs(finite(result.damping)) < 1e-4
 
 
 def test_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
@@ -347,7 +348,7 @@ def test_amplitude_and_phase_match_an_exact_oscillation(bench: MakeBench, dampin
     result = decompose(times, oscillation(times, other, moved), rig.motion, 0)
     change = other / a * cmath.exp((moved - pole) * 4.0)
     assert result.amplitude == pytest.approx(abs(change) - 1, rel=0.01)
-    assert result.explained > 0.99999
+    assert finite(result.explained) > 0.99999
 
 
 def runs_of(error: Callable[[float, Array], Array], motion: Motion) -> list[SampledRun]:

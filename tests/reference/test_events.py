@@ -427,6 +427,23 @@ def test_motion_too_long_for_its_events_is_refused() -> None:
         solve_events(derive(system), long)
 
 
+@pytest.mark.parametrize(
+    ("height", "speed", "message"),
+    [
+        (0, -1.5, "starts with an impact: floor is closed, and its gap falls by 1.5 m/s"),
+        (-0.01, 1.5, "starts inside floor, where the gap is -0.01 m"),
+    ],
+)
+def test_motion_that_starts_in_a_contact_is_refused(
+    height: float, speed: float, message: str
+) -> None:
+    system = load_system(EVENTS / "bouncing_ball")
+    (z,) = system.coordinates
+    low = replace(system.scenario("drop"), q={z: height}, v={z: speed})
+    with pytest.raises(EventError, match=re.escape(message)):
+        solve_events(derive(system), low)
+
+
 def test_accumulating_impacts_are_rejected_with_a_valid_duration() -> None:
     system, c = built_in("bouncing_ball")
     rest = np.sqrt(1 / c["g"]) * (1 + c["e"]) / (1 - c["e"])

@@ -20,9 +20,14 @@ def unpacked(text: str) -> Any:
     return json.loads(gzip.decompress(base64.b64decode(text)))
 
 
+def unpacked_packs(run: Results) -> dict[str, Any]:
+    content = Content(run)
+    return {name: unpacked(content.text(name)) for name in content.names}
+
+
 @pytest.fixture(scope="module")
 def packs(troubled: Results) -> dict[str, Any]:
-    return {name: unpacked(text) for name, text in Content(troubled).packs().items()}
+    return unpacked_packs(troubled)
 
 
 def column(packs: dict[str, Any], pack_name: str, reference: Any) -> Any:
@@ -107,7 +112,7 @@ def test_relative_errors_have_a_minimum_amplitude() -> None:
     reference = tuple((0.0,) * len(row) for row in still.reference)
     error = ((*still.error[0][:5], 0.02, *still.error[0][6:]), *still.error[1:])
     sample = changed_case(sample, 0, series=replace(still, reference=reference, error=error))
-    packs = {name: unpacked(text) for name, text in Content(sample).packs().items()}
+    packs = unpacked_packs(sample)
     # FLOOR is one per cent of the other scenarios' amplitude of one.
     drawn = curves(packs, "pack-case-0", "q0: error against")["global_error 0"][1]
     assert drawn[5] == pytest.approx(0.02 / 0.01, rel=1e-3)
@@ -178,7 +183,7 @@ def test_run_without_energies_and_times_is_drawn() -> None:
         full_runs = replace(series.full_runs, seconds=(None, None, None))
         series = replace(series, energy=None, full_runs=full_runs)
         sample = changed_case(sample, place, series=series)
-    packs = {name: unpacked(text) for name, text in Content(sample).packs().items()}
+    packs = unpacked_packs(sample)
     titles = [one["title"] for one in packs["pack-case-0"]["charts"]]
     assert "Convergence" in titles
     assert not [title for title in titles if title.startswith(("Energy", "Work"))]
@@ -201,7 +206,7 @@ def test_cause_with_and_in_its_name_is_one_row(troubled: Results) -> None:
             corrected=replace(diagnosis.corrected, causes=(cause, other)),
         ),
     )
-    packs = {name: unpacked(text) for name, text in Content(sample).packs().items()}
+    packs = unpacked_packs(sample)
     (pack_name,) = (name for name in packs if name.startswith("pack-diagnosis"))
     assert chart(packs, pack_name, "Ranked")["names"] == ["mass", "k", body]
     assert len(curves(packs, pack_name, "Ranked")["lollipop 0"][0]) == 3
@@ -213,6 +218,6 @@ def test_leading_plot_shows_the_deciding_component(troubled: Results) -> None:
     verdict = troubled.cases[9].verdict
     assert verdict is not None
     sample = changed_case(troubled, 9, verdict=replace(verdict, component="q1_dot"))
-    packs = {name: unpacked(text) for name, text in Content(sample).packs().items()}
+    packs = unpacked_packs(sample)
     leading = [one["title"] for one in packs["pack-case-9"]["charts"] if one["lead"]]
     assert leading == ["q1: reference and engines", "q1_dot: error against uncertainty"]

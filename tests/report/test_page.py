@@ -18,7 +18,7 @@ from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.html import render, unbroken, write_report
 from physics_crosscheck.harness.render.html.maths import ELEMENTS, mathml
-from physics_crosscheck.harness.render.html.sweep import AT_THE_STEP, parallel, tick_labels
+from physics_crosscheck.harness.render.html.sweep import Figures, tick_labels
 from tests.report.page import Page
 from tests.report.samples import results
 
@@ -321,15 +321,14 @@ def test_parallel_coordinates_have_a_line_for_each_case_and_mark_differences() -
         row(1, 1.0, 0.1, Outcome.AGREES),
         row(2, 3.0, None, Outcome.AGREES),
     ]
-    drawn = parallel(rows, ["e, euler"], ["k", "c"], AT_THE_STEP)
-    assert drawn is not None
-    assert [axis.label for axis in drawn.axes] == ["k", "c", "error at dt"]
-    assert [outcome for _, _, outcome, _ in drawn.lines] == ["AGREES", "DIFFERS"]
-    paths = [path for path, *_ in drawn.lines]
-    points = [[point.split(",") for point in path[1:].split("L")] for path in paths]
-    assert [x for x, _ in points[0]] == [axis.position for axis in drawn.axes]
-    heights = [[float(y) for _, y in line] for line in points]
-    assert heights[0][0] > heights[1][0], "a larger k is higher"
-    assert heights[0][1] < heights[1][1]
-    assert heights[0][2] < heights[1][2]
-    assert parallel(rows[2:], ["e, euler"], ["k", "c"], AT_THE_STEP) is None
+    figures = Figures(system="s", rows=rows, names=["k", "c"])
+    cases = figures.cases(["k", "c"])
+    assert [row.outcome for row, _ in cases] == ["AGREES", "DIFFERS"]
+    shares = [
+        [axis.share(value) for axis, value in zip(figures.axes(cases), values, strict=True)]
+        for _, values in cases
+    ]
+    assert shares[0][0] < shares[1][0], "a larger k is higher"
+    assert shares[0][1] > shares[1][1]
+    assert shares[0][2] > shares[1][2]
+    assert Figures(system="s", rows=rows[2:], names=["k"]).pictures == []

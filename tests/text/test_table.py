@@ -16,7 +16,7 @@ from physics_crosscheck.harness.records.case import EventTime, SkippedCheck, Who
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.results import BaselineChanges
-from physics_crosscheck.harness.render.html.cases import case_view
+from physics_crosscheck.harness.render.html.cases import CaseView
 from physics_crosscheck.harness.render.terminal.console import STYLES, terminal, wrapped
 from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
 from physics_crosscheck.harness.render.terminal.table import (
@@ -314,7 +314,7 @@ def test_whole_steps_that_differ_or_are_unresolved_are_listed() -> None:
         " of its largest value, uncertainty 2.0e-09",
     ]
     assert properties(cases[2])["whole steps"].startswith("differ at 19 states")
-    page = case_view(cases[1], "id", "", None, None, None)
+    page = CaseView(id="id", case=cases[1], pack="", scene=None, scenario=None, model=None)
     assert "whole steps are unresolved at 19 states" in str(page.reason)
     repeated = replace(
         cases[0], whole_step=replace(good, contact_counts=("a and b have 4 contacts",))

@@ -453,6 +453,10 @@ def _at_limits(
                 yield state._replace(z=z, m=m)
 
 
+_WORDS = {"cone": ("pyramidal", "elliptic"), "refsafe": ("disable", "enable")}
+"""How a file states a switch that is off, and one that is on; others are false and true."""
+
+
 def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:
     """Return the record of a difference."""
     here, there = difference.values
@@ -462,8 +466,11 @@ def _property(difference: _LawDifference, effect: float | None) -> ComparedPrope
     if single:
         label += f"[{i}]" if len(here) > 1 else ""
         here, there = (here[i],), (there[i],)
-        values = (apart(float(here[0]), float(there[0]), 0.0) if not isinstance(here[0], bool)
-                  else (str(here[0]).lower(), str(there[0]).lower()))  # fmt: skip
+        if isinstance(here[0], bool):
+            words = _WORDS.get(difference.attribute, ("false", "true"))
+            values = words[here[0]], words[bool(there[0])]
+        else:
+            values = apart(float(here[0]), float(there[0]), 0.0)
     lines = [
         None if row is None else row.line(difference.attribute, i)
         for row in (difference.a, difference.b)

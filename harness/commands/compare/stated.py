@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -30,7 +30,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.laws import Surface
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
-from physics_crosscheck.reference.mechanism.tree import WORLD
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 make_stated = partial(make_property, moves=False)
 
@@ -306,16 +306,36 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
     for kind, (here, there) in (("option", options), ("other", rest)):
         for subject, key in dict.fromkeys([*here, *there]):
             values = here.get((subject, key), "none"), there.get((subject, key), "none")
-            if values[0] != values[1]:
+            by_law = "none" in values and (key, {*values}) != ("active", {"none", "false"})
+            if values[0] != values[1] and not (by_law and key in EQUALITY):
                 shown = [f"({value})" if " " in value else value for value in values]
                 about = f"{key} of {subject}" if subject else key
                 message = f"{about}: {shown[0]} in A, {shown[1]} in B"
                 if key == "elevation" and "none" not in values:
                     message = f"{about}: other heights in B"
                 lines = _text_line(a, subject, key), _text_line(b, subject, key)
-                yield make_stated(
-                    kind, subject or key, message, lines=lines, relative=_share(*values)
-                )
+                share = _share(*values)
+                if key in FLUID and (a.tree.fluid or b.tree.fluid):
+                    tree = _immersed(a.tree, b.tree, key)
+                    yield make_property(
+                        kind, key, message, lines=lines, relative=share, changed=tree
+                    )
+                else:
+                    yield make_stated(kind, subject or key, message, lines=lines, relative=share)
+
+
+EQUALITY = ("active", "data while inactive")
+"""Attributes of equalities; laws have the active ones."""
+
+FLUID = ("density", "viscosity", "wind")
+"""Options that act on bodies in a medium, and so on motions."""
+
+
+def _immersed(a: Tree, b: Tree, key: str) -> Tree | None:
+    """Return A's tree with a number of B's medium; None if only one of them is in a medium."""
+    if a.fluid is None or b.fluid is None:
+        return None
+    return replace(a, fluid=replace(a.fluid, **{key: getattr(b.fluid, key)}))
 
 
 def _share(here: str, there: str) -> float:
@@ -336,7 +356,11 @@ def _text_line(model: ModelSide, subject: str, key: str) -> SourceLine | None:
         stating = (e for e in elements[::-1] if (flag or kind) in e.attributes)
         return _line(model, next(stating, None), flag or kind)
     kind, _, name = subject.partition(" ")
-    named = [one for one in model.root.iter() if one.get("name") == name and one.tag != "default"]
+    if name.startswith("#"):
+        of_kind = model.root.findall(f"equality/{kind}") or model.root.findall(f"{kind}/*")
+        named = of_kind[int(name[1:]) - 1 :]
+    else:
+        named = [x for x in model.root.iter() if x.get("name") == name and x.tag != "default"]
     return _line(model, next(iter(named), None), key)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
@@ -321,10 +322,15 @@ def _others(m: Any) -> tuple[tuple[str, str, str], ...]:
             for i in np.flatnonzero([np.any(one) for one in values]).tolist():
                 subject = f"{WORDS.get(kind, kind)} {elements(i).name or f'#{i + 1}'}"
                 rows.append((subject, key, _text(values[i])))
-    for i in np.flatnonzero(np.array(m.eq_active0) == 0).tolist():
+    counts = Counter[str]()
+    for i in range(m.neq):
         kind = mujoco.mjtEq(m.eq_type[i]).name.removeprefix("mjEQ_").lower()
-        objects = f"{m.eq_obj1id[i]} {m.eq_obj2id[i]} {_text(m.eq_data[i])}"
-        rows.append((f"{kind} {m.eq(i).name or f'#{i + 1}'}", "inactive", objects))
+        counts[kind] += 1
+        subject, active = f"{kind} {m.eq(i).name or f'#{counts[kind]}'}", bool(m.eq_active0[i])
+        rows.append((subject, "active", str(active).lower()))
+        if not active:
+            objects = f"{m.eq_obj1id[i]} {m.eq_obj2id[i]} {_text(m.eq_data[i])}"
+            rows.append((subject, "data while inactive", objects))
     for i in range(m.ntendon):
         first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
         parts = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli import arguments
@@ -102,10 +101,10 @@ COMMAND = Command(
         **INTERRUPTED,
     },
     options=(
-        partial(arguments.targets, required=False),
-        arguments.standalone,
+        arguments.targets(required=False),
+        arguments.STANDALONE,
         *_VARIANTS,
-        arguments.engine,
+        arguments.ENGINE,
         option(
             "Selection",
             "--scenario",
@@ -114,12 +113,12 @@ COMMAND = Command(
             metavar="NAME",
             help="Scenario to run; repeatable [all]",
         ),
-        arguments.resolution_of,
-        arguments.thorough,
-        arguments.limits,
-        partial(arguments.jobs, default="2"),
+        arguments.RESOLUTION,
+        arguments.THOROUGH,
+        *arguments.limits(),
+        arguments.jobs("2"),
         arguments.scheduler,
-        partial(arguments.out, default="reports/sweep"),
+        arguments.out("reports/sweep"),
         _single_case_or_summary,
     ),
     function="physics_crosscheck.harness.extras.sweep.main:main",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli import arguments
@@ -34,7 +33,7 @@ COMMAND = Command(
         **INTERRUPTED,
     },
     options=(
-        partial(arguments.targets, required=False, kinds="System folders and robot files"),
+        arguments.targets(required=False, kinds="System folders and robot files"),
         option(
             "Selection",
             "--engine",
@@ -44,13 +43,14 @@ COMMAND = Command(
             metavar=("NAME", "VERSION"),
             help="Engine and at least two versions, as VERSION or VERSION=ENVIRONMENT (required)",
         ),
-        arguments.floating,
-        arguments.resolution_of,
-        arguments.diagnose,
-        partial(arguments.out, default="reports/versions"),
+        arguments.XACRO,
+        arguments.floating(),
+        arguments.RESOLUTION,
+        arguments.DIAGNOSE,
+        arguments.out("reports/versions"),
         ENVIRONMENTS,
-        arguments.limits,
-        arguments.jobs,
+        *arguments.limits(),
+        arguments.jobs(),
     ),
     function="physics_crosscheck.harness.extras.versions.main:main",
     settings=("resolution", "limit", "memory", "jobs"),

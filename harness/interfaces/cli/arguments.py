@@ -8,12 +8,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from physics_crosscheck.harness.interfaces.cli.completion import (
-    completed_by,
-    engine_names,
-    systems_and_files,
-)
-from physics_crosscheck.harness.interfaces.cli.help import group
+from physics_crosscheck.harness.interfaces.cli.completion import engine_names, systems_and_files
+from physics_crosscheck.harness.interfaces.cli.help import ARGUMENTS, Option, group, option
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 
@@ -43,20 +39,20 @@ def with_xacro_option(given: Sequence[str]) -> list[str]:
 
 
 def targets(
-    command: argparse.ArgumentParser,
     *,
     required: bool,
     kinds: str = "Folders, model or robot files, case names",
     default: str = "all built-in systems",
-) -> None:
-    """Add TARGET ...; `kinds` describes possible names, `default` the targets without a name."""
-    action = command.add_argument(
+) -> Option:
+    """Return TARGET ...; `kinds` describes possible names, `default` the targets without a name."""
+    return option(
+        ARGUMENTS,
         "folders",
         nargs="+" if required else "*",
         metavar="TARGET",
         help=kinds + ("" if required else f" [{default}]"),
+        completer=systems_and_files,
     )
-    completed_by(action, systems_and_files)
 
 
 BELOW = "those below the working folder"
@@ -78,58 +74,8 @@ class AppendAction(argparse.Action):
         setattr(namespace, self.dest, [*(() if now is self.default else now), values])
 
 
-def engine(command: argparse.ArgumentParser) -> None:
-    """Add --engine NAME, repeatable."""
-    action = group(command, "Selection").add_argument(
-        "--engine",
-        action=AppendAction,
-        default=[],
-        metavar="NAME",
-        help="Use only this engine; repeatable [all that read the model]",
-    )
-    completed_by(action, engine_names)
-
-
-def words(command: argparse.ArgumentParser) -> None:
-    """Add -k EXPRESSION."""
-    group(command, "Selection").add_argument(
-        "-k",
-        dest="words",
-        default="",
-        metavar="EXPRESSION",
-        help="Select cases by name, e.g. 'driven and not (robot or free)'",
-    )
-
-
-def jobs(command: argparse.ArgumentParser, default: str = "one per processor") -> None:
-    """Add --jobs N; `default` describes the number of workers without this option."""
-    group(command, "Limits").add_argument(
-        "--jobs", type=positive, default=0, metavar="N", help=f"Worker processes [{default}]"
-    )
-
-
-def cache(command: argparse.ArgumentParser) -> None:
-    """Add --cache DIR."""
-    group(command, "Caching").add_argument(
-        "--cache",
-        type=Path,
-        default=None,
-        metavar="DIR",
-        help="Store results here; reuse those whose inputs have not changed",
-    )
-
-
-def details(command: argparse.ArgumentParser) -> None:
-    """Add --details."""
-    group(command, "Output").add_argument(
-        "--details",
-        action="store_true",
-        help="Print errors, coverage, steps and every implausible number too",
-    )
-
-
 def scheduler(command: argparse.ArgumentParser) -> None:
-    """Add --scheduler ADDRESS."""
+    """Add --scheduler ADDRESS; the environment is read when a parser is built."""
     group(command, "Limits").add_argument(
         "--scheduler",
         default=os.environ.get(SCHEDULER, ""),
@@ -138,72 +84,28 @@ def scheduler(command: argparse.ArgumentParser) -> None:
     )
 
 
-def robot_options(command: argparse.ArgumentParser) -> None:
-    """Add --standalone, --floating and --model: how robot files are read."""
-    standalone(command)
-    floating(command)
-    chosen_model(command)
+def jobs(default: str = "one per processor") -> Option:
+    """Return --jobs N; `default` describes the number of workers without this option."""
+    return option(
+        "Limits", "--jobs", type=positive, default=0, metavar="N",
+        help=f"Worker processes [{default}]",
+    )  # fmt: skip
 
 
-def standalone(command: argparse.ArgumentParser) -> None:
-    """Add --standalone."""
-    group(command, "Robot files").add_argument(
-        "--standalone",
-        action="store_true",
-        help="Treat files in system folders as robot files; ignore their sidecars",
-    )
-
-
-def floating(command: argparse.ArgumentParser, default: str = "fixed") -> None:
-    """Add --floating and --xacro-arg; `default` describes what happens without --floating."""
-    robot_files = group(command, "Robot files")
-    robot_files.add_argument(
-        XACRO_OPTION,
-        action=AppendAction,
-        type=xacro_argument,
-        default=[],
-        metavar="NAME:=VALUE",
-        help="Argument of xacro sources; the option's name may be left out",
-    )
-    robot_files.add_argument(
+def floating(default: str = "fixed") -> Option:
+    """Return --floating; `default` describes what happens without it."""
+    return option(
+        "Robot files",
         "--floating",
         action="store_true",
         help=f"Let the root link of a standalone URDF move [{default}]",
     )
 
 
-def motion(command: argparse.ArgumentParser) -> None:
-    """Add --motion SECONDS."""
-    group(command, "Robot files").add_argument(
-        "--motion",
-        type=seconds,
-        default=0.0,
-        metavar="SECONDS",
-        help="Also run a motion from rest: its error at dt [no motion]",
-    )
-
-
-def smooth(command: argparse.ArgumentParser) -> None:
-    """Add --smooth."""
-    group(command, "Robot files").add_argument(
-        "--smooth",
-        action="store_true",
-        help="Check without limits, friction, contacts and drives only [also with them]",
-    )
-
-
-def ideal(command: argparse.ArgumentParser) -> None:
-    """Add --ideal."""
-    group(command, "Checks").add_argument(
-        "--ideal",
-        action="store_true",
-        help="Judge by rigid contacts, not by each engine's law [by the law]",
-    )
-
-
-def chosen_model(command: argparse.ArgumentParser, default: str = "each that moves") -> None:
-    """Add --model; `default` describes what is read without it."""
-    group(command, "Robot files").add_argument(
+def chosen_model(default: str = "each that moves") -> Option:
+    """Return --model; `default` describes what is read without it."""
+    return option(
+        "Robot files",
         "--model",
         dest="chosen_model",
         default="",
@@ -212,20 +114,10 @@ def chosen_model(command: argparse.ArgumentParser, default: str = "each that mov
     )
 
 
-def baseline(command: argparse.ArgumentParser) -> None:
-    """Add --baseline DIR."""
-    group(command, "Baseline").add_argument(
-        "--baseline",
-        type=Path,
-        default=DEFAULT_FOLDER,
-        metavar="DIR",
-        help=f"Folder of accepted results [{DEFAULT_FOLDER.as_posix()}]",
-    )
-
-
-def out(command: argparse.ArgumentParser, default: str) -> None:
-    """Add --out DIR."""
-    group(command, "Output").add_argument(
+def out(default: str) -> Option:
+    """Return --out DIR."""
+    return option(
+        "Output",
         "--out",
         type=Path,
         default=Path(default),
@@ -234,70 +126,36 @@ def out(command: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def output_format(command: argparse.ArgumentParser, formats: Sequence[str]) -> None:
-    """Add --format; the first format is the default."""
-    group(command, "Output").add_argument(
-        "--format", choices=formats, default=formats[0], help=f"Printed format [{formats[0]}]"
+def output_format(*formats: str) -> Option:
+    """Return --format; the first format is the default."""
+    return option(
+        "Output",
+        "--format",
+        choices=formats,
+        default=formats[0],
+        help=f"Printed format [{formats[0]}]",
     )
 
 
-def json_file(command: argparse.ArgumentParser) -> None:
-    """Add --json FILE."""
-    group(command, "Output").add_argument(
-        "--json", type=Path, metavar="FILE", help="Write the results to this JSON file"
-    )
-
-
-def diagnose(command: argparse.ArgumentParser) -> None:
-    """Add --diagnose."""
-    group(command, "Checks").add_argument(
-        "--diagnose", action="store_true", help="Find the cause of each difference; slower"
-    )
-
-
-def strict(command: argparse.ArgumentParser) -> None:
-    """Add --strict."""
-    group(command, "Checks").add_argument(
-        "--strict",
-        action="store_true",
-        help="Fail for parts not compared and losses of an engine's precision",
-    )
-
-
-def thorough(command: argparse.ArgumentParser) -> None:
-    """Add --thorough."""
-    group(command, "Checks").add_argument(
-        "--thorough",
-        action="store_true",
-        help="Run every check, also where a cheaper one decides; slower",
-    )
-
-
-def resolution_of(command: argparse.ArgumentParser) -> None:
-    """Add --resolution VALUE."""
-    group(command, "Checks").add_argument(
-        "--resolution",
-        type=resolution,
-        metavar="VALUE",
-        help="Smallest relative difference to detect [1e-9]",
-    )
-
-
-def limits(command: argparse.ArgumentParser, seconds_each: float = SECONDS) -> None:
-    """Add --limit SECONDS and --memory GIB."""
-    group(command, "Limits").add_argument(
-        "--limit",
-        type=seconds,
-        default=seconds_each,
-        metavar="SECONDS",
-        help=f"Processor seconds per task [{seconds_each:g}]",
-    )
-    group(command, "Limits").add_argument(
-        "--memory",
-        type=memory,
-        default=MEMORY,
-        metavar="GIB",
-        help=f"Memory per worker process, in GiB [{MEMORY:g}]",
+def limits(seconds_each: float = SECONDS) -> tuple[Option, ...]:
+    """Return --limit SECONDS and --memory GIB."""
+    return (
+        option(
+            "Limits",
+            "--limit",
+            type=seconds,
+            default=seconds_each,
+            metavar="SECONDS",
+            help=f"Processor seconds per task [{seconds_each:g}]",
+        ),
+        option(
+            "Limits",
+            "--memory",
+            type=memory,
+            default=MEMORY,
+            metavar="GIB",
+            help=f"Memory per worker process, in GiB [{MEMORY:g}]",
+        ),
     )
 
 
@@ -369,3 +227,107 @@ def _number(text: str) -> float | None:
 
 def _must_be(expected: str, text: str) -> argparse.ArgumentTypeError:
     return argparse.ArgumentTypeError(f"must be {expected}, not {text or 'empty'}")
+
+
+ENGINE = option(
+    "Selection",
+    "--engine",
+    action=AppendAction,
+    default=[],
+    metavar="NAME",
+    help="Use only this engine; repeatable [all that read the model]",
+    completer=engine_names,
+)
+WORDS = option(
+    "Selection",
+    "-k",
+    dest="words",
+    default="",
+    metavar="EXPRESSION",
+    help="Select cases by name, e.g. 'driven and not (robot or free)'",
+)
+CACHE = option(
+    "Caching",
+    "--cache",
+    type=Path,
+    default=None,
+    metavar="DIR",
+    help="Store results here; reuse those whose inputs have not changed",
+)
+DETAILS = option(
+    "Output",
+    "--details",
+    action="store_true",
+    help="Print errors, coverage, steps and every implausible number too",
+)
+STANDALONE = option(
+    "Robot files",
+    "--standalone",
+    action="store_true",
+    help="Treat files in system folders as robot files; ignore their sidecars",
+)
+XACRO = option(
+    "Robot files",
+    XACRO_OPTION,
+    action=AppendAction,
+    type=xacro_argument,
+    default=[],
+    metavar="NAME:=VALUE",
+    help="Argument of xacro sources; the option's name may be left out",
+)
+ROBOT_OPTIONS = (STANDALONE, XACRO, floating(), chosen_model())
+"""How robot files are read."""
+
+MOTION = option(
+    "Robot files",
+    "--motion",
+    type=seconds,
+    default=0.0,
+    metavar="SECONDS",
+    help="Also run a motion from rest: its error at dt [no motion]",
+)
+SMOOTH = option(
+    "Robot files",
+    "--smooth",
+    action="store_true",
+    help="Check without limits, friction, contacts and drives only [also with them]",
+)
+IDEAL = option(
+    "Checks",
+    "--ideal",
+    action="store_true",
+    help="Judge by rigid contacts, not by each engine's law [by the law]",
+)
+BASELINE = option(
+    "Baseline",
+    "--baseline",
+    type=Path,
+    default=DEFAULT_FOLDER,
+    metavar="DIR",
+    help=f"Folder of accepted results [{DEFAULT_FOLDER.as_posix()}]",
+)
+JSON_FILE = option(
+    "Output", "--json", type=Path, metavar="FILE", help="Write the results to this JSON file"
+)
+DIAGNOSE = option(
+    "Checks", "--diagnose", action="store_true", help="Find the cause of each difference; slower"
+)
+STRICT = option(
+    "Checks",
+    "--strict",
+    action="store_true",
+    help="Fail for parts not compared and losses of an engine's precision",
+)
+THOROUGH = option(
+    "Checks",
+    "--thorough",
+    action="store_true",
+    help="Run every check, also where a cheaper one decides; slower",
+)
+RESOLUTION = option(
+    "Checks",
+    "--resolution",
+    type=resolution,
+    metavar="VALUE",
+    help="Smallest relative difference to detect [1e-9]",
+)

@@ -8,11 +8,10 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterable, Mapping
-from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli import arguments
-from physics_crosscheck.harness.interfaces.cli.completion import SHELLS, completed_by
+from physics_crosscheck.harness.interfaces.cli.completion import SHELLS
 from physics_crosscheck.harness.interfaces.cli.help import (
     ARGUMENTS,
     INTERRUPTED,
@@ -42,24 +41,24 @@ def _verbosity(command: argparse.ArgumentParser) -> None:
 
 
 _RUN_OPTIONS = (
-    arguments.engine,
-    arguments.words,
-    arguments.resolution_of,
-    arguments.thorough,
+    arguments.ENGINE,
+    arguments.WORDS,
+    arguments.RESOLUTION,
+    arguments.THOROUGH,
     option(
         "Checks",
         "--require-engines",
         action="store_true",
         help="Fail if a default engine is not installed",
     ),
-    partial(arguments.out, default="reports"),
-    partial(arguments.output_format, formats=("text", "json", "github", "sarif")),
-    arguments.details,
+    arguments.out("reports"),
+    arguments.output_format("text", "json", "github", "sarif"),
+    arguments.DETAILS,
     _verbosity,
-    arguments.cache,
-    arguments.baseline,
-    arguments.limits,
-    arguments.jobs,
+    arguments.CACHE,
+    arguments.BASELINE,
+    *arguments.limits(),
+    arguments.jobs(),
     arguments.scheduler,
 )
 """Options that `run` and `demo` share."""
@@ -73,19 +72,18 @@ _RUN_CODES = {
 }
 
 _SELECTION = (
-    partial(
-        arguments.targets,
+    arguments.targets(
         required=False,
         kinds="Folders and robot files",
         default="those of the baseline",
     ),
-    arguments.engine,
-    arguments.resolution_of,
-    arguments.thorough,
-    arguments.limits,
-    arguments.jobs,
-    arguments.baseline,
-    arguments.diagnose,
+    arguments.ENGINE,
+    arguments.RESOLUTION,
+    arguments.THOROUGH,
+    *arguments.limits(),
+    arguments.jobs(),
+    arguments.BASELINE,
+    arguments.DIAGNOSE,
 )
 """Options that select cases, of `gate`."""
 
@@ -120,13 +118,6 @@ def _start(text: str) -> dict[str, float]:
     return state
 
 
-def _message_codes(command: argparse.ArgumentParser) -> None:
-    codes = command.add_argument(
-        "codes", nargs="*", metavar="CODE", help="Message codes or names [list all]"
-    )
-    completed_by(codes, _all_codes)
-
-
 def _all_codes(**_: object) -> Iterable[str]:
     from physics_crosscheck.harness.records.codes import codes
 
@@ -146,13 +137,13 @@ COMMANDS: Mapping[str, Command] = {
         },
         exit_codes=_RUN_CODES,
         options=(
-            partial(arguments.targets, required=False, default=arguments.BELOW),
+            arguments.targets(required=False, default=arguments.BELOW),
             *_RUN_OPTIONS,
-            arguments.robot_options,
-            arguments.motion,
-            arguments.smooth,
-            arguments.ideal,
-            arguments.strict,
+            *arguments.ROBOT_OPTIONS,
+            arguments.MOTION,
+            arguments.SMOOTH,
+            arguments.IDEAL,
+            arguments.STRICT,
             option(
                 "Selection",
                 "--last-failed",
@@ -197,11 +188,11 @@ COMMANDS: Mapping[str, Command] = {
             **INTERRUPTED,
         },
         options=(
-            partial(arguments.targets, required=False, default=arguments.BELOW),
-            arguments.engine,
-            arguments.words,
-            arguments.robot_options,
-            partial(arguments.output_format, formats=("text", "json")),
+            arguments.targets(required=False, default=arguments.BELOW),
+            arguments.ENGINE,
+            arguments.WORDS,
+            *arguments.ROBOT_OPTIONS,
+            arguments.output_format("text", "json"),
         ),
         function=f"{_CLI}.list:main",
         settings=("folders", "engines"),
@@ -223,13 +214,13 @@ COMMANDS: Mapping[str, Command] = {
             **INTERRUPTED,
         },
         options=(
-            partial(arguments.targets, required=True),
-            arguments.engine,
-            arguments.robot_options,
-            arguments.limits,
-            arguments.jobs,
-            arguments.cache,
-            arguments.details,
+            arguments.targets(required=True),
+            arguments.ENGINE,
+            *arguments.ROBOT_OPTIONS,
+            *arguments.limits(),
+            arguments.jobs(),
+            arguments.CACHE,
+            arguments.DETAILS,
         ),
         function=f"{_CLI}.audit:main",
         settings=("engines", "limit", "memory", "jobs", "cache"),
@@ -251,13 +242,13 @@ COMMANDS: Mapping[str, Command] = {
             **INTERRUPTED,
         },
         options=(
-            partial(arguments.targets, required=True),
-            arguments.engine,
-            arguments.robot_options,
-            arguments.thorough,
-            partial(arguments.limits, seconds_each=FAULT_SECONDS),
-            partial(arguments.jobs, default="2"),
-            arguments.json_file,
+            arguments.targets(required=True),
+            arguments.ENGINE,
+            *arguments.ROBOT_OPTIONS,
+            arguments.THOROUGH,
+            *arguments.limits(FAULT_SECONDS),
+            arguments.jobs("2"),
+            arguments.JSON_FILE,
         ),
         function=f"{_CLI}.mutate:main",
         settings=("engines", "limit", "memory", "jobs"),
@@ -314,11 +305,12 @@ COMMANDS: Mapping[str, Command] = {
                 action="store_true",
                 help="Include contacts, joint limits, dry friction and couplings",
             ),
-            arguments.floating,
-            arguments.resolution_of,
-            arguments.strict,
-            arguments.json_file,
-            arguments.limits,
+            arguments.XACRO,
+            arguments.floating(),
+            arguments.RESOLUTION,
+            arguments.STRICT,
+            arguments.JSON_FILE,
+            *arguments.limits(),
         ),
         function=f"{_CLI}.compare:main",
         settings=("resolution", "limit", "memory"),
@@ -348,7 +340,7 @@ COMMANDS: Mapping[str, Command] = {
                 dest="every",
                 help="Run every case, changed or not",
             ),
-            partial(arguments.out, default="reports/gate"),
+            arguments.out("reports/gate"),
         ),
         function=f"{_CLI}.gate:main",
         settings=_BASELINE_SETTINGS,
@@ -399,14 +391,15 @@ COMMANDS: Mapping[str, Command] = {
                 metavar="FOLDER",
                 help="Folder or robot file; repeatable [those of the baseline]",
             ),
-            arguments.engine,
-            partial(arguments.floating, default="as accepted"),
-            partial(arguments.chosen_model, default="as accepted"),
-            arguments.resolution_of,
-            arguments.thorough,
-            arguments.limits,
-            arguments.jobs,
-            arguments.baseline,
+            arguments.ENGINE,
+            arguments.XACRO,
+            arguments.floating("as accepted"),
+            arguments.chosen_model("as accepted"),
+            arguments.RESOLUTION,
+            arguments.THOROUGH,
+            *arguments.limits(),
+            arguments.jobs(),
+            arguments.BASELINE,
             option(
                 "Output",
                 "-v",
@@ -447,8 +440,9 @@ COMMANDS: Mapping[str, Command] = {
                 metavar="FILE",
                 help="Model file to start from: URDF, SDFormat or MJCF",
             ),
-            arguments.floating,
-            partial(arguments.chosen_model, default="the only movable one"),
+            arguments.XACRO,
+            arguments.floating(),
+            arguments.chosen_model("the only movable one"),
         ),
         function=f"{_CLI}.new:main",
     ),
@@ -468,9 +462,9 @@ COMMANDS: Mapping[str, Command] = {
             **INTERRUPTED,
         },
         options=(
-            partial(arguments.targets, required=True),
-            arguments.robot_options,
-            arguments.limits,
+            arguments.targets(required=True),
+            *arguments.ROBOT_OPTIONS,
+            *arguments.limits(),
             option("Output", "--latex", action="store_true", help="Print LaTeX instead of text"),
         ),
         function=f"{_CLI}.derive:main",
@@ -519,7 +513,16 @@ COMMANDS: Mapping[str, Command] = {
             "List all codes": "crosscheck explain",
         },
         exit_codes={"0": "The page was printed.", "2": "Wrong usage, or an unknown code."},
-        options=(_message_codes,),
+        options=(
+            option(
+                ARGUMENTS,
+                "codes",
+                nargs="*",
+                metavar="CODE",
+                help="Message codes or names [list all]",
+                completer=_all_codes,
+            ),
+        ),
         function=f"{_CLI}.explain:main",
     ),
     "engines": Command(

@@ -44,11 +44,6 @@ def complete(parser: argparse.ArgumentParser) -> None:
     argcomplete.autocomplete(parser)
 
 
-def completed_by(action: argparse.Action, completer: Completer) -> None:
-    """Set the completer of an argument."""
-    action.completer = completer  # type: ignore[attr-defined]
-
-
 def engine_names(**_: object) -> Iterable[str]:
     """Return the names of engines."""
     from physics_crosscheck.harness.engines.registry import engines

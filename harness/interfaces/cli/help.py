@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
+from physics_crosscheck.harness.interfaces.cli.completion import Completer
 from physics_crosscheck.harness.interfaces.cli.exit_codes import USAGE
 
 GROUPS = (
@@ -160,9 +161,15 @@ def group(command: argparse.ArgumentParser, title: str) -> argparse._ArgumentGro
     return next(groups, None) or command.add_argument_group(title)
 
 
-def option(title: str, *names: str, **settings: Any) -> Option:
+def option(title: str, *names: str, completer: Completer | None = None, **settings: Any) -> Option:
     """Return an option in the group of a title; `settings` are those of `add_argument`."""
-    return lambda command: group(command, title).add_argument(*names, **settings)
+
+    def add(command: argparse.ArgumentParser) -> None:
+        action = group(command, title).add_argument(*names, **settings)
+        if completer is not None:
+            action.completer = completer  # type: ignore[attr-defined]
+
+    return add
 
 
 def usage(command: argparse.ArgumentParser) -> str:

@@ -19,16 +19,29 @@ from markupsafe import Markup, escape
 
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.render.html import (
+    linearizations,
+    matrix,
+    overview,
+    remedies,
+    systems,
+)
+from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView
+from physics_crosscheck.harness.render.html.diagnoses import short_places
+from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.html.parts import (
     WHOLE,
     CaseFile,
     divided,
     forget_parts,
     part_of_cases,
-    part_of_group,
+    part_of_folder,
     write_parts,
 )
-from physics_crosscheck.harness.render.html.view import Report, report
+from physics_crosscheck.harness.render.html.text import exact, percent, quantity, sci, shown
+from physics_crosscheck.harness.render.html.view import FolderView, Report, worst_scene
+from physics_crosscheck.harness.render.terminal.table import summary
+from physics_crosscheck.harness.results import coverage, next_steps
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 
 PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "tabs", "figures", "motion")
@@ -74,21 +87,26 @@ def write_report(path: Path, results: Results) -> None:
     Raises:
         OSError: if the file can't be written; an existing page stays unchanged.
     """
-    view = report(results, path.parent)
+    report = Report(results, path.parent)
     places, names = "", frozenset[str]()
     if len(results.cases) > WHOLE:
-        places, names = write_parts(path, _parts(view))
-    write_whole(path, _page(view, places))
+        places, names = write_parts(path, _parts(report))
+    write_whole(path, _page(report, places))
     forget_parts(path, names)
 
 
-def _parts(view: Report) -> Iterator[CaseFile]:
+def _parts(report: Report) -> Iterator[CaseFile]:
     """Yield the files of a report's folders and cases."""
     page = _environment().get_template("part.html")
-    for group in view.groups:
-        yield part_of_group(group, page.render(groups=[group], cases=()), view.packs)
-    for cases in divided(view.groups):
-        yield part_of_cases(cases, page.render(groups=(), cases=cases), view.packs)
+
+    def render_views(folder: FolderView, views: Sequence[CaseView]) -> str:
+        return page.render(report=report, group=folder, cases=views)
+
+    for folder in report.folders.values():
+        yield part_of_folder(folder, render_views(folder, ()), report)
+    for folder in report.folders.values():
+        for views in divided(folder):
+            yield part_of_cases(views, render_views(folder, views), report.content)
 
 
 def render(results: Results, out: Path = DEFAULT_OUT) -> str:
@@ -98,27 +116,31 @@ def render(results: Results, out: Path = DEFAULT_OUT) -> str:
         results: results of a run.
         out: folder of the report, as its commands name it.
     """
-    return _page(report(results, out))
+    return _page(Report(results, out))
 
 
-def _page(view: Report, places: str = "") -> str:
+def _page(report: Report, places: str = "") -> str:
     """Return the page of a report.
 
     Args:
-        view: view of the report.
+        report: its content.
         places: JSON with the file of each case; empty if the page contains all cases.
     """
-    script = _inline(_script(plots=bool(view.packs), scenes=view.has_scenes))
+    content, folders = report.content, report.folders.values()
+    scenes = any(view.scene for view in report.cases)
+    script = _inline(_script(plots=bool(content.names), scenes=scenes))
     elsewhere: set[str] = set()
     if places:
-        elsewhere = {name for case in view.cases for name in case.packs}
-        elsewhere.update(name for group in view.groups for name in group.packs)
+        elsewhere = {name for view in report.cases for name in view.packs}
+        elsewhere.update(name for folder in folders for name in folder.packs)
     return template(
         "report.html",
-        [script, *([view.code] if view.code else [])],
+        [script, *([content.code] if content.code else [])],
         bool(places),
-        report=view,
-        packs=((name, view.packs[name]) for name in view.packs if name not in elsewhere),
+        title=report.title,
+        report=report,
+        folders=folders,
+        packs=((name, content.text(name)) for name in content.names if name not in elsewhere),
         early=Markup(EARLY),
         script=Markup(script),
         whole=not places,
@@ -158,9 +180,27 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
+        finalize=safe,
     )
-    environment.filters["unbroken"] = unbroken
+    environment.filters |= {
+        "exact": exact,
+        "mathml": mathml,
+        "percent": percent,
+        "places": short_places,
+        "quantity": quantity,
+        "sci": sci,
+        "unbroken": unbroken,
+        "visible": shown,
+    }
+    environment.globals |= {"summary": summary, "symbols": SYMBOLS, "worst_scene": worst_scene}
+    for module in (systems, linearizations, overview, matrix, remedies, coverage, next_steps):
+        environment.globals[module.__name__.rpartition(".")[2]] = module
     return environment
+
+
+def safe(value: object) -> object:
+    """Make invisible characters of a value visible; markup of this program stays as it is."""
+    return value if isinstance(value, Markup) else shown(value)
 
 
 def unbroken(text: object) -> Markup:
@@ -169,7 +209,7 @@ def unbroken(text: object) -> Markup:
     Browsers break a line after the hyphen of `1.2e-10`.
     """
     kept = r'<span class="unbroken">\g<0></span>'
-    return Markup(re.sub(r"\d(?:\.\d+)?e[-+]\d+", kept, str(escape(text))))
+    return Markup(re.sub(r"\d(?:\.\d+)?e[-+]\d+", kept, str(escape(safe(text)))))
 
 
 def _script(plots: bool, scenes: bool) -> str:

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.render.html.runs import (
     single,
     values,
 )
-from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
+from physics_crosscheck.harness.render.html.text import percent, quantity, sci
 
 OVERLAID = 9
 """Maximum number of other runs in one plot; more would be indistinguishable."""
@@ -64,7 +64,7 @@ def _led(charts: Iterable[Chart], leading: int) -> list[Chart]:
 
 def _motion(run: CaseRun, others: Sequence[CaseRun], i: int, unit: str) -> Chart:
     series = run.series
-    name = shown(series.components[i])
+    name = series.components[i]
     reference, engine = values(series.reference[i]), values(series.engine[i])
     low, high = ends(reference)
     span = (high - low) or 1.0
@@ -74,20 +74,14 @@ def _motion(run: CaseRun, others: Sequence[CaseRun], i: int, unit: str) -> Chart
         part=MOTION,
         title=f"{name}: reference and engines",
         x_label="t [s]",
-        y_label=f"{name} [{shown(unit)}]",
+        y_label=f"{name} [{unit}]",
         curves=(
-            Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
+            Curve("reference", "reference", run.t, run.reference[i]),
             *(
-                Curve(label=other.label, role="other", place=place, x=other.t, y=other.engine[i])
+                Curve(other.label, "other", other.t, other.engine[i], place)
                 for place, other in enumerate(others)
             ),
-            Curve(
-                label=f"this: {run.label}, {run.step}",
-                role="engine",
-                place=0,
-                x=run.t,
-                y=run.engine[i],
-            ),
+            Curve(f"this: {run.label}, {run.step}", "engine", run.t, run.engine[i]),
             *_events(run, i),
         ),
         key=(
@@ -96,8 +90,8 @@ def _motion(run: CaseRun, others: Sequence[CaseRun], i: int, unit: str) -> Chart
         )
         + (" Circles: events of the solution." if run.full_run.events else ""),
         summary=f"{name} over {quantity(series.t[-1], 's')}: the reference stays between {low:.3g}"
-        f" and {high:.3g} {shown(unit)}; this engine differs by at"
-        f" most {largest(series.error[i]):.2g} {shown(unit)}.",
+        f" and {high:.3g} {unit}; this engine differs by at"
+        f" most {largest(series.error[i]):.2g} {unit}.",
         over_time=True,
         y_limits=(low - span, high + span) if away else None,
     )
@@ -109,11 +103,11 @@ def _events(run: CaseRun, i: int) -> Iterator[Curve]:
     if len(times):
         on_curve = np.interp(times, values(run.series.t), values(run.series.reference[i]))
         x, y = run.pack.column(times, 7), run.pack.column(on_curve, 6)
-        yield Curve(label="events", role="event", place=0, x=x, y=y)
+        yield Curve("events", "event", x, y)
 
 
 def _phase(run: CaseRun, i: int, units: Sequence[str]) -> Chart:
-    names = [shown(name) for name in run.series.components]
+    names = run.series.components
     half = len(names) // 2
     position, speed = (values(run.series.reference[k]) for k in (i, half + i))
     limits = ends(speed)
@@ -121,34 +115,22 @@ def _phase(run: CaseRun, i: int, units: Sequence[str]) -> Chart:
     return Chart(
         part=MOTION,
         title=f"Phase portrait of {names[i]}",
-        x_label=f"{names[i]} [{shown(units[i])}]",
-        y_label=f"{names[half + i]} [{shown(units[half + i])}]",
+        x_label=f"{names[i]} [{units[i]}]",
+        y_label=f"{names[half + i]} [{units[half + i]}]",
         curves=(
-            Curve(
-                label="reference",
-                role="reference",
-                place=0,
-                x=run.reference[i],
-                y=run.reference[half + i],
-            ),
-            Curve(
-                label=f"this: {run.label}, {run.step}",
-                role="engine",
-                place=0,
-                x=run.engine[i],
-                y=run.engine[half + i],
-            ),
+            Curve("reference", "reference", run.reference[i], run.reference[half + i]),
+            Curve(f"this: {run.label}, {run.step}", "engine", run.engine[i], run.engine[half + i]),
         ),
         key="Velocity over position, drawn as the motion.",
-        summary=f"The reference reaches {largest(position):.3g} {shown(units[i])} and"
-        f" {largest(speed):.3g} {shown(units[half + i])}.",
+        summary=f"The reference reaches {largest(position):.3g} {units[i]} and"
+        f" {largest(speed):.3g} {units[half + i]}.",
         y_limits=(limits[0] - 0.3 * span, limits[1] + 0.3 * span),
     )
 
 
 def _error(run: CaseRun, i: int, unit: str, magnitude: float) -> Chart:
     series = run.series
-    name = shown(series.components[i])
+    name = series.components[i]
     size = max(largest(series.reference[i]), FLOOR * magnitude) or 1.0
     error = single(series.error[i]) / size
     defect, bound = values(series.defect[i]), values(series.defect_uncertainty[i])
@@ -162,23 +144,18 @@ def _error(run: CaseRun, i: int, unit: str, magnitude: float) -> Chart:
         x_label="t [s]",
         y_label="relative error",
         curves=(
+            Curve("uncertainty", "band", segment_t, run.pack.column(bound, 3)),
+            Curve("global", "global_error", run.t, run.pack.column(error, 4)),
             Curve(
-                label="uncertainty", role="band", place=0, x=segment_t, y=run.pack.column(bound, 3)
-            ),
-            Curve(
-                label="global", role="global_error", place=0, x=run.t, y=run.pack.column(error, 4)
-            ),
-            Curve(
-                label="single steps" if by_steps else "extrapolated",
-                role="defect",
-                place=0,
-                x=segment_t,
-                y=run.pack.column(defect, 3),
+                "single steps" if by_steps else "extrapolated",
+                "defect",
+                segment_t,
+                run.pack.column(defect, 3),
             ),
         ),
         key=(
             "Line: engine − reference of the full run at dt, over the amplitude "
-            f"({size:.3g} {shown(unit)}); solid where the engine is ahead (+), dotted "
+            f"({size:.3g} {unit}); solid where the engine is ahead (+), dotted "
             f"where it is behind (−). Triangles: the defect of each {what}, over its {movement}; "
             "up and filled for +, down and hollow for −. Grey: its uncertainty; the model "
             "differs where a triangle stands above the grey."
@@ -213,7 +190,7 @@ def _energy(run: CaseRun) -> Iterator[Chart]:
         x_label="t [s]",
         y_label="energy [J]",
         curves=tuple(
-            Curve(label=label, role="share", place=place, x=run.t, y=run.pack.column(row, 5))
+            Curve(label, "share", run.t, run.pack.column(row, 5), place)
             for place, (label, row) in enumerate(shares)
         ),
         key=(
@@ -233,14 +210,12 @@ def _convergence(run: CaseRun) -> Chart:
     steps = values(full.h)[coarse_to_fine(full)]
     segments = run.series.convergence
     curves = [] if segments is None else _segment_curves(run, segments)
-    curves.append(
-        Curve(label="full run", role="full_run", place=0, x=column(steps, 6), y=run.error)
-    )
+    curves.append(Curve("full run", "full_run", column(steps, 6), run.error))
     wanted = [(entry.step, entry.target) for entry in run.full_run.steps_for if entry.step]
     if wanted:
         x, y = np.array(wanted).T
         targets = ", ".join(f"{100 * target:g} %" for _, target in wanted)
-        curves.append(Curve(label=targets, role="target", place=0, x=column(x, 6), y=column(y, 6)))
+        curves.append(Curve(targets, "target", column(x, 6), column(y, 6)))
     summary = (
         f"At {quantity(full.h[0], 's')} the error of the full run is {percent(full.error[0])}."
     )
@@ -280,14 +255,8 @@ def _segment_curves(run: CaseRun, segments: Convergence) -> list[Curve]:
     x, defect = column(h, 6), column(values(segments.defect), 4)
     later = column(h[1 : len(increments) + 1], 6)
     return [
-        Curve(label="segments", role="rungs", place=0, x=x, y=defect),
-        Curve(
-            label="increments of the limit",
-            role="increments",
-            place=0,
-            x=later,
-            y=column(increments, 4),
-        ),
+        Curve("segments", "rungs", x, defect),
+        Curve("increments of the limit", "increments", later, column(increments, 4)),
     ]
 
 
@@ -301,17 +270,15 @@ def _slope(run: CaseRun, segments: Convergence, steps: Array) -> Iterator[Curve]
         step_range = np.array(ends(np.concatenate([h, steps])))
         guide = defect[-1] * (step_range / h[-1]) ** slope
         label = f"slope {slope:.2f} ({whose})"
-        yield Curve(label=label, role="guide", place=0, x=column(step_range, 6), y=column(guide, 4))
+        yield Curve(label, "guide", column(step_range, 6), column(guide, 4))
 
 
 def _work_precision(run: CaseRun, others: Sequence[CaseRun]) -> Iterator[Chart]:
     if run.seconds is None:
         return
-    curves = [
-        Curve(label=f"this: {_method(run)}", role="full_run", place=0, x=run.seconds, y=run.error)
-    ]
+    curves = [Curve(f"this: {_method(run)}", "full_run", run.seconds, run.error)]
     curves += [
-        Curve(label=_method(other), role="work", place=place, x=other.seconds, y=other.error)
+        Curve(_method(other), "work", other.seconds, other.error, place)
         for place, other in enumerate(others)
         if other.seconds is not None
     ]
@@ -336,7 +303,7 @@ def _work_precision(run: CaseRun, others: Sequence[CaseRun]) -> Iterator[Chart]:
 
 
 def _method(run: CaseRun) -> str:
-    integrator = shown(run.full_run.integrator)
+    integrator = run.full_run.integrator
     return f"{run.label}, {integrator}" if integrator else run.label
 
 

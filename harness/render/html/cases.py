@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import (
     Case,
     ForwardDynamics,
@@ -19,16 +20,15 @@ from physics_crosscheck.harness.records.system import ReferenceMotion
 from physics_crosscheck.harness.render.html.scenes import SceneView
 from physics_crosscheck.harness.render.html.text import (
     NOTHING,
-    agreeing_digits,
     percent,
     quantity,
     sci,
-    shown,
 )
 from physics_crosscheck.harness.render.terminal.models_table import CHAOTIC, is_chaotic
 from physics_crosscheck.harness.results.status import unsettled_steps
 
-SYMBOLS = {
+SYMBOLS: Mapping[str, str] = {
+    "AUDIT": "!",
     Outcome.AGREES: "✓",
     Outcome.ABSENT: "○",
     Outcome.REFUSED: "⊘",
@@ -42,58 +42,124 @@ Fact = tuple[str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class CaseView:
-    """The view of one case.
+    """A case on the page, with the records that it shows.
 
     Attributes:
         id: its permalink.
-        outcome, symbol: its outcome.
-        model, engine, scenario: its name.
-        judged: whether it finished with a discrepancy.
-        chaotic: whether it agrees but no time step can follow its whole motion. Small initial
-            differences grow large, which is not a fault.
-        digits: number of digits that agree in every component.
-        discrepancy, uncertainty: values of the component that decides.
-        global_error: global error as in the matrix.
-        reason: reason for an outcome other than AGREES.
-        stdout: output of a failed case.
-        accepted: reason for accepting its difference, if accepted.
-        facts: titled lists of all other facts, (title, ((label, value), ...)).
-        cost: cost of its time step, in one sentence.
-        steps: (error, time step for it).
+        case: its record.
         pack: id of its numbers and plots; empty without series.
         scene: its bodies; None for declared energies.
-        sorts: sort keys of digits, E, U, global error and step.
+        scenario: the system's record of its scenario; None if the system could not be read.
+        model: the record of its model in its engine; None if it did not run.
     """
 
     id: str
-    outcome: Outcome
-    symbol: str
-    system: str
-    model: str
-    engine: str
-    scenario: str
-    judged: bool
-    chaotic: bool
-    digits: str
-    discrepancy: str
-    uncertainty: str
-    global_error: str
-    reason: str
-    stdout: str
-    accepted: str
-    facts: tuple[tuple[str, tuple[Fact, ...]], ...]
-    cost: str
-    steps: tuple[Fact, ...]
-    step: str
+    case: Case
     pack: str
     scene: SceneView | None
-    sorts: tuple[str, ...]
+    scenario: ReferenceMotion | None
+    model: Model | None
+
+    @property
+    def name(self) -> str:
+        """Name of the case without its engine."""
+        return f"{self.case.system}/{self.case.model}/{self.case.scenario}"
 
     @property
     def packs(self) -> tuple[str, ...]:
         """Ids of its packs."""
         states = "" if self.scene is None else self.scene.states
         return tuple(filter(None, (self.pack, states)))
+
+    @property
+    def judged(self) -> bool:
+        """True if it finished with a discrepancy."""
+        verdict, outcome = self.case.verdict, self.case.outcome
+        return bool(verdict and verdict.discrepancy is not None and outcome is not Outcome.FAILED)
+
+    @property
+    def chaotic(self) -> bool:
+        """True if it agrees but no time step can follow its whole motion.
+
+        Small initial differences grow large, which is not a fault.
+        """
+        return is_chaotic(self.case)
+
+    @property
+    def digits(self) -> str:
+        """Number of digits that agree in every component; none for a case that was not judged."""
+        return digits_of(self.case) if self.judged else NOTHING
+
+    @property
+    def sizes(self) -> tuple[Number, Number]:
+        """Discrepancy and uncertainty of the component that decides."""
+        verdict = self.case.verdict
+        return (None, None) if verdict is None else (verdict.discrepancy, verdict.uncertainty)
+
+    @property
+    def global_error(self) -> str:
+        """Error of the whole motion at the model's time step."""
+        run = self.case.full_run
+        return CHAOTIC if self.chaotic else percent(None if run is None else run.global_error)
+
+    @property
+    def step(self) -> str:
+        """Time step of the model."""
+        run = self.case.full_run
+        return quantity(None if run is None else run.time_step, "s", 3)
+
+    @property
+    def reason(self) -> str:
+        """Reason of its outcome, and whole steps that are unresolved."""
+        steps = self.case.whole_step
+        unresolved = steps is not None and steps.outcome is Outcome.UNRESOLVED
+        besides = f"whole steps are {unsettled_steps(self.case)}" if unresolved else ""
+        return "; ".join(filter(None, (self.case.reason, besides)))
+
+    @property
+    def facts(self) -> tuple[tuple[str, tuple[Fact, ...]], ...]:
+        """Titled lists of all other facts, (title, ((label, value), ...))."""
+        case, full_run = self.case, self.case.full_run
+        facts = (
+            ("Verdict", _verdict(case.verdict, self.digits) if case.verdict else ()),
+            ("At dt", _at_shipped_step(full_run) if full_run else ()),
+            (
+                "Accelerations",
+                _dynamics_facts(case.forward_dynamics) if case.forward_dynamics else (),
+            ),
+            ("One step", _one_step(case.stepping) if case.stepping else ()),
+            ("Whole steps", _whole_step(case.whole_step) if case.whole_step else ()),
+            ("Events", _event_facts(full_run) if full_run else ()),
+            ("Acts as", _acting_facts(self.model) if self.model else ()),
+            ("Other steps", _steps(full_run) if full_run else ()),
+            ("Run", _run(case, self.scenario)),
+        )
+        listed = ((title, tuple(rows)) for title, rows in facts)
+        return tuple((title, rows) for title, rows in listed if rows)
+
+    @property
+    def cost(self) -> str:
+        """Cost of its time step, in one sentence."""
+        run = self.case.full_run
+        return _cost(run, self.case.outcome, self.chaotic) if run and self.judged else ""
+
+    @property
+    def steps(self) -> tuple[Fact, ...]:
+        """Errors, each with the time step for it."""
+        run = self.case.full_run
+        return tuple(
+            (f"{100 * entry.target:g}\u00a0%", quantity(entry.step, "s", 3))
+            for entry in ((run and run.steps_for) or ())
+            if entry.step is not None
+        )
+
+    @property
+    def sorts(self) -> tuple[Number, ...]:
+        """Sort keys of digits, E, U, global error and step; missing values sort as worst."""
+        verdict, run, worst = self.case.verdict, self.case.full_run, None
+        if verdict and self.judged and verdict.largest_uncertainty is not None:
+            worst = max(verdict.largest_discrepancy or 0.0, verdict.largest_uncertainty)
+        return worst, *self.sizes, *((run.global_error, run.time_step) if run else (None, None))
 
 
 def severity(case: Case) -> tuple[int, float]:
@@ -103,95 +169,13 @@ def severity(case: Case) -> tuple[int, float]:
     return -outcome.severity, -(discrepancy or 0.0)
 
 
-def case_view(
-    case: Case,
-    identity: str,
-    pack: str,
-    scene: SceneView | None,
-    scenario: ReferenceMotion | None,
-    model: Model | None,
-) -> CaseView:
-    """Return the view of one case.
-
-    Args:
-        case: its record.
-        identity: its permalink.
-        pack: id of its numbers and plots; empty without series.
-        scene: its bodies; None for declared energies.
-        scenario: the system's record of its scenario; None if the system could not be read.
-        model: the record of its model in its engine; None if it did not run.
-    """
-    verdict, full_run = case.verdict, case.full_run
-    judged = is_judged(case)
-    chaotic = is_chaotic(case)
-    facts = (
-        ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
-        ("At dt", () if full_run is None else _at_shipped_step(full_run)),
-        (
-            "Accelerations",
-            () if case.forward_dynamics is None else _dynamics_facts(case.forward_dynamics),
-        ),
-        ("One step", () if case.stepping is None else _one_step(case.stepping)),
-        ("Whole steps", () if case.whole_step is None else _whole_step(case.whole_step)),
-        ("Events", () if full_run is None else tuple(_event_facts(full_run))),
-        ("Acts as", () if model is None else tuple(_acting_facts(model))),
-        ("Other steps", () if full_run is None else tuple(_steps(full_run))),
-        ("Run", tuple(_run(case, scenario))),
-    )
-    return CaseView(
-        id=identity,
-        outcome=case.outcome,
-        symbol=SYMBOLS[case.outcome],
-        system=shown(case.system),
-        model=shown(case.model),
-        engine=shown(case.engine),
-        scenario=shown(case.scenario),
-        judged=judged,
-        chaotic=chaotic,
-        digits=digits_of(case),
-        discrepancy=sci(None if verdict is None else verdict.discrepancy),
-        uncertainty=sci(None if verdict is None else verdict.uncertainty),
-        global_error=CHAOTIC if chaotic else _global_error(full_run),
-        reason=shown(_reason(case)),
-        stdout=shown(case.stdout),
-        accepted=shown(case.accepted),
-        facts=tuple((title, rows) for title, rows in facts if rows),
-        cost=_cost(full_run, case.outcome, chaotic) if full_run and judged else "",
-        steps=() if full_run is None else _steps_for(full_run),
-        step=quantity(None if full_run is None else full_run.time_step, "s", 3),
-        pack=pack,
-        scene=scene,
-        sorts=_sorts(verdict, full_run, judged),
-    )
-
-
-def is_judged(case: Case) -> bool:
-    """Return whether a case finished with a discrepancy."""
-    is_known = case.verdict is not None and case.verdict.discrepancy is not None
-    return is_known and case.outcome is not Outcome.FAILED
-
-
-def _global_error(full_run: FullRun | None) -> str:
-    return percent(None if full_run is None else full_run.global_error)
-
-
 def digits_of(case: Case) -> str:
-    """Return how many digits agree in every component; none for a case that was not judged."""
-    if case.verdict is None or not is_judged(case):
+    """Return how many digits agree in every component, rounded down to make no false claim."""
+    verdict = case.verdict
+    if verdict is None or case.digits is None:
         return NOTHING
-    return agreeing_digits(case.verdict.largest_discrepancy, case.verdict.largest_uncertainty)
-
-
-def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> tuple[str, ...]:
-    """Return sort keys; missing values sort as worst."""
-    columns: list[float | None] = [None] * 5
-    if verdict is not None:
-        worst = max(verdict.largest_discrepancy or 0.0, verdict.largest_uncertainty or 0.0)
-        is_known = judged and verdict.largest_uncertainty is not None
-        columns[:3] = worst if is_known else None, verdict.discrepancy, verdict.uncertainty
-    if full_run is not None:
-        columns[3:] = full_run.global_error, full_run.time_step
-    return tuple("" if value is None else f"{value:.6g}" for value in columns)
+    exact = verdict.largest_discrepancy == verdict.largest_uncertainty == 0
+    return "all" if exact else f"{case.digits:.1f}"
 
 
 def _cost(full_run: FullRun, outcome: Outcome, chaotic: bool) -> str:
@@ -236,14 +220,6 @@ def _phase_text(phase: float | None) -> str:
     return "" if phase is None else "late" if phase > 0 else "early"
 
 
-def _steps_for(full_run: FullRun) -> tuple[Fact, ...]:
-    return tuple(
-        (f"{100 * entry.target:g}\u00a0%", quantity(entry.step, "s", 3))
-        for entry in full_run.steps_for
-        if entry.step is not None
-    )
-
-
 def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
     if verdict.discrepancy is None and verdict.uncertainty is None:
         return ()
@@ -251,7 +227,7 @@ def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
     return (
         ("decided by", verdict.decided_by),
         ("agreeing digits", digits),
-        ("worst component", shown(verdict.component)),
+        ("worst component", verdict.component),
         ("discrepancy E", sci(verdict.discrepancy)),
         ("uncertainty U", sci(verdict.uncertainty)),
         ("largest E", sci(verdict.largest_discrepancy)),
@@ -284,13 +260,6 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
     if stepping.besides:
         rows.append(("also acts", stepping.besides))
     return tuple(rows)
-
-
-def _reason(case: Case) -> str:
-    """Return the reason of its outcome, and whole steps that are unresolved."""
-    steps = case.whole_step is not None and case.whole_step.outcome is Outcome.UNRESOLVED
-    besides = f"whole steps are {unsettled_steps(case)}" if steps else ""
-    return "; ".join(filter(None, (case.reason, besides)))
 
 
 def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
@@ -363,14 +332,14 @@ def _event_facts(full_run: FullRun) -> Iterator[Fact]:
         delay = "not seen at dt"
         if event.in_run is not None:
             delay = f"{quantity(event.in_run - event.time, 's', 2)} later at dt"
-        yield f"{shown(event.part)}, {event.change}", f"{quantity(event.time, 's', 6)}, {delay}"
+        yield f"{event.part}, {event.change}", f"{quantity(event.time, 's', 6)}, {delay}"
 
 
 def _acting_facts(model: Model) -> Iterator[Fact]:
     """Yield what the numbers of a model act as, if its system declares what they are to act as."""
     for row in model.acting if model.declares else ():
-        rule = f" ({shown(row.rule)})" if row.rule else ""
-        yield f"{shown(row.subject)}: {row.quantity}", f"{quantity(row.value, row.unit)}{rule}"
+        rule = f" ({row.rule})" if row.rule else ""
+        yield f"{row.subject}: {row.quantity}", f"{quantity(row.value, row.unit)}{rule}"
 
 
 def _steps(full_run: FullRun) -> Iterator[Fact]:
@@ -387,11 +356,10 @@ def _steps(full_run: FullRun) -> Iterator[Fact]:
 
 def _run(case: Case, scenario: ReferenceMotion | None) -> Iterator[Fact]:
     if scenario is not None:
-        yield "scenario", shown(scenario.description)
-        for name, text in scenario.inputs.items():
-            yield shown(name), shown(text)
+        yield "scenario", scenario.description
+        yield from scenario.inputs.items()
     if case.full_run is not None and case.full_run.integrator:
-        yield "integrator", shown(case.full_run.integrator)
+        yield "integrator", case.full_run.integrator
     if case.verdict is not None:
         steps = f"{case.verdict.steps:,}".replace(",", "\u202f")
         yield "engine steps for the verdict", steps

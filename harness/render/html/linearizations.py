@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-
-from markupsafe import Markup
+from collections.abc import Iterable, Sequence
 
 from physics_crosscheck.harness.records.model import (
-    DiscreteLinearization,
     EngineLinearization,
     EnginePole,
     Model,
 )
 from physics_crosscheck.harness.records.system import (
-    Linearization,
     Mode,
-    Pole,
     Symbol,
     SystemResult,
     TransferFunction,
 )
-from physics_crosscheck.harness.render.html.maths import mathml
-from physics_crosscheck.harness.render.html.text import NOTHING, complex_number, sci, shown
+from physics_crosscheck.harness.render.html.text import NOTHING, complex_number, sci
 
 RIGID = 1e-6
 """Poles below this share of the largest belong to a rigid mode.
@@ -32,65 +25,17 @@ Such a mode is a double root, and rounding moves its poles by the square root of
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class EngineLinearView:
-    """An engine's own linearization of a model, compared with the exact one.
-
-    Attributes:
-        errors: errors of A, B, transfer functions, mode shapes and one step, and that step's
-            spectral radius.
-        poles: each pole with its distance from the exact one.
-    """
-
-    model: str
-    engine: str
-    errors: tuple[str, ...]
-    poles: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinearView:
-    """The linearizations about one equilibrium: exact poles, then each engine's.
-
-    Attributes:
-        equations: the linear equations.
-        transfers: transfer functions.
-        modes: undamped modes, (rad/s, Hz, shape, remark).
-    """
-
-    equilibrium: str
-    equations: Markup
-    transfers: tuple[Markup, ...]
-    modes: tuple[tuple[str, ...], ...]
-    poles: tuple[tuple[str, str], ...]
-    engines: tuple[EngineLinearView, ...]
-
-
-def linear_views(system: SystemResult, models: Sequence[Model]) -> tuple[LinearView, ...]:
-    """Return the views of a system's linearizations, with those of its models."""
+def equilibria(system: SystemResult, models: Iterable[Model]) -> Iterable[str]:
+    """Return the equilibria of a system; those of its models without formulas, as of a robot."""
     if system.derivation is None:
-        names = dict.fromkeys(one.equilibrium for model in models for one in model.linearizations)
-        return tuple(_poles_alone(name, models) for name in names)
-    return tuple(_linear_view(one, system, models) for one in system.derivation.linearizations)
+        return dict.fromkeys(one.equilibrium for model in models for one in model.linearizations)
+    return [one.equilibrium for one in system.derivation.linearizations]
 
 
-def _poles_alone(equilibrium: str, models: Sequence[Model]) -> LinearView:
-    """Return the view of a linearization without formulas, as of a robot."""
-    of_models = _of_models(equilibrium, models)
-    exact = of_models[0][1].taylor_poles
-    return LinearView(
-        equilibrium=shown(equilibrium),
-        equations=Markup(""),
-        transfers=(),
-        modes=(),
-        poles=_exact_poles(exact),
-        engines=tuple(_engine(model, one) for model, one in of_models),
-    )
-
-
-def _of_models(
-    equilibrium: str, models: Sequence[Model]
+def linearized(
+    equilibrium: str, models: Iterable[Model]
 ) -> list[tuple[Model, EngineLinearization]]:
+    """Return the models with their linearizations about an equilibrium."""
     return [
         (model, one)
         for model in models
@@ -99,35 +44,17 @@ def _of_models(
     ]
 
 
-def _exact_poles(poles: Sequence[Pole | EnginePole]) -> tuple[tuple[str, str], ...]:
-    size = _largest(poles)
-    return tuple((_pole(poles[i], size), _pace(poles[i], size)) for i in _shown_poles(poles))
-
-
-def _linear_view(about: Linearization, system: SystemResult, models: Sequence[Model]) -> LinearView:
-    of_models = _of_models(about.equilibrium, models)
-    taylor: Sequence[Pole | EnginePole] = about.poles
-    if of_models:
-        taylor = of_models[0][1].taylor_poles
-    return LinearView(
-        equilibrium=shown(about.equilibrium),
-        equations=mathml(about.formula.latex, block=True),
-        transfers=tuple(_transfer(one, system) for one in about.transfer_functions),
-        modes=tuple(_mode(mode, system.coordinates) for mode in about.modes),
-        poles=_exact_poles(taylor),
-        engines=tuple(_engine(model, one) for model, one in of_models),
-    )
-
-
-def _transfer(transfer: TransferFunction, system: SystemResult) -> Markup:
+def transfer_formula(transfer: TransferFunction, system: SystemResult) -> str:
+    """Return the LaTeX of a transfer function."""
     output = next(each.formula.latex for each in system.outputs if each.name == transfer.output)
     source = next(each.latex for each in system.inputs if each.name == transfer.input)
-    return mathml(rf"\frac{{{output}}}{{{source}}} = {transfer.formula.latex}", block=True)
+    return rf"\frac{{{output}}}{{{source}}} = {transfer.formula.latex}"
 
 
-def _mode(mode: Mode, coordinates: Sequence[Symbol]) -> tuple[str, ...]:
+def mode_row(mode: Mode, coordinates: Sequence[Symbol]) -> tuple[str, ...]:
+    """Return an undamped mode: rad/s, Hz, shape, and a remark."""
     shape = ", ".join(
-        f"{shown(coordinate.name)} {_entry(value)}"
+        f"{coordinate.name} {_entry(value)}"
         for coordinate, value in zip(coordinates, mode.shape, strict=True)
     )
     if mode.rigid:
@@ -145,34 +72,37 @@ def _entry(value: float | None) -> str:
     return f"{0.0 if abs(value) < 1e-12 else value:.4g}"
 
 
-def _engine(model: Model, linearization: EngineLinearization) -> EngineLinearView:
+def exact_poles(linearization: EngineLinearization) -> list[tuple[str, str]]:
+    """Return the exact poles, one per conjugate pair, with their frequency and damping."""
+    poles = linearization.taylor_poles
+    size = _largest(poles)
+    return [(_pole(poles[i], size), _pace(poles[i], size)) for i in _shown_poles(poles)]
+
+
+def engine_poles(linearization: EngineLinearization) -> list[tuple[str, str]]:
+    """Return the poles of an engine, each with its relative distance from the exact one."""
     poles, taylor = linearization.poles, linearization.taylor_poles
     size = _largest(taylor)
-    alike = linearization.mode_similarity
-    return EngineLinearView(
-        model=shown(model.model),
-        engine=shown(model.engine),
-        errors=(
-            sci(linearization.a_error),
-            sci(linearization.b_error),
-            sci(linearization.transfer_error),
-            NOTHING if alike is None else sci(max(0.0, 1.0 - alike)),
-            NOTHING if linearization.one_step is None else sci(linearization.one_step.error),
-            NOTHING if linearization.one_step is None else _radius(linearization.one_step),
-        ),
-        poles=tuple(
-            (_pole(poles[i], size), sci(abs(_complex(poles[i]) - _complex(taylor[i])) / size))
-            for i in _shown_poles(taylor)
-        ),
+    return [
+        (_pole(poles[i], size), sci(abs(_complex(poles[i]) - _complex(taylor[i])) / size))
+        for i in _shown_poles(taylor)
+    ]
+
+
+def linear_errors(linearization: EngineLinearization) -> tuple[str, ...]:
+    """Return the errors of A, B, transfer functions, mode shapes and a step, and its radius."""
+    alike, step = linearization.mode_similarity, linearization.one_step
+    return (
+        sci(linearization.a_error),
+        sci(linearization.b_error),
+        sci(linearization.transfer_error),
+        NOTHING if alike is None else sci(max(0.0, 1.0 - alike)),
+        sci(None if step is None else step.error),
+        NOTHING if step is None or step.radius is None else f"{step.radius:.6f}",
     )
 
 
-def _radius(linearization: DiscreteLinearization) -> str:
-    """Return the largest growth factor of a state in one step."""
-    return NOTHING if linearization.radius is None else f"{linearization.radius:.6f}"
-
-
-def _complex(pole: Pole | EnginePole) -> complex:
+def _complex(pole: EnginePole) -> complex:
     missing = float("nan")
     return complex(
         missing if pole.real is None else pole.real,
@@ -180,22 +110,22 @@ def _complex(pole: Pole | EnginePole) -> complex:
     )
 
 
-def _shown_poles(poles: Sequence[Pole | EnginePole]) -> list[int]:
+def _shown_poles(poles: Sequence[EnginePole]) -> list[int]:
     """Return the indices of one pole per conjugate pair and of every real pole."""
     return [i for i, pole in enumerate(poles) if (pole.imaginary or 0.0) >= 0.0]
 
 
-def _largest(poles: Sequence[Pole | EnginePole]) -> float:
+def _largest(poles: Sequence[EnginePole]) -> float:
     return max((abs(_complex(pole)) for pole in poles), default=0.0) or 1.0
 
 
-def _pole(pole: Pole | EnginePole, size: float) -> str:
+def _pole(pole: EnginePole, size: float) -> str:
     if abs(_complex(pole)) < RIGID * size:
         return "0"
     return complex_number(pole.real, pole.imaginary, bool(pole.imaginary))
 
 
-def _pace(pole: Pole | EnginePole, size: float) -> str:
+def _pace(pole: EnginePole, size: float) -> str:
     if abs(_complex(pole)) < RIGID * size:
         return "rigid"
     if pole.real is None or not pole.frequency:

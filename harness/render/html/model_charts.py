@@ -15,7 +15,7 @@ from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.render.html.diagnoses import named
 from physics_crosscheck.harness.render.html.packs import Array, Chart, Column, Curve, Pack
 from physics_crosscheck.harness.render.html.runs import CaseRun, ends, largest, single, values
-from physics_crosscheck.harness.render.html.text import percent, quantity, sci, shown
+from physics_crosscheck.harness.render.html.text import percent, quantity, sci
 
 PAIRS = 6
 """Maximum number of output-input pairs in one plot."""
@@ -26,9 +26,7 @@ LINEAR, CAUSE = "Linear equations", "Does it explain the motion?"
 def responses(pack: Pack, model: Model, system: SystemResult) -> tuple[Chart, ...]:
     """Plot the frequency response of an engine's linearization and of the transfer functions."""
     pairs = [
-        f"{shown(output.name)} / {shown(source.name)}"
-        for output in system.outputs
-        for source in system.inputs
+        f"{output.name} / {source.name}" for output in system.outputs for source in system.inputs
     ]
     return tuple(
         _response(pack, one, pairs)
@@ -50,16 +48,12 @@ def _response(pack: Pack, linearization: EngineLinearization, pairs: Sequence[st
     curves: list[Curve] = []
     for place, label in enumerate(pairs[:PAIRS]):
         curves += [
-            Curve(
-                label=label, role="transfer", place=place, x=w, y=pack.column(taylor[:, place], 5)
-            ),
-            Curve(
-                label=label, role="response", place=place, x=w, y=pack.column(engine[:, place], 5)
-            ),
+            Curve(label, "transfer", w, pack.column(taylor[:, place], 5), place),
+            Curve(label, "response", w, pack.column(engine[:, place], 5), place),
         ]
     return Chart(
         part=LINEAR,
-        title=f"Frequency response about “{shown(linearization.equilibrium)}”",
+        title=f"Frequency response about “{linearization.equilibrium}”",
         x_label="frequency [rad/s]",
         y_label="output per input, SI units",
         curves=tuple(curves),
@@ -82,11 +76,11 @@ def reaches(pack: Pack, system: SystemResult) -> tuple[Chart, ...]:
         return ()
     curves = tuple(
         Curve(
-            label=f"{shown(one.equilibrium)}, mode {one.mode + 1}",
-            role="reach",
-            place=place,
-            x=pack.column(one.amplitudes, 5),
-            y=pack.column(one.errors, 4),
+            f"{one.equilibrium}, mode {one.mode + 1}",
+            "reach",
+            pack.column(one.amplitudes, 5),
+            pack.column(one.errors, 4),
+            place,
         )
         for place, one in enumerate(linearity)
     )
@@ -130,14 +124,8 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
             x_label="residual share of the discrepancy",
             y_label="",
             curves=(
-                Curve(label="residual", role="lollipop", place=0, x=pack.column(remaining, 4), y=y),
-                Curve(
-                    label="uncertainty",
-                    role="guide",
-                    place=0,
-                    x=pack.column([floor, floor], 4),
-                    y=pack.column(line, 4),
-                ),
+                Curve("residual", "lollipop", pack.column(remaining, 4), y),
+                Curve("uncertainty", "guide", pack.column([floor, floor], 4), pack.column(line, 4)),
             ),
             key=(
                 "Each hypothesis is one number, fitted to the motion; further to the "
@@ -168,7 +156,7 @@ def corrected(
         if run is None:
             continue
         for i in range(len(run.reference) // 2):
-            yield _corrected(pack, motion, scenario, run, i, shown(units[i]))
+            yield _corrected(pack, motion, scenario, run, i, units[i])
         yield _defects(pack, scenario, run)
 
 
@@ -181,7 +169,7 @@ def _corrected(
     unit: str,
 ) -> Chart:
     """Plot the i-th coordinate."""
-    name, put_in = shown(run.series.components[i]), _values_put_in(motion.causes)
+    name, put_in = run.series.components[i], _values_put_in(motion.causes)
     then, now = _apart(motion, scenario, run.series, i)
     low, high = ends(values(run.series.reference[i]))
     margin = 0.5 * ((high - low) or 1.0)
@@ -189,13 +177,13 @@ def _corrected(
     with_it = f"{motion.put_into} with {put_in}"
     return Chart(
         part=CAUSE,
-        title=f"{shown(scenario.scenario)}: {name}, corrected",
+        title=f"{scenario.scenario}: {name}, corrected",
         x_label="t [s]",
         y_label=f"{name} [{unit}]",
         curves=(
-            Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
-            Curve(label=with_it, role="corrected", place=0, x=pack.column(scenario.t, 6), y=fitted),
-            Curve(label=f"this: {run.label}", role="engine", place=0, x=run.t, y=run.engine[i]),
+            Curve("reference", "reference", run.t, run.reference[i]),
+            Curve(with_it, "corrected", pack.column(scenario.t, 6), fitted),
+            Curve(f"this: {run.label}", "engine", run.t, run.engine[i]),
         ),
         key=f"Wide line: the equations as declared. Thin line: the {motion.put_into} with the value"
         " that was found. Dashes: the engine with the file as it is.",
@@ -211,7 +199,7 @@ def _corrected(
 
 
 def _values_put_in(causes: Sequence[Cause]) -> str:
-    return " and ".join(f"{shown(one)} = {_estimate(one)}" for one in causes)
+    return " and ".join(f"{one} = {_estimate(one)}" for one in causes)
 
 
 def _estimate(cause: Cause) -> str:
@@ -247,17 +235,15 @@ def _defects(pack: Pack, scenario: CorrectedScenario, run: CaseRun) -> Chart:
     def worst(rows: Array) -> Column:
         return pack.column(np.max(np.abs(rows), axis=0), 3)
 
-    names = ", ".join(shown(name) for name in run.series.components)
+    names = ", ".join(run.series.components)
     return Chart(
         part=CAUSE,
-        title=f"{shown(scenario.scenario)}: defects before and after",
+        title=f"{scenario.scenario}: defects before and after",
         x_label="t [s]",
         y_label="relative defect",
         curves=(
-            Curve(label="as the file is", role="before", place=0, x=t, y=worst(before)),
-            Curve(
-                label="with the value that was found", role="after", place=0, x=t, y=worst(after)
-            ),
+            Curve("as the file is", "before", t, worst(before)),
+            Curve("with the value that was found", "after", t, worst(after)),
         ),
         key=(f"Extrapolated segments, the largest of {names}: free of the error of the time step."),
         summary=f"The largest defect falls from {sci(largest(before.ravel()))} to"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.records.base import rounded
+from physics_crosscheck.harness.render.html.text import shown
 
 Array = NDArray[np.float64]
 
@@ -27,24 +28,29 @@ class Column:
     pack: str
     key: str
 
+    @property
+    def address(self) -> tuple[str, str]:
+        """Pack and key."""
+        return self.pack, self.key
 
-@dataclass(frozen=True, kw_only=True)
+
+@dataclass(frozen=True)
 class Curve:
     """A curve; its role and its place select colour and line style.
 
     Attributes:
         label: legend entry; curves with the same label are shown and hidden together.
         role: kind of curve, see `script/looks.js`.
-        place: number among those of its role, which selects colour, dash and marker.
         x, y: its numbers; on a logarithmic axis, signed values are drawn by magnitude with the sign
             as marker.
+        place: number among those of its role, which selects colour, dash and marker.
     """
 
     label: str
     role: str
-    place: int
     x: Column
     y: Column
+    place: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,14 +112,18 @@ class Pack:
         return compressed(content)
 
     def _record(self, chart: Chart) -> dict[str, object]:
+        """Return a chart with visible texts, and each column by its key in this or another pack."""
         curves = [
-            {**vars(curve), "x": self._reference(curve.x), "y": self._reference(curve.y)}
+            {name: self._written(value) for name, value in vars(curve).items()}
             for curve in chart.curves
         ]
-        return {**vars(chart), "curves": curves}
+        texts = {name: self._written(value) for name, value in vars(chart).items()}
+        return {**texts, "names": list(map(shown, chart.names)), "curves": curves}
 
-    def _reference(self, column: Column) -> str | tuple[str, str]:
-        return column.key if column.pack == self.id else (column.pack, column.key)
+    def _written(self, value: object) -> object:
+        if isinstance(value, Column):
+            return value.key if value.pack == self.id else value.address
+        return shown(value) if isinstance(value, str) else value
 
 
 def compressed(content: Mapping[str, object]) -> str:

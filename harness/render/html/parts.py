@@ -20,23 +20,13 @@ import msgspec
 
 from physics_crosscheck.harness.render.html.cases import CaseView
 from physics_crosscheck.harness.render.html.packs import compressed
-from physics_crosscheck.harness.render.html.view import FolderView, ModelGroup, RelatedCase
+from physics_crosscheck.harness.render.html.view import Content, FolderView, Report
 
 WHOLE = 500
 """Maximum number of cases in a single-file page: 15 MB, small enough to send."""
 
 TOGETHER = 40
 """Maximum number of cases per file: 1 MB, loaded and shown at once."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShownCase:
-    """The page of a case and its context."""
-
-    case: CaseView
-    links: RelatedCase
-    model: ModelGroup
-    group: FolderView
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,32 +44,25 @@ class CaseFile:
     ids: tuple[str, ...]
 
 
-def divided(groups: Iterable[FolderView]) -> Iterator[tuple[ShownCase, ...]]:
-    """Yield all cases, divided into files."""
-    for group in groups:
-        scenarios: dict[str, list[ShownCase]] = {}
-        for model in group.models:
-            for case, links in model.cases:
-                shown_case = ShownCase(case=case, links=links, model=model, group=group)
-                scenarios.setdefault(case.scenario, []).append(shown_case)
-        for cases in scenarios.values():
-            rest = iter(cases)
-            while some := tuple(islice(rest, TOGETHER)):
-                yield some
+def divided(folder: FolderView) -> Iterator[tuple[CaseView, ...]]:
+    """Yield the cases of a folder, divided into files by scenario."""
+    for cases in folder.by_scenario.values():
+        rest = iter(cases)
+        while some := tuple(islice(rest, TOGETHER)):
+            yield some
 
 
-def part_of_cases(cases: Sequence[ShownCase], html: str, packs: Mapping[str, str]) -> CaseFile:
+def part_of_cases(cases: Sequence[CaseView], html: str, content: Content) -> CaseFile:
     """Return the file of some cases: their pages as HTML, and their packs."""
-    names = (name for one in cases for name in one.case.packs)
-    own_packs = {name: packs[name] for name in names}
-    return _part(html, own_packs, [one.case.id for one in cases])
+    own_packs = {name: content.text(name) for view in cases for name in view.packs}
+    return _part(html, own_packs, [view.id for view in cases])
 
 
-def part_of_group(group: FolderView, html: str, packs: Mapping[str, str]) -> CaseFile:
+def part_of_folder(folder: FolderView, html: str, report: Report) -> CaseFile:
     """Return the file of a folder: its page with the sketch of its motions, and its diagnoses."""
-    diagnoses = [model.diagnosis for model in group.models if model.diagnosis]
-    own_packs = {name: packs[name] for name in group.packs}
-    return _part(html, own_packs, [group.id, *(diagnosis.id for diagnosis in diagnoses)])
+    own_packs = {name: report.content.text(name) for name in folder.packs}
+    diagnoses = [report.diagnoses[key].id for key in folder.by_model if key in report.diagnoses]
+    return _part(html, own_packs, [folder.id, *diagnoses])
 
 
 def _part(html: str, own_packs: Mapping[str, str], views: Sequence[str]) -> CaseFile:

@@ -13,33 +13,21 @@ from physics_crosscheck.harness.results.places import is_spelled
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fix:
-    """A number to change: location, name, old and new value."""
-
-    place: str
-    name: str
-    old: str
-    new: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class Remedy:
     """A proposed fix.
 
     Attributes:
-        fixes: numbers to change; empty if unknown.
-        lines: changed lines with + and -.
+        changes: numbers to change; empty if unknown.
         patch: a unified diff; empty if a change is uncertain.
     """
 
-    fixes: tuple[Fix, ...] = ()
-    lines: tuple[str, ...] = ()
+    changes: Sequence[ProposedChange] = ()
     patch: str = ""
 
     @property
     def words(self) -> str:
         """The numbers, a line each, without a patch."""
-        return "\n".join(f"{fix.place} from {fix.old} to {fix.new}" for fix in self.fixes)
+        return "\n".join(map(str, self.changes))
 
 
 NO_REMEDY = Remedy()
@@ -47,39 +35,16 @@ NO_REMEDY = Remedy()
 
 def remedy_of(model: Model) -> Remedy:
     """Return the changes by the explaining cause of a model, or those that the audit proposes."""
-    diagnosis = model.diagnosis
-    if diagnosis is None or not diagnosis.explained:
-        return _remedy(stated_changes(model), model, whole=True)
-    changes = changes_of(model)
-    return _remedy(changes, model, whole=len(changes) == len(diagnosis.explanations[0].causes))
-
-
-def _remedy(changes: Sequence[ProposedChange], model: Model, *, whole: bool) -> Remedy:
-    """Return changes with their patch; `whole`: whether they fix the model completely."""
+    changes, is_whole = stated_changes(model), True
+    if model.diagnosis is not None and model.diagnosis.explained:
+        changes = changes_of(model)
+        is_whole = len(changes) == len(model.diagnosis.explanations[0].causes)
     texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
-    patch = unified(changes, texts) if whole and changes else ""
-    if not _is_shown_as_is(patch):
-        patch = ""
-    return Remedy(
-        fixes=tuple(map(_fix, changes)),
-        lines=tuple(map(shown, lines_of(patch))),
-        patch=patch,
-    )
-
-
-def _is_shown_as_is(patch: str) -> bool:
-    """Return whether a page can show a patch unchanged; otherwise it would not apply."""
+    patch = unified(changes, texts) if is_whole and changes else ""
+    # A patch that the page can't show unchanged would not apply.
     plain = patch.replace("\r\n", "\n")
-    return shown(plain) == plain and "\ufffd" not in plain
-
-
-def _fix(change: ProposedChange) -> Fix:
-    return Fix(
-        place=shown(", ".join(dict.fromkeys(map(str, change.locations)))),
-        name=shown(", ".join(change.subject)),
-        old=f"{change.old:.10g}",
-        new=shown(change.new),
-    )
+    is_kept = shown(plain) == plain and "\ufffd" not in plain
+    return Remedy(changes=changes, patch=patch if is_kept else "")
 
 
 def unified(edits: Sequence[ProposedChange], texts: Iterable[tuple[str, str]]) -> str:

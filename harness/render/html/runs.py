@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.records.base import Numbers
 from physics_crosscheck.harness.records.case import Case, FullRun, Series, StepErrors, Verdict
 from physics_crosscheck.harness.render.html.packs import Array, Column, Pack
-from physics_crosscheck.harness.render.html.text import quantity, shown
+from physics_crosscheck.harness.render.html.text import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ def _run(case: Case, place: int) -> CaseRun | None:
         verdict=verdict,
         full_run=full_run,
         series=series,
-        label=f"{shown(case.engine)}, {shown(case.model)}",
+        label=f"{case.engine}, {case.model}",
         step=quantity(full_run.time_step, "s", 3),
         pack=pack,
         t=pack.column(series.t, 7),

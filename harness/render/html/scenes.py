@@ -9,20 +9,18 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from msgspec.structs import asdict
+
 from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
-from physics_crosscheck.harness.records.base import Rows
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.scene import (
-    ActingState,
-    EngineInertia,
     Scene,
     StateErrors,
 )
 from physics_crosscheck.harness.render.html.diagnoses import blamed_lines, marked_lines
-from physics_crosscheck.harness.render.html.text import shown
 from physics_crosscheck.harness.results.status import counted
 
 THREE = "pack-three"
@@ -52,37 +50,6 @@ class SceneView:
     unread: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class CaseStates:
-    """The states of a case, and the lines of its bodies.
-
-    Attributes:
-        coordinates, error, uncertainty, accelerations, inertias: as in `StateErrors`.
-        worst: index of the state to open; the number of states for that of whole steps.
-        acting: the state of whole steps; None without one of the same joints.
-        bodies: index of the first body that each coordinate moves; -1 for none.
-        lit: indices of the bodies that the cause names.
-        lines: lines of each body in the file.
-        marked: lines that the cause names.
-        text: the file; empty if it is too long.
-        file: its absolute path.
-    """
-
-    coordinates: tuple[str, ...]
-    error: Rows
-    uncertainty: Rows
-    accelerations: Rows
-    worst: int
-    inertias: tuple[EngineInertia, ...]
-    acting: ActingState | None
-    bodies: tuple[int, ...]
-    lit: tuple[int, ...]
-    lines: tuple[Spans, ...]
-    marked: tuple[int, ...]
-    text: str
-    file: str
-
-
 @cache
 def three_code() -> str:
     """Return the code of three.js that trimesh's viewer carries; empty without it.
@@ -106,11 +73,25 @@ def scene_about(scene: Scene, lit: Sequence[int]) -> str:
     """Describe a scene in words."""
     names = ", ".join(scene.bodies[i].name for i in lit)
     what = f"{counted(len(scene.bodies), 'body', 'bodies')} in 3-D"
-    return shown(f"{what}; the cause names {names}." if names else f"{what}.")
+    return f"{what}; the cause names {names}." if names else f"{what}."
 
 
-def case_states(scene: Scene, case: Case, errors: StateErrors, model: Model | None) -> CaseStates:
-    """Return the errors of a case, the bodies that its cause names, and the lines of each body."""
+def case_states(
+    scene: Scene, case: Case, errors: StateErrors, model: Model | None
+) -> tuple[str, dict[str, object]]:
+    """Return the description of a case's scene, and what the script draws of its states.
+
+    Besides the fields of the errors, that is:
+
+    - worst: index of the state to open; the number of states for that of whole steps.
+    - acting: the state of whole steps; None without one of the same joints.
+    - bodies: index of the first body that each coordinate moves; -1 for none.
+    - lit: indices of the bodies that the cause names.
+    - lines: lines of each body in the file.
+    - marked: lines that the cause names.
+    - text: the file; empty if it is too long.
+    - file: its absolute path.
+    """
     text = "" if model is None or len(model.text) > LARGEST_TEXT else model.text
     lines = body_lines(text, case.model, [body.name for body in scene.bodies])
     blamed = [*case.locations, *(() if model is None else blamed_lines(model))]
@@ -121,23 +102,19 @@ def case_states(scene: Scene, case: Case, errors: StateErrors, model: Model | No
         acting = None
     carried = {body.joint: i for i, body in reversed(list(enumerate(scene.bodies)))}
     rows = (name.partition(":")[0] for name in errors.coordinates)
-    return CaseStates(
-        coordinates=errors.coordinates,
-        error=errors.error,
-        uncertainty=errors.uncertainty,
-        accelerations=errors.accelerations,
-        worst=errors.worst if errors.accelerations or acting is None else len(scene.velocities[0]),
-        inertias=errors.inertias,
-        acting=acting,
-        bodies=tuple(
-            carried.get(joints.index(name), -1) if name in joints else -1 for name in rows
-        ),
-        lit=tuple(sorted({*_bodies_at(lines, marked), *_named(scene, model)})),
-        lines=lines,
-        marked=tuple(marked),
-        text=text,
-        file=_path_of(case),
-    )
+    lit = sorted({*_bodies_at(lines, marked), *_named(scene, model)})
+    is_still = not errors.accelerations and acting is not None
+    return scene_about(scene, lit), {
+        **asdict(errors),
+        "worst": len(scene.velocities[0]) if is_still else errors.worst,
+        "acting": acting,
+        "bodies": [carried.get(joints.index(name), -1) if name in joints else -1 for name in rows],
+        "lit": lit,
+        "lines": lines,
+        "marked": marked,
+        "text": text,
+        "file": _path_of(case),
+    }
 
 
 def _path_of(case: Case) -> str:

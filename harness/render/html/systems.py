@@ -8,49 +8,17 @@ The page only changes matrices, so shapes such as springs are defined only here.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from markupsafe import Markup
-
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.system import (
-    Derivation,
-    Erratum,
-    ReferenceMotion,
-    Shape,
-    Sketch,
-    SketchTree,
-    SystemResult,
-)
-from physics_crosscheck.harness.render.html.linearizations import LinearView, linear_views
+from physics_crosscheck.harness.records.system import Shape, Sketch, SketchTree, SystemResult
 from physics_crosscheck.harness.render.html.maths import mathml
-from physics_crosscheck.harness.render.html.text import NOTHING, quantity, sci, shown
+from physics_crosscheck.harness.render.html.text import NOTHING, quantity, sci
 from physics_crosscheck.harness.render.terminal.primes import primed
-from physics_crosscheck.harness.results.coverage import coverage_line
 
 ANNOTATIONS = ("measure", "angle")
 """Shapes that explain the sketch and do not move with it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShapeView:
-    """A shape: its path along (0, 0) to (1, 0) or about (0, 0), and its matrix."""
-
-    number: int
-    kind: str
-    path: str
-    matrix: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Label:
-    """A symbol with a subscript."""
-
-    x: str
-    y: str
-    letter: str
-    index: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,13 +28,15 @@ class Drawing:
     Attributes:
         box: the view box.
         size: font size.
+        shapes: number, kind, path along (0, 0) to (1, 0) or about (0, 0), and matrix.
+        labels: x, y, letter and subscript.
         description: description in words.
     """
 
     box: str
     size: str
-    shapes: tuple[ShapeView, ...]
-    labels: tuple[Label, ...]
+    shapes: tuple[tuple[int, str, str, str], ...]
+    labels: tuple[tuple[str, str, str, str], ...]
     description: str
 
 
@@ -109,30 +79,21 @@ def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
     low, high = min(y for _, y in points), max(y for _, y in points)
     size = max(right - low_x, high - low) or 1.0
     margin = 0.09 * size
-    shapes, labels = [], []
-    for number, shape in enumerate(sketch.shapes):
-        shapes.append(
-            ShapeView(
-                number=number,
-                kind=shape.kind,
-                path=_path(shape, pose, size),
-                matrix=_matrix(shape, pose),
-            )
-        )
-        if shape.label:
-            labels.append(_label(shape, pose, size))
     box = (low_x - margin, -high - margin, right - low_x + 2 * margin, high - low + 2 * margin)
     kinds = ", ".join(
-        f"{shape.kind} {shown(shape.label)}".strip()
+        f"{shape.kind} {shape.label}".strip()
         for shape in sketch.shapes
         if shape.kind not in (*ANNOTATIONS, "line")
     )
-    where = ", ".join(f"{shown(n)} = {v:.3g}" for n, v in zip(coordinates, pose, strict=True))
+    where = ", ".join(f"{n} = {v:.3g}" for n, v in zip(coordinates, pose, strict=True))
     return Drawing(
         box=" ".join(_n(v) for v in box),
         size=_n(0.062 * size),
-        shapes=tuple(shapes),
-        labels=tuple(labels),
+        shapes=tuple(
+            (number, shape.kind, _path(shape, pose, size), _matrix(shape, pose))
+            for number, shape in enumerate(sketch.shapes)
+        ),
+        labels=tuple(_label(shape, pose, size) for shape in sketch.shapes if shape.label),
         description=f"Sketch of the mechanism at {where}: {kinds}.",
     )
 
@@ -233,7 +194,7 @@ def _arc_path(shape: Shape, q: Sequence[float], w: float) -> str:
     return arc + head
 
 
-def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
+def _label(shape: Shape, q: Sequence[float], size: float) -> tuple[str, str, str, str]:
     if shape.kind == "angle":
         x, y = _coordinates(shape.center, q)
         r = 1.18 * evaluate(shape.radius, q)
@@ -256,10 +217,10 @@ def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
         sign = -1 if (ny < -1e-9 or (abs(ny) <= 1e-9 and nx < 0)) else 1
         sign = -sign if shape.kind == "damper" else sign
         x, y = (x + x2) / 2 + sign * nx, (y + y2) / 2 + sign * ny
-    letter, _, index = shown(shape.label).partition("_")
+    letter, _, index = shape.label.partition("_")
     if not index and len(letter) > 1 and letter[-1].isdigit():
         letter, index = letter.rstrip("0123456789"), letter[len(letter.rstrip("0123456789")) :]
-    return Label(x=_n(x), y=_n(-y), letter=GREEK.get(letter, letter), index=GREEK.get(index, index))
+    return _n(x), _n(-y), GREEK.get(letter, letter), GREEK.get(index, index)
 
 
 def _n(value: float) -> str:
@@ -269,168 +230,71 @@ def _n(value: float) -> str:
 VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModelFile:
-    """A model file of the run.
-
-    Attributes:
-        covers: what a verdict on it covers, in each engine.
-        failures: why its linearization or its audit is missing, in each engine.
-        acting: what its numbers act as: engine, subject, quantity, value, rule.
-        advice: implausible numbers: code, place, message, reason for accepting it.
-    """
-
-    model: str
-    engines: str
-    text: str
-    covers: tuple[str, ...]
-    failures: tuple[str, ...]
-    acting: tuple[tuple[str, ...], ...] = ()
-    advice: tuple[tuple[str, ...], ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class SystemView:
-    """The view of one system; tables are rows of strings in column order.
-
-    Attributes:
-        drawing: its sketch; None without.
-        lagrangian: L = T - V, and the other terms. This field, the equations, the errata and the
-            linearizations are empty if nothing was derived.
-        equations: equations of motion.
-        pack: id of its numbers and plots.
-    """
-
-    title: str
-    source: str
-    kind: str
-    drawing: Drawing | None
-    symbols: tuple[tuple[Markup | str, ...], ...]
-    lagrangian: tuple[tuple[str, Markup], ...]
-    equations: tuple[Markup, ...]
-    constants: tuple[tuple[Markup | str, ...], ...]
-    errata: tuple[tuple[str, ...], ...]
-    linearizations: tuple[LinearView, ...]
-    scenarios: tuple[tuple[str, ...], ...]
-    files: tuple[ModelFile, ...]
-    pack: str
-
-
-NOT_DERIVED = Derivation(energies={}, equations=(), linearizations=(), linearity=(), errata=())
-
-
-def system_view(system: SystemResult, models: Sequence[Model], pack: str) -> SystemView:
-    """Return the view of a system and of the models in its folder.
-
-    Args:
-        pack: id of its numbers and plots.
-    """
-    derived = system.derivation or NOT_DERIVED
-    names = [coordinate.name for coordinate in system.coordinates]
-    return SystemView(
-        title=shown(system.title),
-        source=shown(system.source),
-        kind=system.kind,
-        drawing=None if system.sketch is None else drawing(system.sketch, names),
-        symbols=tuple(_symbols(system)),
-        lagrangian=tuple(
-            (name, mathml(formula.latex, block=True))
-            for name, formula in sorted(derived.energies.items(), key=lambda e: "LTVD".find(e[0]))
-        ),
-        equations=tuple(mathml(one.latex, block=True) for one in derived.equations),
-        constants=tuple(
-            (
-                mathml(constant.latex),
-                repr(constant.value),
-                shown(constant.unit),
-                shown(constant.description),
-                shown(constant.source),
-            )
-            for constant in system.constants
-        ),
-        errata=tuple(_erratum(erratum, names) for erratum in derived.errata),
-        linearizations=linear_views(system, models),
-        scenarios=tuple(_scenario(scenario) for scenario in system.scenarios),
-        files=_files(models),
-        pack=pack,
-    )
-
-
-def _symbols(system: SystemResult) -> Iterator[tuple[Markup | str, ...]]:
-    """Yield the outputs with the expression of each."""
+def symbols(system: SystemResult) -> Iterator[tuple[object, ...]]:
+    """Yield coordinates, inputs, and outputs with the expression of each."""
     for what, quantities in (("coordinate", system.coordinates), ("input", system.inputs)):
         for entry in quantities:
-            yield mathml(entry.latex), what, shown(entry.unit), shown(entry.description)
+            yield mathml(entry.latex), what, entry.unit, entry.description
     for output in system.outputs:
-        meaning = shown(output.description)
-        yield mathml(output.formula.latex), "output", shown(output.unit), meaning
+        yield mathml(output.formula.latex), "output", output.unit, output.description
 
 
-def _erratum(erratum: Erratum, names: Sequence[str]) -> tuple[str, ...]:
-    return (
-        shown(erratum.number),
-        shown(erratum.published),
-        shown(primed(erratum.derived, names)),
-        f"{VERDICTS[erratum.verdict]} {erratum.verdict}",
-        shown(primed(erratum.difference, names)) or NOTHING,
-        shown(erratum.note),
-    )
-
-
-def _scenario(scenario: ReferenceMotion) -> tuple[str, ...]:
-    return (
-        shown(scenario.name),
-        shown(scenario.description),
-        quantity(scenario.duration, "s"),
-        "; ".join(f"{shown(name)} = {shown(text)}" for name, text in scenario.inputs.items()),
-        str(scenario.segments),
-        shown(scenario.method),
-        sci(scenario.bound),
-        sci(scenario.global_bound),
-    )
-
-
-def _files(models: Sequence[Model]) -> tuple[ModelFile, ...]:
-    rows = []
-    for name in dict.fromkeys(model.model for model in models):
-        same = [model for model in models if model.model == name]
-        rows.append(
-            ModelFile(
-                model=shown(name),
-                engines=", ".join(shown(model.engine) for model in same),
-                text=shown(same[0].text),
-                covers=tuple(_covers(model) for model in same if coverage_line(model)),
-                failures=tuple(failure for model in same for failure in _failures(model)),
-                acting=tuple(row for model in same for row in _acting(model)),
-                advice=tuple(dict.fromkeys(row for model in same for row in _advice(model))),
-            )
-        )
-    return tuple(rows)
-
-
-def _acting(model: Model) -> Iterator[tuple[str, ...]]:
-    for row in model.acting:
-        value = quantity(row.value, row.unit)
+def constants(system: SystemResult) -> Iterator[tuple[object, ...]]:
+    """Yield the symbol of each constant, its value, unit, meaning and source."""
+    for constant in system.constants:
         yield (
-            shown(model.engine), shown(row.subject), shown(row.quantity), value, shown(row.rule)
-        )  # fmt: skip
+            mathml(constant.latex),
+            repr(constant.value),
+            constant.unit,
+            constant.description,
+            constant.source,
+        )
 
 
-def _advice(model: Model) -> Iterator[tuple[str, ...]]:
-    for finding in model.audit or ():
-        if finding.severity == "advice":
-            where = str(finding.location or "").rpartition("/")[2]
-            yield finding.code, shown(where), shown(finding.message), shown(finding.accepted)
+def errata(system: SystemResult) -> Iterator[tuple[str, ...]]:
+    """Yield each published equation with the derived erratum and their difference."""
+    names = [coordinate.name for coordinate in system.coordinates]
+    for erratum in system.derivation.errata if system.derivation else ():
+        yield (
+            erratum.number,
+            erratum.published,
+            primed(erratum.derived, names),
+            f"{VERDICTS[erratum.verdict]} {erratum.verdict}",
+            primed(erratum.difference, names) or NOTHING,
+            erratum.note,
+        )
 
 
-def _covers(model: Model) -> str:
-    return f"{shown(model.engine)}: {shown(coverage_line(model, examples=True))}."
+def scenarios(system: SystemResult) -> Iterator[tuple[str, ...]]:
+    """Yield each scenario with its inputs and the bounds of its reference."""
+    for scenario in system.scenarios:
+        yield (
+            scenario.name,
+            scenario.description,
+            quantity(scenario.duration, "s"),
+            "; ".join(f"{name} = {text}" for name, text in scenario.inputs.items()),
+            str(scenario.segments),
+            scenario.method,
+            sci(scenario.bound),
+            sci(scenario.global_bound),
+        )
 
 
-def _failures(model: Model) -> Iterator[str]:
-    for what, failure in (
-        ("linearized", model.linearization_failure),
-        ("audited", model.audit_failure),
-    ):
-        if failure:
-            yield f"{shown(model.model)} was not {what}. {shown(model.engine)}: {shown(failure)}"
+def acting(models: Iterable[Model]) -> list[tuple[str, ...]]:
+    """Return what the numbers of models act as, in each engine."""
+    return [
+        (model.engine, row.subject, row.quantity, quantity(row.value, row.unit), row.rule)
+        for model in models
+        for row in model.acting
+    ]
+
+
+def advice(models: Iterable[Model]) -> list[tuple[str, ...]]:
+    """Return implausible numbers: code, place, message, and the reason for accepting each."""
+    rows = (
+        (one.code, str(one.location or "").rpartition("/")[2], one.message, one.accepted)
+        for model in models
+        for one in model.audit or ()
+        if one.severity == "advice"
+    )
+    return list(dict.fromkeys(rows))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import string
 
 NOTHING = "–"
@@ -18,7 +17,8 @@ def shown(value: object) -> str:
 
     Markup is unchanged; the template escapes it.
     """
-    return "".join(_visible(c) for c in str(value))
+    text = str(value)
+    return text if text.isprintable() else "".join(map(_visible, text))
 
 
 def _visible(c: str) -> str:
@@ -46,6 +46,11 @@ def sci(value: float | None) -> str:
     return "0" if value == 0 else f"{value:.1e}"
 
 
+def exact(value: float | None) -> str:
+    """Format a number as in a file, with nine digits."""
+    return "?" if value is None else f"{value:.9g}"
+
+
 def percent(value: float | None) -> str:
     """Format percent with three digits; very small or large values get an exponent."""
     if value is None:
@@ -58,16 +63,6 @@ def percent(value: float | None) -> str:
 def quantity(value: float | None, unit: str, digits: int = 4) -> str:
     """Format a number with its unit."""
     return NOTHING if value is None else f"{value:.{digits}g}\u00a0{unit}".rstrip()
-
-
-def agreeing_digits(discrepancy: float | None, uncertainty: float | None) -> str:
-    """Return how many digits agree: -log10 max(E, U), rounded down to make no false claim."""
-    if discrepancy is None or uncertainty is None:
-        return NOTHING
-    worst = max(discrepancy, uncertainty)
-    if worst <= 0:
-        return "all"
-    return f"{max(0.0, math.floor(-10 * math.log10(worst)) / 10):.1f}"
 
 
 def complex_number(real: float | None, imaginary: float | None, paired: bool) -> str:

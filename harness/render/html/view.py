@@ -1,13 +1,11 @@
-"""The view of the report: results as strings and tables, ready for the template.
-
-Numbers and plots of every case, system and diagnosis, packed for the page.
-"""
+"""The content of the report: cases, systems and diagnoses, with packed numbers and plots."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from physics_crosscheck.harness.records.case import Case, ModelKey
@@ -17,27 +15,16 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.scene import Scene
 from physics_crosscheck.harness.records.system import SystemResult
 from physics_crosscheck.harness.render.html.case_charts import OVERLAID, case_charts
-from physics_crosscheck.harness.render.html.cases import SYMBOLS, CaseView, case_view, severity
-from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView, diagnosis_view
-from physics_crosscheck.harness.render.html.matrix import EngineMatrix, Pair, matrix
+from physics_crosscheck.harness.render.html.cases import CaseView, severity
+from physics_crosscheck.harness.render.html.diagnoses import DiagnosisView
 from physics_crosscheck.harness.render.html.model_charts import (
     corrected,
     hypotheses,
     reaches,
     responses,
 )
-from physics_crosscheck.harness.render.html.overview import (
-    ChangeView,
-    IssueView,
-    Outlier,
-    TestedNumbers,
-    changes,
-    issue_views,
-    standing_out,
-    tested_numbers,
-    verdict,
-)
-from physics_crosscheck.harness.render.html.packs import Chart, Column, Pack
+from physics_crosscheck.harness.render.html.overview import issue_views, verdict
+from physics_crosscheck.harness.render.html.packs import Chart, Pack
 from physics_crosscheck.harness.render.html.runs import CaseRun, largest, runs
 from physics_crosscheck.harness.render.html.scenes import (
     THREE,
@@ -46,57 +33,12 @@ from physics_crosscheck.harness.render.html.scenes import (
     scene_about,
     three_code,
 )
-from physics_crosscheck.harness.render.html.systems import SystemView, system_view
-from physics_crosscheck.harness.render.html.text import quantity, shown, slug
-from physics_crosscheck.harness.render.terminal.table import summary
-from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT, run_again
+from physics_crosscheck.harness.render.html.text import slug
+from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 from physics_crosscheck.harness.results.status import counted, unread_words
-
-
-@dataclass(frozen=True)
-class Track:
-    """Location of another animated motion: pack and key of each column."""
-
-    t: tuple[str, str]
-    engine: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class AnimatedMotion:
-    """Location of the data of an animation.
-
-    Attributes:
-        system: id of the pack with the sketch.
-        t, reference, engine: keys of the case's own columns.
-        others: motions of the other models and engines.
-    """
-
-    system: str
-    t: str
-    reference: tuple[str, ...]
-    engine: tuple[str, ...]
-    others: tuple[Track, ...]
-
 
 Parts = tuple[Pack, tuple[Chart, ...], Mapping[str, object]]
 """A pack, its charts, and its other content."""
-
-
-class _LazyPacks(Mapping[str, str]):
-    """Mapping of packs that makes each text on access."""
-
-    def __init__(self, packs: Mapping[str, Parts]) -> None:
-        self._packs = packs
-
-    def __getitem__(self, name: str) -> str:
-        pack, charts, more = self._packs[name]
-        return pack.to_text(charts, **more)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._packs)
-
-    def __len__(self) -> int:
-        return len(self._packs)
 
 
 class Content:
@@ -163,14 +105,14 @@ class Content:
             return None
         states, about = "", scene_about(system.scene, ())
         if case.by_state is not None:
-            content = case_states(system.scene, case, case.by_state, model)
-            states, about = f"pack-states-{place}", scene_about(system.scene, content.lit)
-            self._store_pack(Pack(states), (), **vars(content))
+            states = f"pack-states-{place}"
+            about, content = case_states(system.scene, case, case.by_state, model)
+            self._store_pack(Pack(states), (), **content)
         return SceneView(
             scene=self._scene_packs[case.folder],
             states=states,
             about=about,
-            unread=shown(unread_words(system.scene.unread)),
+            unread=unread_words(system.scene.unread),
         )
 
     def system_pack(self, folder: str) -> str:
@@ -185,9 +127,15 @@ class Content:
         """Return the pack id of a model's diagnosis; empty without one."""
         return self._diagnosis_packs[place]
 
-    def packs(self) -> Mapping[str, str]:
-        """Return every pack by its id, packed on access."""
-        return _LazyPacks(self._packs)
+    @property
+    def names(self) -> Iterable[str]:
+        """Ids of the packs."""
+        return self._packs
+
+    def text(self, name: str) -> str:
+        """Return a pack as text."""
+        pack, charts, more = self._packs[name]
+        return pack.to_text(charts, **more)
 
     def _store_pack(self, pack: Pack, charts: Iterable[Chart], **more: object) -> None:
         self._packs[pack.id] = pack, tuple(charts), more
@@ -213,22 +161,25 @@ class Content:
                 worst=run.verdict.time,
             )
 
-    def _motion(self, run: CaseRun, others: Sequence[CaseRun]) -> AnimatedMotion | None:
-        """Return the location of the data of an animation; None without a sketch."""
+    def _motion(self, run: CaseRun, others: Sequence[CaseRun]) -> Mapping[str, object] | None:
+        """Return where the script finds an animation's numbers; None without a sketch.
+
+        The keys of the case's own columns, and pack and key of each other motion's.
+        """
         system = self._systems.get(run.case.folder)
         if system is None or system.sketch is None:
             return None
         half = len(run.reference) // 2
-        return AnimatedMotion(
-            system=self._system_packs[system.folder],
-            t=run.t.key,
-            reference=tuple(column.key for column in run.reference[:half]),
-            engine=tuple(column.key for column in run.engine[:half]),
-            others=tuple(
-                Track(_address(other.t), tuple(_address(c) for c in other.engine[:half]))
+        return {
+            "system": self._system_packs[system.folder],
+            "t": run.t.key,
+            "reference": [column.key for column in run.reference[:half]],
+            "engine": [column.key for column in run.engine[:half]],
+            "others": [
+                {"t": other.t.address, "engine": [one.address for one in other.engine[:half]]}
                 for other in others
-            ),
-        )
+            ],
+        }
 
     def _units(self, run: CaseRun) -> list[str]:
         """Return the units of the components: coordinates, then rates."""
@@ -259,10 +210,6 @@ class Content:
         return pack.id
 
 
-def _address(column: Column) -> tuple[str, str]:
-    return column.pack, column.key
-
-
 def _magnitudes(cases: Iterable[Case]) -> dict[str, list[float]]:
     """Return the largest magnitude of each component over all cases of a folder."""
     magnitudes: dict[str, list[float]] = {}
@@ -275,288 +222,173 @@ def _magnitudes(cases: Iterable[Case]) -> dict[str, list[float]]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Count:
-    """An outcome: its symbol, its meaning, and its number of cases."""
-
-    outcome: Outcome
-    symbol: str
-    meaning: str
-    cases: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class RelatedCase:
-    """A link to a related case: (permalink, label)."""
-
-    engines: tuple[tuple[str, str], ...]
-    scenarios: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelGroup:
-    """A model file in one engine, with its cases and its problems."""
-
-    model: str
-    engine: str
-    scene: SceneView | None
-    diagnosis: DiagnosisView | None
-    cases: tuple[tuple[CaseView, RelatedCase], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class FolderView:
     """One folder: its page, and those of its models.
 
     Attributes:
         id: id of its page.
         name: name of the system, with its folder if another system has the same name.
-        models: one per model file and engine.
-        about: the system itself; None if it could not be read.
-        scene: scene of its worst case; None for declared energies.
+        system: its record; None if it could not be read.
+        models: records of its models.
+        cases: its cases.
+        pack: id of the numbers and plots of the system; empty if it could not be read.
         packs: packs of the system, its models and its diagnoses.
     """
 
     id: str
     name: str
-    models: tuple[ModelGroup, ...]
-    about: SystemView | None
-    scene: SceneView | None
+    system: SystemResult | None
+    models: Sequence[Model]
+    cases: Sequence[CaseView]
+    pack: str
     packs: tuple[str, ...]
 
+    @cached_property
+    def by_model(self) -> Mapping[ModelKey, list[CaseView]]:
+        """Cases of each model file in each engine."""
+        groups: dict[ModelKey, list[CaseView]] = {}
+        for view in self.cases:
+            groups.setdefault(view.case.key, []).append(view)
+        return groups
 
-@dataclass(frozen=True, kw_only=True)
+    @cached_property
+    def by_scenario(self) -> Mapping[str, list[CaseView]]:
+        """Cases of each scenario."""
+        groups: dict[str, list[CaseView]] = {}
+        for view in self.cases:
+            groups.setdefault(view.case.scenario, []).append(view)
+        return groups
+
+    @cached_property
+    def files(self) -> Mapping[str, list[Model]]:
+        """Each model file with its records in the engines."""
+        groups: dict[str, list[Model]] = {}
+        for model in self.models:
+            groups.setdefault(model.model, []).append(model)
+        return groups
+
+
+def worst_scene(views: Iterable[CaseView]) -> SceneView | None:
+    """Return the scene of the worst case with errors by state; None for declared energies."""
+    worst_first = sorted(views, key=lambda view: severity(view.case))
+    scenes = [view.scene for view in worst_first if view.scene is not None]
+    return next((one for one in scenes if one.states), scenes[0] if scenes else None)
+
+
 class Report:
     """The whole page.
 
     Attributes:
-        settings: (label, value) of the run.
-        absent: engines that are not installed.
-        verdict: the verdict in words, and what to do on failure.
-        troubles: issues to act on.
-        again: command that checks a fix; empty if all passes.
-        outliers: extreme cases among those that agree.
-        tested: tested numbers of each model file.
-        changes: changes since the baseline; None without one.
-        baseline: name of the baseline.
-        matrix: models by engines.
-        cases: every case, worst first.
-        groups: folders in the order of the run.
-        scene: scene of the only system; None for several systems.
-        code: code of three.js, which the page may run; empty without scenes.
-        packs: numbers and plots, by the ids of their elements.
+        results: results of the run.
+        out: folder of the page.
+        content: packed numbers and plots.
+        folders: folders in the order of the run.
+        cases: every case, in the order of the run.
+        diagnoses: diagnoses of the models with a difference or a finding.
+        issues: issues to act on.
     """
 
-    title: str
-    verdict: str
-    summary: str
-    settings: tuple[tuple[str, str], ...]
-    absent: tuple[str, ...]
-    counts: tuple[Count, ...]
-    troubles: tuple[IssueView, ...]
-    again: str
-    outliers: tuple[Outlier, ...]
-    tested: tuple[TestedNumbers, ...]
-    changes: tuple[ChangeView, ...] | None
-    baseline: str
-    matrix: EngineMatrix
-    cases: tuple[CaseView, ...]
-    engines: tuple[str, ...]
-    systems: tuple[str, ...]
-    groups: tuple[FolderView, ...]
-    scene: SceneView | None
-    code: str
-    packs: Mapping[str, str]
-
-    @property
-    def has_scenes(self) -> bool:
-        """True if a page shows bodies."""
-        return any(group.scene is not None for group in self.groups)
-
-
-def report(results: Results, out: Path = DEFAULT_OUT) -> Report:
-    """Return the view of results, for a page in the folder `out`."""
-    systems = {system.folder: system for system in results.systems}
-    names = _names(results, systems)
-    ids = _Ids()
-    content = Content(results)
-    pages = {folder: ids.new(f"system-{slug(name)}") for folder, (name, _) in names.items()}
-    views = _views(results, systems, ids, content)
-    pairs = list(zip(results.cases, views, strict=True))
-    diagnoses = _diagnoses(results.models, pairs, ids, content)
-    worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
-    counts = Counter(case.outcome for case in results.cases)
-    issues = issue_views(results, {id(case): view for case, view in pairs}, diagnoses)
-    shown_names = {folder: name for folder, (_, name) in names.items()}
-    baseline = results.baseline
-    groups = _groups(results, pages, shown_names, pairs, diagnoses, content)
-    return Report(
-        title=f"{counts[Outcome.AGREES]} of {counted(len(views), 'case')}"
-        f" agree{'s' if len(views) == 1 else ''}",
-        verdict=verdict(results, issues),
-        summary=shown(summary(results)),
-        settings=(
-            ("created", shown(results.created)),
-            ("requested resolution", quantity(results.resolution, "")),
-            *((shown(k), shown(v)) for k, v in results.versions.items() if v is not None),
-        ),
-        absent=tuple(shown(k) for k, v in results.versions.items() if v is None),
-        counts=tuple(
-            Count(outcome=o, symbol=SYMBOLS[o], meaning=o.meaning, cases=counts[o]) for o in Outcome
-        ),
-        troubles=issues,
-        again=shown(run_again(results, out)),
-        outliers=standing_out(pairs),
-        tested=tested_numbers(results.models),
-        changes=None if baseline is None else changes(baseline, pairs),
-        baseline="" if baseline is None else shown(baseline.name or "the baseline"),
-        matrix=matrix(pairs, results.models, pages, shown_names),
-        cases=tuple(view for _, view in worst_first),
-        engines=tuple(sorted({view.engine for view in views})),
-        systems=tuple(dict.fromkeys(view.system for view in views)),
-        groups=groups,
-        scene=groups[0].scene if len(groups) == 1 else None,
-        code=content.code,
-        packs=content.packs(),
-    )
-
-
-def _names(results: Results, systems: Mapping[str, SystemResult]) -> dict[str, tuple[str, str]]:
-    """Return the system's name and its displayed name, by folder in the order of the run."""
-    folders = dict.fromkeys([*systems, *(case.folder for case in results.cases)])
-    names = {case.folder: case.system for case in results.cases}
-    names |= {folder: system.name for folder, system in systems.items()}
-    times = Counter(names.values())
-    return {
-        folder: (name, shown(name if times[name] == 1 else f"{name} in {folder}"))
-        for folder, name in ((folder, names[folder]) for folder in folders)
-    }
-
-
-def _groups(
-    results: Results,
-    pages: Mapping[str, str],
-    names: Mapping[str, str],
-    pairs: Sequence[Pair],
-    diagnoses: Mapping[ModelKey, DiagnosisView],
-    content: Content,
-) -> tuple[FolderView, ...]:
-    cases: dict[str, list[Pair]] = {folder: [] for folder in pages}
-    for case, view in pairs:
-        cases[case.folder].append((case, view))
-    abouts = {
-        system.folder: system_view(
-            system,
-            [model for model in results.models if model.folder == system.folder],
-            content.system_pack(system.folder),
-        )
-        for system in results.systems
-    }
-    return tuple(
-        FolderView(
-            id=page,
-            name=names[folder],
-            models=_model_groups(cases[folder], diagnoses),
-            about=abouts.get(folder),
-            scene=_worst_scene(cases[folder]),
-            packs=content.folder_packs(folder),
-        )
-        for folder, page in pages.items()
-    )
-
-
-def _worst_scene(pairs: Sequence[Pair]) -> SceneView | None:
-    """Return the scene of the worst case with errors by state."""
-    worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
-    scenes = [view.scene for _, view in worst_first if view.scene is not None]
-    return next((one for one in scenes if one.states), scenes[0] if scenes else None)
-
-
-class _Ids:
-    """Unique ids: a repeated one gets a number."""
-
-    def __init__(self) -> None:
+    def __init__(self, results: Results, out: Path = DEFAULT_OUT) -> None:
+        self.results, self.out, self.content = results, out, Content(results)
         self._given: Counter[str] = Counter()
+        systems = {system.folder: system for system in results.systems}
+        folders = dict.fromkeys([*systems, *(case.folder for case in results.cases)])
+        names = {case.folder: case.system for case in results.cases}
+        names |= {folder: system.name for folder, system in systems.items()}
+        pages = {folder: self._unique(f"system-{slug(names[folder])}") for folder in folders}
+        self.cases = self._case_views(systems)
+        self.diagnoses = self._diagnosis_views()
+        times = Counter(names.values())
+        self.folders = {
+            folder: FolderView(
+                id=page,
+                name=names[folder] if times[names[folder]] == 1 else f"{names[folder]} in {folder}",
+                system=systems.get(folder),
+                models=[model for model in results.models if model.folder == folder],
+                cases=[view for view in self.cases if view.case.folder == folder],
+                pack=self.content.system_pack(folder) if folder in systems else "",
+                packs=self.content.folder_packs(folder),
+            )
+            for folder, page in pages.items()
+        }
+        views = {id(view.case): view for view in self.cases}
+        self.issues = issue_views(results, views, self.diagnoses)
 
-    def new(self, wanted: str) -> str:
+    def _unique(self, wanted: str) -> str:
+        """Return an id; a repeated one gets a number after an equals sign, which no slug has."""
         self._given[wanted] += 1
         count = self._given[wanted]
-        # Slugs contain no equals sign.
         return wanted if count == 1 else f"{wanted}={count}"
 
-
-def _views(
-    results: Results, systems: Mapping[str, SystemResult], ids: _Ids, content: Content
-) -> list[CaseView]:
-    scenarios = {
-        (folder, scenario.name): scenario
-        for folder, system in systems.items()
-        for scenario in system.scenarios
-    }
-    models = {model.key: model for model in results.models}
-    return [
-        case_view(
-            case,
-            ids.new(f"case-{slug(case.system, case.model, case.engine, case.scenario)}"),
-            content.case_pack(place),
-            content.scene(place),
-            scenarios.get((case.folder, case.scenario)),
-            models.get(case.key),
-        )
-        for place, case in enumerate(results.cases)
-    ]
-
-
-def _diagnoses(
-    models: Sequence[Model], pairs: Sequence[Pair], ids: _Ids, content: Content
-) -> dict[ModelKey, DiagnosisView]:
-    """Return diagnoses of the models with a difference or an audit finding."""
-    differing: dict[ModelKey, list[tuple[str, str]]] = {}
-    for case, view in pairs:
-        if case.outcome is Outcome.DIFFERS:
-            differing.setdefault(case.key, []).append((view.id, view.scenario))
-    views = {}
-    for place, model in enumerate(models):
-        if model.diagnosis is not None or model.findings:
-            name = slug(model.system, model.model, model.engine)
-            views[model.key] = diagnosis_view(
-                model,
-                ids.new(f"diagnosis-{name}"),
-                content.diagnosis_pack(place),
-                differing.get(model.key, ()),
+    def _case_views(self, systems: Mapping[str, SystemResult]) -> list[CaseView]:
+        scenarios = {
+            (folder, scenario.name): scenario
+            for folder, system in systems.items()
+            for scenario in system.scenarios
+        }
+        models = {model.key: model for model in self.results.models}
+        return [
+            CaseView(
+                id=self._unique(
+                    f"case-{slug(case.system, case.model, case.engine, case.scenario)}"
+                ),
+                case=case,
+                pack=self.content.case_pack(place),
+                scene=self.content.scene(place),
+                scenario=scenarios.get((case.folder, case.scenario)),
+                model=models.get(case.key),
             )
-    return views
+            for place, case in enumerate(self.results.cases)
+        ]
 
-
-MAX_RELATED = 12
-"""Maximum number of links to other cases; a longer row does not help."""
-
-
-def _model_groups(
-    pairs: Sequence[Pair], diagnoses: Mapping[ModelKey, DiagnosisView]
-) -> tuple[ModelGroup, ...]:
-    rows: dict[ModelKey, list[Pair]] = {}
-    same: dict[str, list[CaseView]] = {}
-    for case, view in pairs:
-        rows.setdefault(case.key, []).append((case, view))
-        same.setdefault(case.scenario, []).append(view)
-    groups = []
-    for key, mine in rows.items():
-        cases = []
-        for case, view in mine:
-            engines = [v for v in same[case.scenario] if v is not view][:MAX_RELATED]
-            scenarios = [v for _, v in mine if v is not view][:MAX_RELATED]
-            links = RelatedCase(
-                engines=tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
-                scenarios=tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
+    def _diagnosis_views(self) -> dict[ModelKey, DiagnosisView]:
+        differing: dict[ModelKey, list[tuple[str, str]]] = {}
+        for view in self.cases:
+            if view.case.outcome is Outcome.DIFFERS:
+                differing.setdefault(view.case.key, []).append((view.id, view.case.scenario))
+        return {
+            model.key: DiagnosisView(
+                id=self._unique(f"diagnosis-{slug(model.system, model.model, model.engine)}"),
+                model=model,
+                cases=differing.get(model.key, ()),
+                pack=self.content.diagnosis_pack(place),
             )
-            cases.append((view, links))
-        groups.append(
-            ModelGroup(
-                model=mine[0][1].model,
-                engine=mine[0][1].engine,
-                scene=_worst_scene(mine),
-                diagnosis=diagnoses.get(key),
-                cases=tuple(cases),
-            )
-        )
-    return tuple(groups)
+            for place, model in enumerate(self.results.models)
+            if model.diagnosis is not None or model.findings
+        }
+
+    @property
+    def counts(self) -> Mapping[Outcome, int]:
+        """Number of cases by outcome, for outcomes with cases."""
+        counts = Counter(view.case.outcome for view in self.cases)
+        return {outcome: counts[outcome] for outcome in Outcome if counts[outcome]}
+
+    @property
+    def title(self) -> str:
+        """How many cases agree."""
+        count = len(self.cases)
+        agreeing = self.counts.get(Outcome.AGREES, 0)
+        return f"{agreeing} of {counted(count, 'case')} agree{'s' if count == 1 else ''}"
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in words, and what to do on failure."""
+        return verdict(self.results, self.issues)
+
+    @property
+    def worst_first(self) -> list[CaseView]:
+        """Every case, worst first."""
+        return sorted(self.cases, key=lambda view: severity(view.case))
+
+    @property
+    def changes(self) -> Mapping[tuple[str, str], list[tuple[str, str]]]:
+        """Changes since the baseline, with the id on the page and the name of each case.
+
+        Equal ones are listed once; a case that did not run has no id.
+        """
+        ids = {view.case.id: view.id for view in self.cases}
+        changes: dict[tuple[str, str], list[tuple[str, str]]] = {}
+        for change in self.results.baseline.changes if self.results.baseline else ():
+            what = change.label, "; ".join(change.messages)
+            changes.setdefault(what, []).append((ids.get(change.id, ""), str(change.id)))
+        return changes

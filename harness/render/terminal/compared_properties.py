@@ -67,11 +67,13 @@ def law_lines(rows: Sequence[ComparedProperty]) -> list[str]:
     alike: dict[tuple[str, str], list[ComparedProperty]] = {}
     for row in rows:
         head, _, tail = row.message.partition(f" of {row.about}: ")
+        if not tail:  # only one file has it
+            head, tail = "", row.message.removeprefix(f"{row.about}: ")
         alike.setdefault((head, f"{tail}; {law_effect(row)}"), []).append(row)
     lines = []
     for (head, tail), equal in alike.items():
         names = listed([row.about for row in equal], MAX_NAMES)
-        lines.append(f"{_where(equal[0])}{head} of {names}: {tail}")
+        lines.append(f"{_where(equal[0])}{head and f'{head} of '}{names}: {tail}")
     return lines
 
 

@@ -6,7 +6,7 @@ import math
 import re
 import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
@@ -23,8 +23,8 @@ from physics_crosscheck.harness.render.terminal.primes import primed
 from physics_crosscheck.harness.render.terminal.typeset import (
     Latex,
     Style,
-    SumTerms,
     Text,
+    latex_name,
     latex_words,
 )
 
@@ -206,151 +206,33 @@ class Matrix:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Transfer:
-    """The transfer function from an input to an output, of the Laplace variable `s`."""
-
-    output: sp.Symbol
-    input: sp.Symbol
-    function: sp.Expr
-    s: sp.Symbol
-
-
-@dataclass(frozen=True, kw_only=True)
-class DerivedEquilibrium:
-    """The equations about one equilibrium.
+class DerivedPage:
+    """The content of a page of derived equations.
 
     Attributes:
-        rest: each position symbol and its value at rest.
-        matrices: M, C, K, A, B; without empty ones.
-        damped: eigenvalue and complex shape of each mode; empty without damping.
-        moved: symbols of deviations from nonzero rest positions, each with its meaning.
-        series: both sides of each equation's Taylor series; None for linear equations, empty if too
-            long to read.
-        linearity: empty for linear equations, or about an unstable equilibrium.
+        name: name of its templates, without their endings.
+        symbols: positions, velocities and accelerations.
+        coordinates: names of the coordinates.
+        values: variables of the templates.
     """
 
-    name: str
-    description: str
-    rest: Sequence[tuple[sp.Symbol, sp.Expr]]
-    matrices: Sequence[Matrix]
-    poles: Sequence[records.Pole]
-    modes: Sequence[records.Mode]
-    damped: Sequence[tuple[complex, Sequence[complex]]]
-    transfers: Sequence[Transfer]
-    moved: Sequence[tuple[sp.Symbol, sp.Expr]]
-    series: Sequence[tuple[SumTerms, SumTerms]] | None
-    linearity: Sequence[records.Linearity]
-
-
-@dataclass(frozen=True, kw_only=True)
-class DerivedSystem:
-    """Everything derived from a system without integrating a scenario.
-
-    Attributes:
-        q, v, a: symbols of positions, velocities and accelerations.
-        energies: T, V and D.
-        forces: the generalized force of each coordinate.
-        motion: both sides of each equation of motion.
-        kind: kind of system by the number of inputs and outputs.
-        order: order of the Taylor series.
-        errata: each published equation, with what it claims to be.
-    """
-
-    title: str
-    source: str
-    q: Sequence[sp.Symbol]
-    v: Sequence[sp.Symbol]
-    a: Sequence[sp.Symbol]
-    coordinates: Sequence[records.Symbol]
-    inputs: Sequence[records.Symbol]
-    constants: Sequence[records.ConstantValue]
-    outputs: Sequence[sp.Expr]
-    energies: Sequence[tuple[str, sp.Expr]]
-    forces: Sequence[sp.Expr]
-    motion: Sequence[tuple[SumTerms, SumTerms]]
-    kind: str
-    linear: bool
-    order: int
-    equilibria: Sequence[DerivedEquilibrium]
-    errata: Sequence[tuple[str, records.Erratum]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShownBody:
-    """A declared body: its parent, joints, and mass in kg."""
-
-    name: str
-    parent: str
-    by: str
-    mass: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShownJoint:
-    """A declared joint.
-
-    Attributes:
-        body: the body that it moves.
-        limits: None without limits.
-        damping, stiffness: coefficients of the first power, the second, ...
-    """
-
-    name: str
-    kind: str
-    body: str
-    limits: tuple[float, float] | None
-    damping: Sequence[float]
-    stiffness: Sequence[float]
-    armature: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class DerivedTree:
-    """Everything derived from bodies of a declaration or a robot file.
-
-    Attributes:
-        q, v, a: symbols of positions, velocities and accelerations.
-        pulls: names of tendons and actuators.
-        couplings: names of the joints that follow others.
-        omitted: statements of the file beyond the equations; empty for a declaration.
-        motion: both sides of each equation of motion; empty if they are omitted.
-        left_out: why they are omitted; empty otherwise.
-        home: position of each coordinate at which the mass matrix is shown.
-        mass: the mass matrix.
-        force: force of each coordinate in that position at rest, a column.
-    """
-
-    title: str
-    source: str
-    q: Sequence[sp.Symbol]
-    v: Sequence[sp.Symbol]
-    a: Sequence[sp.Symbol]
-    coordinates: Sequence[records.Symbol]
-    bodies: Sequence[ShownBody]
-    joints: Sequence[ShownJoint]
-    gravity: Sequence[float]
-    pulls: Sequence[str]
-    couplings: Sequence[str]
-    omitted: Sequence[str]
-    motion: Sequence[tuple[SumTerms, SumTerms]]
-    left_out: str
-    home: Sequence[float]
-    mass: Matrix
-    force: Matrix
+    name: Literal["derive", "bodies"]
+    symbols: tuple[tuple[sp.Symbol, ...], ...]
+    coordinates: Sequence[str]
+    values: Mapping[str, Any]
 
 
 def describe(
-    derived: DerivedSystem | DerivedTree,
+    derived: DerivedPage,
     style: Literal["text", "latex"] = "text",
     width: int = LOG_COLUMNS,
 ) -> str:
     """Return everything derived from a system, as a page of text of some width, or of LaTeX."""
-    symbols = derived.q, derived.v, derived.a
-    page = "derive" if isinstance(derived, DerivedSystem) else "bodies"
     if style == "latex":
-        latex = Latex(*symbols)
+        latex = Latex(*derived.symbols)
         environment = jinja2.Environment(**_SETTINGS, **_SIGNS)
         environment.filters |= {
+            "symbol": latex_name,
             "words": latex_words,
             "inline": "${}$".format,
             "equation": latex.equation,
@@ -360,7 +242,7 @@ def describe(
             "table": partial(LatexTable, width=width),
             "formulas": partial(LatexFormulas, width),
         }
-        return _page(environment, latex, f"{page}.tex", derived)
+        return _page(environment, latex, f"{derived.name}.tex", derived)
     environment = jinja2.Environment(**_SETTINGS)
     environment.filters |= {"heading": partial(heading, width=width)}
     environment.globals |= {
@@ -368,19 +250,15 @@ def describe(
         "formulas": partial(TextFormulas, width),
         "matrix": partial(text_matrix, width=width),
     }
-    lines = _page(environment, Text(*symbols), f"{page}.txt", derived).split("\n")
+    lines = _page(environment, Text(*derived.symbols), f"{derived.name}.txt", derived).split("\n")
     # Formulas and tables, which are indented, are laid out already.
     broken = ([line] if line.startswith(" ") else wrapped(line, width) for line in lines)
     return "\n".join(chain.from_iterable(broken))
 
 
 def _page(
-    environment: jinja2.Environment,
-    style: Style,
-    template: str,
-    derived: DerivedSystem | DerivedTree,
+    environment: jinja2.Environment, style: Style, template: str, derived: DerivedPage
 ) -> str:
-    names = [c.name for c in derived.coordinates]
     filters: dict[str, Callable[..., Any]] = {
         "math": style.math,
         "number": style.number,
@@ -391,17 +269,17 @@ def _page(
         "forms": partial(_forms, style),
         "hertz": lambda frequency: style.number(frequency / (2 * math.pi)),
         "share": lambda value: style.number(0.0 if abs(value) < 1e-12 else value),
-        "primed": partial(primed, coordinates=names),
+        "primed": partial(primed, coordinates=derived.coordinates),
         "pole_remark": _pole_remark,
         "mode_remark": _mode_remark,
         "percent": lambda value: f"{100 * value:.3g} %",
         "by_amplitude": _by_amplitude,
         "powers": lambda values: ", ".join(map(style.number, values)),
-        "limits": lambda joint: list(map(style.number, joint.limits or ())) or ["", ""],
+        "limits": lambda limits: list(map(style.number, limits or ())) or ["", ""],
     }
     environment.filters |= filters
     environment.globals |= {"fraction": style.fraction, "rational": style.rational}
-    text = environment.get_template(template).render(system=derived)
+    text = environment.get_template(template).render(derived.values)
     # Omitted parts leave blank lines.
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
 
