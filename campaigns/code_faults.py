@@ -84,15 +84,15 @@ def draw(coverage_file: Path, count: int, seed: int) -> list[dict[str, Any]]:
     """Return changes of executed lines, from each folder in turn."""
     data = importlib.import_module("coverage").CoverageData(str(coverage_file))
     data.read()
-    contexts: dict[str, dict[int, list[str]]] = {}
+    seen: dict[str, dict[int, list[str]]] = {}
     for measured in data.measured_files():
         name = re.sub(r"^.*?/(?=(harness|reference)/)", "", measured)
         by_line = data.contexts_by_lineno(measured).items()
-        contexts[name] = {i: sorted({one.split("|")[0] for one in tests}) for i, tests in by_line}
-    lists = (tests for file in contexts.values() for tests in file.values())
+        seen[name] = {i: sorted({re.split(r"\||\[", c)[0] for c in tests}) for i, tests in by_line}
+    lists = (tests for file in seen.values() for tests in file.values())
     extent = Counter(test for tests in lists for test in tests)
     generator, rooms = random.Random(seed), defaultdict[str, list[str]](list)
-    for name in sorted(contexts):
+    for name in sorted(seen):
         rooms["/".join(name.split("/")[:2])].append(name)
     faults: list[dict[str, Any]] = []
     while len(faults) < count:
@@ -100,11 +100,11 @@ def draw(coverage_file: Path, count: int, seed: int) -> list[dict[str, Any]]:
             name = generator.choice(rooms[room])
             text = (ROOT / name).read_text(encoding="utf-8")
             drawn = {fault["line"] for fault in faults if fault["file"] == name}
-            lines = contexts[name].keys() - drawn
-            executed = [c for c in changes(text) if c.line in lines and any(contexts[name][c.line])]
+            lines = seen[name].keys() - drawn
+            executed = [c for c in changes(text) if c.line in lines and any(seen[name][c.line])]
             if executed:
                 change = generator.choice(executed)
-                tests = sorted(filter(None, contexts[name][change.line]), key=extent.__getitem__)
+                tests = sorted(filter(None, seen[name][change.line]), key=extent.__getitem__)
                 faults.append(_fault(name, text, change, tests))
     return faults[:count]
 
