@@ -68,7 +68,10 @@ _MOVES = re.compile(rb"<(joint|freejoint|include)\b")
 _USED = re.compile(r"<link\b|<xacro:(?!macro|include|property|arg|if|unless)")
 """Content, outside of macros, of a source that is a robot and not a part of others."""
 
-_EXPAND = "from physics_crosscheck.harness.documents.expanded import expand; f = str(expand(f)); "
+_EXPAND = (
+    "from pathlib import Path; from physics_crosscheck.harness.documents.expanded import expand;"
+    " f = str(expand(Path(f))); "
+)
 
 
 class DrawnFile(Record, frozen=True, kw_only=True):

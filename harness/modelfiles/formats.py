@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import xml_problem
+from physics_crosscheck.harness.documents.expanded import RENAMED
 
 HEAD_BYTES = 4096
 """Bytes of a file that contain its first element."""
@@ -52,7 +53,7 @@ def syntax_problem(file: Path) -> str:
 
 def is_robot(file: Path) -> bool:
     """Return whether a file is a robot's: by its suffix and its first bytes."""
-    kind = FORMATS.get(file.suffix)
+    kind = FORMATS.get(RENAMED.get(file.suffix, file.suffix))
     if kind is None or file.name.startswith("."):
         return False
     if not kind.head:

@@ -42,6 +42,9 @@ SWEEPS, CONVERGED, SLOWEST = 4000, 1e-16, 0.9999
 """Sweeps over all rows, the change of a velocity at which they end, relative, and the largest ratio
 of two changes by which their sum is extrapolated."""
 
+FIRST_SOLUTION = 8
+"""Sweep before which rows inside their bounds are solved together, as before each power of 2."""
+
 ROUGHLY = 1e-9
 """Share of the largest change of a velocity that sweeps may leave."""
 
@@ -263,7 +266,7 @@ class _Sweeps:
     """
 
     def __init__(self, rows: ImpulseRows, response: Array, free: Array) -> None:
-        self._rows, self._response = rows, list(response.T)
+        self._rows, self._matrix, self._response = rows, response, list(response.T)
         self._inertias = np.diagonal(response) + rows.softness
         self._inertia: list[float] = self._inertias.tolist()
         self._impulses = [float(guess) for guess in rows.guesses]
@@ -280,7 +283,10 @@ class _Sweeps:
         size, before = np.inf, np.inf
         old = self.impulses
         change = np.zeros_like(old)
-        for _ in range(SWEEPS):
+        inner = [*bounded, *(i for pair in self._rows.pairs for i in pair)]
+        for sweep in range(1, SWEEPS + 1):
+            if sweep >= FIRST_SOLUTION and sweep.bit_count() == 1:
+                self._solve_inner(inner)
             for i in bounded:
                 self._bound(i)
             for motor, limit in self._rows.pairs:
@@ -295,6 +301,29 @@ class _Sweeps:
         rate = min(size / before, SLOWEST) if 0 < before < np.inf else 0.0
         result: Array = change / (1 - rate)
         return result
+
+    def _solve_inner(self, rows: Sequence[int]) -> None:
+        """Move rows inside their bounds together to their targets, or until one is at a bound.
+
+        Sweeps alone converge slowly where many joints are coupled.
+        """
+        bounds = np.array(self._rows.bounds).reshape(-1, 2)[list(rows)]
+        p = self.impulses[list(rows)]
+        is_inner = (bounds[:, 0] < p) & (p < bounds[:, 1]) & (self._inertias[rows] > SMALLEST)
+        inner = np.array(rows, dtype=int)[is_inner]
+        softness = np.array(self._rows.softness)[inner]
+        matrix = self._matrix[np.ix_(inner, inner)] + np.diag(softness)
+        lacks = np.array(self._rows.targets)[inner] - self._velocities[inner]
+        try:
+            change = np.linalg.solve(matrix, lacks - softness * p[is_inner])
+        except np.linalg.LinAlgError:
+            return
+        ends = np.where(change > 0, bounds[is_inner, 1], bounds[is_inner, 0]) - p[is_inner]
+        room = np.where(change != 0, ends / np.where(change != 0, change, 1.0), np.inf)
+        share = min(1.0, float(np.min(room, initial=np.inf)))
+        if np.isfinite(change).all():
+            for i, impulse in zip(inner.tolist(), p[is_inner] + share * change, strict=True):
+                self._set(i, float(impulse))
 
     def _wanted(self, i: int) -> float:
         """Return the impulse at which a row reaches its target."""

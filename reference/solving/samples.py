@@ -55,6 +55,9 @@ LOCKED_RATE = 1e8
 MIN_EIGENVALUE = 1e-13
 """Threshold of eigenvalues of a mass matrix with unit diagonal; smaller ones are rounding."""
 
+MIN_SHARE = 0.1
+"""Share of the largest part in a motion without inertia from which a joint is named."""
+
 MAX_DIFFERENCE = 1e-9
 """Largest difference of the two solutions, relative to the largest component of its kind. Smaller
 differences enter the bound."""
@@ -327,7 +330,7 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
     """Check that every joint of the tree moves some mass.
 
     Raises:
-        ReferenceError: with the joint.
+        ReferenceError: with the joints that move none together.
     """
     mass = equations.inertia(q)
     diagonal = np.einsum("kii->ki", mass)
@@ -338,11 +341,14 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
     values, vectors = np.linalg.eigh(mass / size[:, :, None] / size[:, None, :])
     worst = int(np.argmin(values[:, 0]))
     if values[worst, 0] <= MIN_EIGENVALUE:
-        joint = int(np.argmax(np.abs(vectors[worst, :, 0])))
-        name = equations.system.coordinates[joint].name
+        shares = np.abs(vectors[worst, :, 0])
+        joints = np.flatnonzero(shares >= MIN_SHARE * shares.max())
+        names = [repr(equations.system.coordinates[i].name) for i in joints]
+        who = f"joint {names[0]} moves" if len(names) == 1 else "together, joints "
+        who += "" if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]} move"
         raise ReferenceError(
-            f"joint {name!r} moves no mass or inertia, or a negative one: the mass "
-            "matrix is not positive definite"
+            f"{who} no mass or inertia, or a negative one: the mass "
+            "matrix is not positive definite. Check the inertias of the links that they move"
         )
 
 

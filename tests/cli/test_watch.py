@@ -12,6 +12,9 @@ from queue import Queue
 
 import pytest
 
+from physics_crosscheck.harness.interfaces.cli.run import _watched
+from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
+from physics_crosscheck.harness.interfaces.pytest_plugin.session import targets_under
 from physics_crosscheck.records import Outcome, read_results
 from tests.cli.test_choosing import crosscheck, place
 from tests.faults.known_folder import environment
@@ -125,3 +128,20 @@ def test_watch_rejects_json_format(place: Path) -> None:
     done = crosscheck(place, "run", "--watch", "models", "--format", "json")
     assert (done.returncode, done.stdout) == (2, "")
     assert "--watch prints text, not json" in done.stderr
+
+
+def test_files_of_other_suffixes_are_read_below_folders_and_watched(tmp_path: Path) -> None:
+    """Catch a watch that sees only the copy of a source, and a folder whose files are skipped."""
+    file = tmp_path / "arm.mjcf"
+    file.write_text(
+        '<mujoco><include file="part.xml"/><worldbody><body><joint/><geom size=".1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    (tmp_path / "part.xml").write_text("<mujocoinclude/>")
+    (copy,) = targets_under(str(tmp_path), ())
+    assert copy.suffix == ".xml"
+    wanted = resolve_targets([str(tmp_path)], standalone=False)
+    assert wanted.robots == [copy]
+    watched = _watched(wanted, {})
+    assert {str(file), str(tmp_path / "part.xml")} <= watched
+    assert str(copy) not in watched  # each run writes it

@@ -14,6 +14,7 @@ from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.engines.protocol import WholeState
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
+from physics_crosscheck.reference.laws import impulses
 from tests.laws.scenes import URDF_ARM, URDF_BOX
 
 pytest.importorskip("pybullet")
@@ -32,6 +33,27 @@ def quantities(spec: ModelSpec) -> dict[tuple[str, str], float]:
     """Return the quantities by subject and name."""
     rows = urdf_quantities(spec, "pybullet")
     return {(row.subject, row.quantity): float(row.value or 0.0) for row in rows}
+
+
+def test_coupled_rows_are_solved_in_few_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catch sweeps over many coupled motors that take thousands, or stop at other impulses."""
+    monkeypatch.setattr(impulses, "SWEEPS", 80)
+    rng, n = np.random.default_rng(5), 30
+    turns = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    response = turns @ np.diag(np.geomspace(1e-3, 1, n)) @ turns.T
+    rows = impulses.ImpulseRows()
+    for i in range(n):
+        rows.add(np.eye(n)[i], float(rng.normal()), (-2.0, 2.0) if i % 3 else (-1e9, 1e9))
+    solver = impulses._Sweeps(rows, response, np.zeros(n))
+    change = solver.run(range(n), ())
+    lacks = np.array(rows.targets) - response @ solver.impulses
+    low, high = np.array(rows.bounds).T
+    p = solver.impulses
+    assert np.max(np.abs(lacks[(low < p) & (p < high)])) < 1e-12
+    assert np.all(lacks[p == high] >= 0)
+    assert np.all(lacks[p == low] <= 0)
+    assert 0 < np.count_nonzero((p == low) | (p == high)) < n
+    assert np.max(change) < 1e-9
 
 
 def test_friction_and_restitution_are_products(tmp_path: Path) -> None:

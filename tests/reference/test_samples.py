@@ -166,3 +166,14 @@ def test_joint_without_any_inertia_is_refused() -> None:
     bad = dataclasses.replace(robot, links=(robot.links[0], light))
     with pytest.raises(ReferenceError, match="joint 'j1' moves no mass"):
         samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)
+
+
+def test_joints_that_move_no_inertia_together_are_all_named() -> None:
+    """Catch one joint that is blamed for two about the same axis with no mass between them."""
+    robot = tree(("hinge", "hinge", "hinge"), 1, chain=True)
+    first, second, third = (dataclasses.replace(one, armature=0.0) for one in robot.links)
+    second = dataclasses.replace(second, mass=0.0, inertia=np.zeros((3, 3)))
+    third = dataclasses.replace(third, axis=second.axis, position=np.zeros(3), rotation=np.eye(3))
+    bad = dataclasses.replace(robot, links=(first, second, third))
+    with pytest.raises(ReferenceError, match="together, joints 'j1' and 'j2' move no mass"):
+        samples(equations(bad), np.tile(OPEN, (3, 1)), np.zeros(3), 10, 1)

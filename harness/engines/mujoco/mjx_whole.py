@@ -62,7 +62,11 @@ class MjxWhole(MujocoWhole):
 
     def peer_contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
         """Return the contacts by MuJoCo's own functions."""
-        return super().evaluate(state).contacts
+        return super().contacts(state)
+
+    def contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
+        """Return the contacts by MJX."""
+        return self.evaluate(state).contacts
 
     def applied(self, laws: Laws) -> Laws:
         """Return the laws with the choices of MJX."""

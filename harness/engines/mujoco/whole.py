@@ -108,6 +108,15 @@ class MujocoWhole(WholeModel):
         with Warnings().collecting():
             return self._evaluated(state)
 
+    def contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
+        """Return the contacts at a state, without solving for their forces."""
+        import mujoco
+
+        with Warnings().collecting():
+            self._set(state, self.solver)
+            mujoco.mj_fwdPosition(self._model, self._data)
+        return tuple(self._contacts())
+
     def _evaluated(self, state: WholeState) -> EngineStep:
         import mujoco
 

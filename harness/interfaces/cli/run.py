@@ -6,17 +6,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.fingerprint import always_lines
-from physics_crosscheck.harness.documents.expanded import with_sources
+from physics_crosscheck.harness.documents.expanded import source_of, with_sources
 from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.interfaces.cli.report import check_page
@@ -146,12 +146,12 @@ def _states(paths: Iterable[str]) -> Mapping[str, str]:
 
 
 def _of_model(file: Path) -> list[str]:
-    """Return the paths of a model file, its sidecar, and the files that it names."""
-    try:
-        named = named_files(file)
-    except OSError:
-        named = ()
-    return [str(file), f"{file}.toml", *map(str, named)]
+    """Return the paths of a model file or its source, its sidecar, and the files that they name."""
+    source, named = source_of(file), list[Path]()
+    with contextlib.suppress(OSError):
+        named += named_files(file)
+        named += named_files(source) if source != file else ()
+    return [str(source), f"{file}.toml", *map(str, named)]
 
 
 def _stamps(paths: Iterable[str]) -> Stamps:
@@ -192,7 +192,9 @@ def main(options: argparse.Namespace) -> int:
         raise FolderError(f"--watch prints text, not {options.format}; leave one of both out")
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as cache:
         options.cache = options.cache or Path(cache)
-        return watch(wanted, partial(_run, options, wanted))
+        # Copies of sources, such as those of xacro, are written again.
+        fixed = wanted if options.last_failed else None
+        return watch(wanted, lambda: _run(options, fixed or select_targets(options)))
 
 
 def demo(options: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept_
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import accepted_lines
+from physics_crosscheck.harness.documents.expanded import renamed
 from physics_crosscheck.harness.interfaces.pytest_plugin.collect import (
     RUNNER,
     RobotFile,
@@ -74,7 +75,12 @@ def targets_under(name: str, unwanted: Sequence[str]) -> list[Path]:
         inner[:] = sorted(name for name in inner if _enters(name, unwanted))
     if not (folders or files):
         raise FolderError(f"{name}: no {DECLARATION} and no robot file in it or below it")
-    return sorted(folders or files)
+    return sorted(folders or (_as_read(file) for file in files))
+
+
+def _as_read(file: Path) -> Path:
+    """Return a robot file, or its copy with the suffix that engines know."""
+    return renamed(file) or file
 
 
 def _named(name: str) -> list[Path]:
