@@ -2,15 +2,14 @@
 
 `python -m campaigns.code_faults draw COVERAGE FAULTS.json --count 60` draws changes of one
 expression each, over all folders of harness and reference, in lines that tests execute. COVERAGE
-is what these two commands measure, with coverage and pytest-cov installed:
+is what this command measures, with coverage and pytest-cov installed:
 
-    COVERAGE_FILE=COVERAGE python -m pytest -m "not slow and not release" \\
-        --cov=harness --cov=reference --cov-context=test --cov-report= tests
+    COVERAGE_FILE=COVERAGE python -m pytest -m "not slow and not release" tests \\
+        --cov=harness --cov=reference --cov-context=test --cov-report=
 
-`python -m campaigns.code_faults run FAULTS.json` plants each in this checkout, which has to be a
-copy without changes, runs tests that execute the line, and stores which one fails. Run it before
-and after tests change: a fault that a test caught is tried with that test first. Then come the
-files of the tests that execute its line, and the test files that are not as they were.
+`python -m campaigns.code_faults run FAULTS.json` plants each in the working folder, a copy of the
+checkout without changes, and stores which test fails. Run it before and after tests change: the
+test that caught a fault comes first, then those that execute its line, their files, changed files.
 """
 
 from __future__ import annotations
@@ -23,15 +22,13 @@ import random
 import re
 import subprocess
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
-SEED = 55
-SECONDS, TESTS = 150, 40
-"""How long one attempt runs, and how many tests, those that execute the least first."""
+SEED, SECONDS, TESTS = 55, 150, 40  # TESTS that execute the line run, the least extensive first
 
 _FLIPPED: dict[type, Any] = {
     ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,
@@ -44,8 +41,7 @@ _FLIPPED: dict[type, Any] = {
 class CodeFault(NamedTuple):
     kind: str
     line: int
-    start: int
-    end: int
+    columns: tuple[int, int]
     text: str
 
 
@@ -81,43 +77,42 @@ def changes(text: str) -> Iterator[CodeFault]:
             for kind, old, new in pairs:
                 if old.lineno == old.end_lineno and old.end_col_offset:
                     shown = f"({ast.unparse(ast.fix_missing_locations(new))})"
-                    yield CodeFault(kind, old.lineno, old.col_offset, old.end_col_offset, shown)
+                    yield CodeFault(kind, old.lineno, (old.col_offset, old.end_col_offset), shown)
 
 
 def draw(coverage_file: Path, count: int, seed: int) -> list[dict[str, Any]]:
     """Return changes of executed lines, from each folder in turn."""
     data = importlib.import_module("coverage").CoverageData(str(coverage_file))
     data.read()
-    contexts: dict[str, dict[int, list[str]]] = {}
-    extent: dict[str, int] = defaultdict(int)
+    seen: dict[str, dict[int, list[str]]] = {}
     for measured in data.measured_files():
         name = re.sub(r"^.*?/(?=(harness|reference)/)", "", measured)
-        contexts[name] = {
-            line: sorted({c.split("|")[0] for c in tests if c})
-            for line, tests in data.contexts_by_lineno(measured).items()
-        }
-        for tests in contexts[name].values():
-            for test in tests:
-                extent[test] += 1
+        by_line = data.contexts_by_lineno(measured).items()
+        seen[name] = {i: sorted({re.split(r"\||\[", c)[0] for c in tests}) for i, tests in by_line}
+    lists = (tests for file in seen.values() for tests in file.values())
+    extent = Counter(test for tests in lists for test in tests)
     generator, rooms = random.Random(seed), defaultdict[str, list[str]](list)
-    for name in sorted(contexts):
+    for name in sorted(seen):
         rooms["/".join(name.split("/")[:2])].append(name)
     faults: list[dict[str, Any]] = []
     while len(faults) < count:
         for room in sorted(rooms):
             name = generator.choice(rooms[room])
             text = (ROOT / name).read_text(encoding="utf-8")
-            executed = [c for c in changes(text) if contexts[name].get(c.line)]
-            if executed and len(faults) < count:
+            drawn = {fault["line"] for fault in faults if fault["file"] == name}
+            lines = seen[name].keys() - drawn
+            executed = [c for c in changes(text) if c.line in lines and any(seen[name][c.line])]
+            if executed:
                 change = generator.choice(executed)
-                tests = sorted(contexts[name][change.line], key=lambda test: extent[test])
+                tests = sorted(filter(None, seen[name][change.line]), key=extent.__getitem__)
                 faults.append(_fault(name, text, change, tests))
-    return faults
+    return faults[:count]
 
 
 def _fault(name: str, text: str, change: CodeFault, tests: list[str]) -> dict[str, Any]:
     old = text.splitlines()[change.line - 1].encode()
-    new = old[: change.start] + change.text.encode() + old[change.end :]
+    start, end = change.columns
+    new = old[:start] + change.text.encode() + old[end:]
     return {
         "file": name, "line": change.line, "kind": change.kind, "old": old.decode(),
         "new": new.decode(), "tests": tests[:TESTS], "executing": len(tests),
@@ -129,26 +124,25 @@ def planted(text: str, fault: dict[str, Any]) -> str | None:
     """Return a module with a fault in the line nearest to where it was, or None without it."""
     lines = text.splitlines(keepends=True)
     places = [i for i, line in enumerate(lines, start=1) if line.rstrip("\n") == fault["old"]]
-    if not places:
-        return None
-    place = min(places, key=lambda i: abs(i - int(fault["line"])))
-    return "".join([*lines[: place - 1], fault["new"] + "\n", *lines[place:]])
+    for place in sorted(places, key=lambda i: abs(i - int(fault["line"]))):
+        return "".join([*lines[: place - 1], fault["new"] + "\n", *lines[place:]])
+    return None
 
 
-def failing(arguments: Sequence[str], seconds: float) -> str | None:
-    """Return the first test that fails, "timeout", or None."""
-    present = [argument for argument in arguments if _is_there(argument)]
+def failing(tests: Sequence[str]) -> str | None:
+    """Return the first of these tests, or files of tests, that fails, "timeout", or None."""
+    present = list(filter(_is_there, tests))
     if not present:
         return None
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow and not release"]
     command += ["-p", "no:cacheprovider", *present]
     try:
-        run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=seconds)
+        run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=SECONDS)
     except subprocess.TimeoutExpired:
         return "timeout"
     if run.returncode in (0, 4, 5):  # 4, 5: no such test
         return None
-    failed = re.search(r"^(?:FAILED|ERROR) ([^\s]+)", run.stdout, flags=re.MULTILINE)
+    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", run.stdout, flags=re.MULTILINE)
     return failed[1] if failed else f"exit code {run.returncode}"
 
 
@@ -159,19 +153,22 @@ def _is_there(test: str) -> bool:
 
 
 def caught(fault: dict[str, Any], edited: list[str]) -> str | None:
-    """Return the test that fails with the fault in place; the file is as it was afterwards."""
+    """Return the test that fails with the fault in place, and passes without it."""
     path = ROOT / fault["file"]
     text = path.read_text(encoding="utf-8")
-    changed = planted(text, fault)
-    if changed is None:
+    if (changed := planted(text, fault)) is None:
         return "the line is gone"
-    attempts = [[test] for test in fault["caught"][-1:] if test]
-    attempts += [fault["tests"], fault["files"], edited]
-    path.write_text(changed, encoding="utf-8")
-    try:
-        return next(filter(None, (failing(a, SECONDS) for a in attempts)), None)
-    finally:
-        path.write_text(text, encoding="utf-8")
+    last = [test for test in fault["caught"][-1:] if test]
+    attempts = [last, fault["tests"][:10], fault["tests"][10:], fault["files"], edited]
+    for attempt in filter(None, attempts):
+        path.write_text(changed, encoding="utf-8")
+        try:
+            test = failing(attempt)
+        finally:
+            path.write_text(text, encoding="utf-8")
+        if test and not failing(attempt if test == "timeout" else [test]):
+            return test
+    return None
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -183,18 +180,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     store = options.paths[-1]
     if options.mode == "draw":
-        faults = draw(options.paths[0], options.count, SEED)
-        store.write_text(json.dumps(faults, indent=1), encoding="utf-8")
+        store.write_text(json.dumps(draw(options.paths[0], options.count, SEED), indent=1))
         return
-    git = ["git", "-C", str(ROOT), "diff", "--name-only"]
-    if subprocess.run([*git, "HEAD"], capture_output=True, text=True).stdout:
+    changed, since = (
+        subprocess.run(["git", "diff", "--name-only", commit], capture_output=True, text=True)
+        for commit in ("HEAD", options.since)
+    )
+    if changed.stdout:
         sys.exit("this checkout has changes; plant faults in a copy without any")
-    names = subprocess.run([*git, options.since], capture_output=True, text=True).stdout.split()
-    edited = [name for name in names if re.match(r"tests/.*test_\w+\.py", name)]
+    edited = [name for name in since.stdout.split() if re.match(r"tests/.*test_\w+\.py", name)]
     faults = json.loads(store.read_text(encoding="utf-8"))
     for number, fault in enumerate(faults, start=1):
-        test = caught(fault, edited)
-        fault["caught"].append(test)
+        fault["caught"].append(test := caught(fault, edited))
         store.write_text(json.dumps(faults, indent=1), encoding="utf-8")
         print(f"{number:3} {fault['file']}:{fault['line']} {fault['kind']}: {test or 'not caught'}")
 

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.interfaces.cli.main import main
 from tests.cases.test_robot_linearization import ARM
+from tests.models import written
 from tests.robots.files import TIPPED
 
 DATA = Path(pybullet_data.getDataPath())
@@ -39,8 +40,7 @@ def test_wrong_number_is_reported_by_its_term(
 def test_audit_command_reports_massless_inertia_in_mujoco(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = tmp_path / "arm.urdf"
-    file.write_text(TIPPED)
+    file = written(tmp_path, "arm.urdf", TIPPED)
     assert main(["audit", str(file), "--engine", "mujoco", "--jobs", "1"]) == 1
     out = " ".join(capsys.readouterr().out.split())
     assert "inertia of hinge is" in out
@@ -58,8 +58,7 @@ def test_large_robot_is_compared_by_accelerations_only() -> None:
 
 def test_file_rejected_by_an_engine_keeps_its_reading_findings(tmp_path: Path) -> None:
     """Use an inertia that no body can have, which MuJoCo rejects."""
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM.replace('iyy="0.018"', 'iyy="0.028"'))
+    file = written(tmp_path, "arm.urdf", ARM.replace('iyy="0.018"', 'iyy="0.028"'))
     (result,) = audits([file], engines=("mujoco",))
     assert not result.failure
     inertia, note = (row for row in result.findings if row.severity != "advice")

@@ -9,6 +9,7 @@ import pytest
 from campaigns.planted import __main__ as command
 from campaigns.planted.compared import judge_by_compare
 from campaigns.planted.fates import FaultBaseline, FaultFate, judge_by_equations, table
+from tests.models import written
 from tests.robots.files import joint, link
 
 TEXT = "\n".join(
@@ -25,8 +26,7 @@ TEXT = "\n".join(
 
 
 def test_visible_faults_are_named_and_invisible_ones_are_classified(tmp_path: Path) -> None:
-    file = tmp_path / "r.urdf"
-    file.write_text(TEXT)
+    file = written(tmp_path, "r.urdf", TEXT)
     ground = FaultBaseline.from_file(file, "mujoco")
     where = {ground.numbers.numerals[i].address: i for i in ground.numbers.relevant_numbers}
     chosen = {
@@ -59,8 +59,7 @@ def test_recorded_faults_are_not_repeated(
 
 @pytest.mark.slow
 def test_comparison_with_the_original_names_the_line(tmp_path: Path) -> None:
-    file = tmp_path / "r.urdf"
-    file.write_text(TEXT)
+    file = written(tmp_path, "r.urdf", TEXT)
     ground = FaultBaseline.from_file(file, "mujoco", use_equations=False)
     (index,) = (
         i

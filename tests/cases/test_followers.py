@@ -11,6 +11,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import default_engines, engines_reading
 from physics_crosscheck.records import Outcome
+from tests.models import written
 
 INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/>'
 URDF = f"""<robot name="gripper"><link name="w"/>
@@ -48,8 +49,7 @@ ENGINES = [e.name for e in default_engines(".urdf") if e.version() is not None]
 
 @pytest.mark.parametrize("engine", [*ENGINES, "pinocchio"])
 def test_mimic_joints_agree(tmp_path: Path, engine: str) -> None:
-    file = tmp_path / "g.urdf"
-    file.write_text(URDF)
+    file = written(tmp_path, "g.urdf", URDF)
     prepared = prepare_tree(file, states=8)
     assert prepared.names == ("j1", "j2")
     assert prepared.settings["couplings"] == ["j3", "j4"]
@@ -67,8 +67,7 @@ def test_mimic_joints_agree(tmp_path: Path, engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_mimic_missing_in_the_engine_differs(tmp_path: Path, engine: str) -> None:
-    file = tmp_path / "g.urdf"
-    file.write_text(URDF)
+    file = written(tmp_path, "g.urdf", URDF)
     task = model_task(prepare_tree(file, states=8), engine)
     file.write_text(URDF.replace('<mimic joint="j3" multiplier="2"/>', ""))
     case = run_case(task)
@@ -152,8 +151,7 @@ FINGERS = """<mujoco><worldbody>
 def test_soft_equality_of_fingers_agrees(
     tmp_path: Path, joints: str, resolution: float, bound: float
 ) -> None:
-    file = tmp_path / "fingers.xml"
-    file.write_text(FINGERS.format(joints))
+    file = written(tmp_path, "fingers.xml", FINGERS.format(joints))
     case = run_case(model_task(prepare_tree(file, states=8), "mujoco", resolution=resolution))
     assert case.outcome is Outcome.AGREES, case.reason
     assert case.verdict is not None
@@ -166,8 +164,7 @@ HIDDEN = HIDDEN.replace("/></equality>", ' polycoef="0 1 0 0 0"/></equality>')
 
 
 def test_accelerations_decide_motions_hidden_by_a_soft_equality(tmp_path: Path) -> None:
-    file = tmp_path / "fingers.xml"
-    file.write_text(HIDDEN)
+    file = written(tmp_path, "fingers.xml", HIDDEN)
     case = run_case(model_task(prepare_tree(file, states=8), "mujoco"))
     assert case.outcome is Outcome.AGREES
     assert case.reason.startswith("its accelerations with soft equalities held exactly, at 40 ")
@@ -183,8 +180,7 @@ def test_accelerations_decide_motions_hidden_by_a_soft_equality(tmp_path: Path) 
 def test_error_of_a_hundred_millionth_differs_behind_a_soft_equality(
     tmp_path: Path, old: str, new: str, term: str
 ) -> None:
-    file = tmp_path / "fingers.xml"
-    file.write_text(HIDDEN)
+    file = written(tmp_path, "fingers.xml", HIDDEN)
     task = model_task(prepare_tree(file, states=8), "mujoco")
     file.write_text(HIDDEN.replace(old, new))
     case = run_case(task)

@@ -26,6 +26,7 @@ from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.records import Outcome, read_results
 from physics_crosscheck.reference.solving.segments import Motion
 from tests import commands
+from tests.models import robot_task, written
 from tests.robots.files import ADRIFT, TIPPED, UNLIMITED
 
 DATA = Path(pybullet_data.getDataPath())
@@ -88,8 +89,7 @@ def test_number_off_by_a_millionth_differs(
 
 def test_inertia_dropped_by_an_engine_differs_and_names_the_link(tmp_path: Path) -> None:
     """MuJoCo drops the moments of links without mass that it welds to others, PyBullet does not."""
-    file = tmp_path / "tipped.urdf"
-    file.write_text(TIPPED)
+    file = written(tmp_path, "tipped.urdf", TIPPED)
     tipped = prepare_tree(file, states=8)
     both = ("mujoco", "pybullet")
     outcomes = {name: judge(model_task(tipped, name)).outcome for name in both}
@@ -109,8 +109,7 @@ def test_all_problems_of_a_file_are_reported_together() -> None:
 
 def test_engine_with_different_joints_is_refused_with_their_names(tmp_path: Path) -> None:
     text = (DATA / "cartpole.urdf").read_text()
-    file = tmp_path / "r.urdf"
-    file.write_text(text)
+    file = written(tmp_path, "r.urdf", text)
     task = model_task(prepare_tree(file, states=8), ENGINES[0])
     file.write_text(text.replace("cart_to_pole", "cart_to_stick"))
     case = run_case(task)
@@ -189,8 +188,7 @@ def test_invalid_urdf_fails_with_its_name(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_floating_base_with_offset_and_rotated_center_of_mass(tmp_path: Path, engine: str) -> None:
-    file = tmp_path / "adrift.urdf"
-    file.write_text(ADRIFT)
+    file = written(tmp_path, "adrift.urdf", ADRIFT)
     prepared = prepare_tree(file, floating=True, states=8)
     assert prepared.names[:2] == ("hub_free:rx", "hub_free:ry"), "a joint has the link's name"
     task = model_task(prepared, engine)
@@ -292,8 +290,7 @@ def test_refusal_by_a_default_engine_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, optional: tuple[str, ...], code: int
 ) -> None:
     """Catch a green run of a file that an engine of every installation does not load."""
-    file = tmp_path / "arm.urdf"
-    file.write_text(UNLIMITED)
+    file = written(tmp_path, "arm.urdf", UNLIMITED)
     results = check(file, engines=("mujoco", "pinocchio"))
     results = structs.replace(results, optional=optional)
     assert exit_code(results, require_engines=False) == code
@@ -305,29 +302,17 @@ SERVO = """<mujoco><worldbody><body pos="0 0 1"><joint name="stiff" axis="0 1 0"
 <actuator><position joint="stiff" kp="2" kv="{}"/></actuator></mujoco>"""
 
 
-def test_slower_servo_is_resolved_with_weights_of_less_rounding(
-    tmp_path: Path,
-) -> None:
-    file = tmp_path / "servo.xml"
-    file.write_text(SERVO.format(0.15))
-    case = run_case(model_task(prepare_tree(file, states=8), "mujoco"))
+@pytest.mark.parametrize(("damping", "order", "reason"), [
+    (0.15, 1, ""),
+    # It settles in microseconds: weights for order 1 amplify the rounding of the position.
+    (0.5, 4, "stepped by RK4, since by euler the limit of stiff has an uncertainty of"),
+])  # fmt: skip
+def test_stiff_servo_is_resolved(tmp_path: Path, damping: float, order: int, reason: str) -> None:
+    case = run_case(robot_task(tmp_path, "servo.xml", SERVO.format(damping)))
     assert case.outcome is Outcome.AGREES
+    assert case.reason.startswith(reason)
     assert case.verdict is not None
-    assert case.verdict.claimed_order == 1
-    assert (case.verdict.largest_uncertainty or 1) < 1e-9
-
-
-def test_servo_that_settles_in_microseconds_is_resolved_with_rk4(tmp_path: Path) -> None:
-    """Change the order: weights for order 1 amplify the rounding of the position too much."""
-    file = tmp_path / "servo.xml"
-    file.write_text(SERVO.format(0.5))
-    case = run_case(model_task(prepare_tree(file, states=8), "mujoco"))
-    assert case.outcome is Outcome.AGREES
-    assert case.reason.startswith(
-        "stepped by RK4, since by euler the limit of stiff has an uncertainty of"
-    )
-    assert case.verdict is not None
-    assert case.verdict.claimed_order == 4
+    assert case.verdict.claimed_order == order
     assert (case.verdict.largest_uncertainty or 1) < 1e-9
 
 
@@ -366,8 +351,7 @@ def test_malformed_xml_fails_before_a_worker_process_starts(
 @pytest.mark.workers
 def test_file_is_parsed_only_in_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parsed: list[str] = []
-    file = tmp_path / "inner.urdf"
-    file.write_text("<robot>\n  <link name='a'>\n</robot>\n")
+    written(tmp_path, "inner.urdf", "<robot>\n  <link name='a'>\n</robot>\n")
     monkeypatch.setattr(elements, "_parse", lambda source: parsed.append(source.file.name))
     done = crosscheck(tmp_path, "inner.urdf")
     assert done.returncode == 3
@@ -378,8 +362,7 @@ def test_file_is_parsed_only_in_a_worker(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_malformed_xml_is_left_to_an_engine_that_reads_it(tmp_path: Path) -> None:
-    file = tmp_path / "arm.xml"
-    file.write_text("before <mujoco/>")
+    file = written(tmp_path, "arm.xml", "before <mujoco/>")
     assert xml_problem(file, strict=False) == ""
     assert xml_problem(file, strict=True) == (
         f"{file}:1: not XML at column 1: syntax error; write well-formed XML"
@@ -479,9 +462,7 @@ def test_negative_damping_stiffness_and_armature_are_reported_by_line(tmp_path: 
 
 def test_negative_damping_is_stepped_like_mujoco(tmp_path: Path) -> None:
     """Cover a model without a positive damper, which MuJoCo's Euler method steps explicitly."""
-    file = tmp_path / "r.xml"
-    file.write_text(REPLACED)
-    case = run_case(model_task(prepare_tree(file, states=8), "mujoco"))
+    case = run_case(robot_task(tmp_path, "r.xml", REPLACED))
     assert case.outcome is Outcome.AGREES
     assert case.stepping is not None
     assert case.stepping.outcome is Outcome.AGREES

@@ -14,6 +14,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.records import EngineLinearization
+from tests.models import written
 from tests.robots.files import ADRIFT
 
 DATA = Path(pybullet_data.getDataPath())
@@ -36,8 +37,7 @@ def test_linearization_of_an_arm_matches_its_formula(tmp_path: Path, engine: str
     """J a + c v + m g (sin, cos) . center = u about 0.8 rad, by hand."""
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
+    file = written(tmp_path, "arm.urdf", ARM)
     result = linearize(file, engine)
     inertia = 0.018 + 1.3 * (0.3**2 + 0.02**2)
     # The height of the center is -0.02 sin q - 0.3 cos q.
@@ -50,8 +50,7 @@ def test_linearization_of_an_arm_matches_its_formula(tmp_path: Path, engine: str
 
 @pytest.mark.slow
 def test_step_of_a_floating_robot_matches_mujoco_differences(tmp_path: Path) -> None:
-    file = tmp_path / "adrift.urdf"
-    file.write_text(ADRIFT)
+    file = written(tmp_path, "adrift.urdf", ADRIFT)
     result = linearize(file, floating=True)
     assert (result.a_error or 1) < 1e-9
     assert (result.b_error or 1) < 1e-9

@@ -11,6 +11,7 @@ import pytest
 
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from tests.commands import crosscheck
+from tests.models import edited
 from tests.standing import keep_default_engines, shorten_scenarios
 
 
@@ -21,8 +22,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(builtin() / "simple_pendulum", folder)
     keep_default_engines(folder)
     shorten_scenarios(folder)
-    system = folder / "system.py"
-    system.write_text(system.read_text().replace("9.81", "9.8"))
+    edited(folder / "system.py", "9.81", "9.8")
     return folder.parent
 
 

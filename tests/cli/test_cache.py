@@ -21,6 +21,7 @@ from physics_crosscheck.harness.records.case import ModelKey
 from physics_crosscheck.harness.run import run as run_all
 from physics_crosscheck.records import Outcome, Results, read_results
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
+from tests.models import edited, written
 from tests.mutation.test_trees import MODEL, SYSTEM
 from tests.robots.files import joint, link
 from tests.standing import without
@@ -30,8 +31,7 @@ from tests.sweep.made import swept_folder
 def write_models(place: Path) -> Path:
     """Write two models of the known-answer engine: one is right, one is wrong."""
     folder = known_folder(place / "osc", {"good": "", "wrong": ""})
-    wrong = folder / "wrong.known"
-    wrong.write_text(wrong.read_text().replace("47.0", "47.5"))
+    edited(folder / "wrong.known", "47.0", "47.5")
     return folder
 
 
@@ -142,8 +142,7 @@ def test_audit_reuses_results_of_a_run_and_repeats_changed_models(
     assert (code, submitted) == (1, [])
     assert "47.5" in output.split("oscillator/wrong.known")[1]
     assert "47.5" not in output.split("oscillator/wrong.known")[0]
-    wrong = ran / "wrong.known"
-    wrong.write_text(wrong.read_text().replace("47.5", "47.0"))
+    edited(ran / "wrong.known", "47.5", "47.0")
     code, output = audited(capsys)
     assert (code, len(submitted)) == (0, 2)  # the folder's physics, and that model
     assert "47.5" not in output
@@ -160,15 +159,13 @@ def test_comparison_with_a_baseline_is_cached(folder: Path, submitted: list[obje
     submitted.clear()
     second = run()
     assert (submitted, second.cached, second.baseline) == ([], 1, before.baseline)
-    good = folder / "good.known"
-    good.write_text(good.read_text().replace("step = 0.005", "step = 0.01"))
+    edited(folder / "good.known", "step = 0.005", "step = 0.01")
     third = run()
     assert (third.cached, third.baseline == before.baseline) == (0, False)
 
 
 def test_only_the_changed_model_is_run(ran: Path) -> None:
-    wrong = ran / "wrong.known"
-    wrong.write_text(wrong.read_text().replace("47.5", "47.0"))
+    edited(ran / "wrong.known", "47.5", "47.0")
     results = run()
     assert cases_run(results) == 2
     assert {case.outcome for case in results.cases} == {Outcome.AGREES}
@@ -176,8 +173,7 @@ def test_only_the_changed_model_is_run(ran: Path) -> None:
 
 
 def test_changed_system_runs_all_models(ran: Path) -> None:
-    system = ran / "system.py"
-    system.write_text(system.read_text().replace('"k", 47.0', '"k", 47.5'))
+    edited(ran / "system.py", '"k", 47.0', '"k", 47.5')
     results = run("-k", "free")
     assert cases_run(results) == 2
     assert [c.outcome for c in results.cases if c.model == "wrong.known"] == [Outcome.AGREES]
@@ -249,8 +245,7 @@ ARM = "\n".join((
 def test_robot_files_are_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
+    file = written(tmp_path, "arm.urdf", ARM)
     before = run("--engine", "mujoco", target="arm.urdf")
     assert (before.cached, [case.outcome for case in before.cases]) == (0, [Outcome.AGREES])
     with monkeypatch.context() as patched:
@@ -347,8 +342,8 @@ def test_folder_that_no_longer_prepares_is_one_failure(
     broken = "import os\n\nif 'IS_BROKEN' in os.environ:\n    raise ValueError\n"
     system.write_text(broken + system.read_text())
     run()
-    good = folder / "good.known"
-    good.write_text(good.read_text() + "\n# another\n")
+    with (folder / "good.known").open("a") as file:
+        file.write("\n# another\n")
     monkeypatch.setenv("IS_BROKEN", "1")
     results = run()
     assert results.cached == 1

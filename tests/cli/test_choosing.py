@@ -11,14 +11,14 @@ import pytest
 from physics_crosscheck.records import read_results
 from tests import commands
 from tests.faults.known_folder import known_folder
+from tests.models import edited
 
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     """Create `models/oscillator` with a right model and one whose spring is wrong."""
     known_folder(tmp_path / "models" / "oscillator", {"good": "", "wrong": ""})
-    wrong = tmp_path / "models" / "oscillator" / "wrong.known"
-    wrong.write_text(wrong.read_text().replace("47.0", "48.0"))
+    edited(tmp_path / "models" / "oscillator" / "wrong.known", "47.0", "48.0")
     return tmp_path
 
 
@@ -54,7 +54,7 @@ def test_last_failed_runs_only_the_failed_case(place: Path) -> None:
     assert first.returncode == 1, first.stdout + first.stderr
     assert "Report: reports/index.html\n" in first.stdout
     wrong = place / "models" / "oscillator" / "wrong.known"
-    wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
+    edited(wrong, "48.0", "47.0")
     second = crosscheck(place, "run", "--last-failed")
     assert second.returncode == 0, second.stdout + second.stderr
     assert ran(place) == ["oscillator/wrong.known/free [known]"]

@@ -18,6 +18,7 @@ from physics_crosscheck.harness.interfaces.pytest_plugin.session import targets_
 from physics_crosscheck.records import Outcome, read_results
 from tests.cli.test_choosing import crosscheck, place
 from tests.faults.known_folder import environment
+from tests.models import edited
 
 __all__ = ["place"]
 
@@ -80,7 +81,7 @@ def test_saved_file_runs_again_and_other_results_stay(place: Path, watching: Wat
     folder = place / "models" / "oscillator"
     good, wrong = folder / "good.known", folder / "wrong.known"
     good.write_text(good.read_text())  # unchanged: nothing runs
-    wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
+    edited(wrong, "48.0", "47.0")
     output = watching.until("watching")
     assert "changed: models/oscillator/wrong.known\n" in output
     assert "1 reused from the cache" in output
@@ -90,7 +91,7 @@ def test_saved_file_runs_again_and_other_results_stay(place: Path, watching: Wat
         (folder / name).rename(folder / name.replace("wrong", "other"))
     assert "other.known" in watching.until("watching")
     assert outcomes(place) == dict.fromkeys(("good.known", "other.known"), Outcome.AGREES)
-    (folder / "system.py").write_text((folder / "system.py").read_text().replace("1.3", "1.4"))
+    edited(folder / "system.py", "1.3", "1.4")
     output = watching.until("watching")
     assert "changed: models/oscillator/system.py\n" in output
     assert outcomes(place) == dict.fromkeys(("good.known", "other.known"), Outcome.DIFFERS)
@@ -105,7 +106,7 @@ def test_file_that_a_system_reads_or_tests_for_is_watched(place: Path) -> None:
     system = place / "models" / "oscillator" / "system.py"
     here = "__import__('pathlib').Path(__file__).parents[2]"
     given = f"float(({here} / 'm.txt').open('r+').read()) + 1.0 * ({here} / 'more').exists()"
-    system.write_text(system.read_text().replace("1.3,", f"{given},"))
+    edited(system, "1.3,", f"{given},")
     (place / "m.txt").write_text("1.3")
     for name in ("wrong.known", "wrong.known.toml"):
         (system.parent / name).unlink()

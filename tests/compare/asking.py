@@ -133,13 +133,3 @@ def changed(folder: Path, path: Path, *replacements: tuple[str, str]) -> Path:
         assert matches, f"{old!r} is in no file"
         matches[0].write_text(matches[0].read_text().replace(old, new, 1))
     return folder / path.name
-
-
-def written(folder: Path, name: str, text: str, *replacements: tuple[str, str]) -> Path:
-    """Write a text to a file, with some of it replaced."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for old, new in replacements:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / name).write_text(text)
-    return folder / name

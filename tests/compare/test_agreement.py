@@ -6,8 +6,9 @@ import pytest
 
 from physics_crosscheck.records import ComparisonResult, Outcome
 from tests.compare.arm import MJCF, URDF
-from tests.compare.asking import changed, compared, model, result, sampled, written
+from tests.compare.asking import changed, compared, model, result, sampled
 from tests.compare.chains import chain
+from tests.models import written
 
 ACROSS = "mujoco.xml", None, "robot.urdf", "pybullet"
 IN_A_SPACE = "mujoco.xml", None, "space.py", None

@@ -14,7 +14,8 @@ from physics_crosscheck.harness.render.terminal.comparison import print_comparis
 from physics_crosscheck.records import ComparisonResult, Outcome
 from tests import commands
 from tests.compare.arm import MJCF
-from tests.compare.asking import changed, compared, model, written
+from tests.compare.asking import changed, compared, model
+from tests.models import written
 from tests.robots.files import LAMP
 
 ROOT = Path(__file__).parents[2]

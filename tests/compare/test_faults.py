@@ -7,7 +7,8 @@ import pytest
 from physics_crosscheck.harness.records.comparison import FileDifference
 from physics_crosscheck.records import ComparisonResult, Outcome
 from tests.compare.arm import MJCF, URDF
-from tests.compare.asking import changed, compared, model, result, written
+from tests.compare.asking import changed, compared, model, result
+from tests.models import written
 
 FAULTS = (
     # system, file, old, new, messages wanted among the terms, literal, line

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.multibody import tree_system
 from tests.compare.arm import MJCF
-from tests.compare.asking import written
+from tests.models import written
 
 
 def between(

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.records import Outcome
-from tests.compare.asking import compared, laws, result, written
+from tests.compare.asking import compared, laws, result
 from tests.compare.test_acting import SOFT, URDF
+from tests.models import written
 
 HOPPER = """<mujoco>
 <compiler angle="radian"/>

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.records import Outcome
-from tests.compare.asking import compared, written
+from tests.compare.asking import compared
+from tests.models import written
 
 MJCF = """<mujoco>
 <compiler angle="radian"/>

@@ -11,7 +11,8 @@ from physics_crosscheck.harness.commands.compare.execute import FailureError
 from physics_crosscheck.harness.commands.compare.match import declared, match
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF
-from tests.compare.asking import changed, compared, model, written
+from tests.compare.asking import changed, compared, model
+from tests.models import written
 
 NONE: tuple[dict[str, str], dict[str, str]] = ({}, {})
 

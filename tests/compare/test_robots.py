@@ -8,10 +8,11 @@ from typing import cast
 import numpy as np
 import pytest
 
+from physics_crosscheck import CompareError
 from physics_crosscheck.engine import CompiledTree
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.commands.compare.actuators import _state
-from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidate
+from physics_crosscheck.harness.commands.compare.candidate import candidate
 from physics_crosscheck.harness.commands.compare.judge import judge, recorded_runs
 from physics_crosscheck.harness.commands.compare.match import match
 from physics_crosscheck.harness.commands.compare.prepared import prepare
@@ -24,8 +25,9 @@ from physics_crosscheck.harness.records.comparison import FileDifference
 from physics_crosscheck.records import ComparisonResult, Outcome
 from physics_crosscheck.reference.solving.segments import Segments
 from tests.compare.arm import MJCF, URDF
-from tests.compare.asking import compared, printed, result, sampled, written
+from tests.compare.asking import compared, printed, result, sampled
 from tests.compare.test_agreement import agrees
+from tests.models import written
 from tests.robots.files import TIPPED
 
 TOUCHING = (

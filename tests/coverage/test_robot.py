@@ -20,6 +20,7 @@ from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
+from tests.models import written
 from tests.robots.files import joint, link
 
 PLACE = '<origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>'
@@ -37,8 +38,7 @@ TEXT = "\n".join(
 
 @pytest.mark.parametrize("engine", [one.name for one in engines_reading(".urdf")])
 def test_numbers_without_effect_are_listed_by_name(tmp_path: Path, engine: str) -> None:
-    file = tmp_path / "r.urdf"
-    file.write_text(TEXT)
+    file = written(tmp_path, "r.urdf", TEXT)
     counted = count_robot(model_task(prepare_tree(file), engine))
     assert counted.numbers == 3 + 1 + 6 + 3 + 3 + 4 + 3 + 1 + 6
     assert counted.seen + sum(one.count for one in counted.untested) == counted.numbers
@@ -76,8 +76,7 @@ MODEL = """<model name="{}">
 
 @pytest.mark.parametrize("engine", [one.name for one in engines_reading(".sdf")])
 def test_fixed_links_are_those_of_the_chosen_model(tmp_path: Path, engine: str) -> None:
-    file = tmp_path / "r.sdf"
-    file.write_text(SDF.format(MODEL.format("one") + MODEL.format("two")))
+    file = written(tmp_path, "r.sdf", SDF.format(MODEL.format("one") + MODEL.format("two")))
     counted = count_robot(model_task(prepare_tree(file, model="two"), engine))
     counts = {one.reason: one.count for one in counted.untested}
     assert counts[NumberEffect.FIXED.value] == 1
@@ -98,8 +97,7 @@ MJCF = """<mujoco><size memory="400M" nkey="1"/><option timestep="0.001"/>
 
 
 def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text(MJCF)
+    file = written(tmp_path, "r.xml", MJCF)
     counted = count_robot(model_task(prepare_tree(file), "mujoco"))
     counts = {one.reason: one.count for one in counted.untested}
     # Along the axis of the joint above: the body, two geoms; the site; signs of two axes.
@@ -117,8 +115,7 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
 
 
 def test_memory_shortage_fails_the_count(tmp_path: Path) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text(MJCF)
+    file = written(tmp_path, "r.xml", MJCF)
     task = model_task(prepare_tree(file), "mujoco")
     limits = Limits(memory=0.2)
     with Workers(1, limits=limits) as workers:
@@ -130,8 +127,7 @@ def test_memory_shortage_fails_the_count(tmp_path: Path) -> None:
 def test_number_that_cannot_change_is_not_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text(MJCF)
+    file = written(tmp_path, "r.xml", MJCF)
     task = model_task(prepare_tree(file), "mujoco")
     compiled = CompiledNumbers._compile
     monkeypatch.setattr(
@@ -150,8 +146,7 @@ STOP = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="a" axi
 
 def test_numbers_that_act_in_whole_steps_count_as_tested(tmp_path: Path) -> None:
     """Catch a limit or dry friction that acts and is listed, or is counted with --smooth."""
-    file = tmp_path / "r.xml"
-    file.write_text(STOP)
+    file = written(tmp_path, "r.xml", STOP)
     whole = count_robot(model_task(prepare_tree(file), "mujoco"))
     smooth = count_robot(model_task(replace(prepare_tree(file), smooth=True), "mujoco"))
     assert whole.motion == smooth.motion + 2 + 1 + 1  # range, frictionloss, time step
@@ -167,8 +162,7 @@ READ = """<mujoco><default><geom friction=".8 .1"/><joint damping=".1"/></defaul
 def test_numbers_of_the_text_and_directions_of_axes_count(tmp_path: Path) -> None:
     """Catch numbers that only the reading of the text, or a reversed axis, would show."""
     pytest.importorskip("mujoco")
-    file = tmp_path / "r.xml"
-    file.write_text(READ)
+    file = written(tmp_path, "r.xml", READ)
     task = model_task(prepare_tree(file), "mujoco")
     counted = counted_numbers(task, robot_numbers(file, task.spec.settings))
     by_address = {one.address: one for one in counted}
@@ -200,8 +194,7 @@ def test_default_counts_if_it_acts_at_each_element(
 ) -> None:
     """Catch a default that counts as tested though a shape that takes it never touches."""
     pytest.importorskip("mujoco")
-    file = tmp_path / "r.xml"
-    file.write_text(SHARED.format(more))
+    file = written(tmp_path, "r.xml", SHARED.format(more))
     task = model_task(prepare_tree(file), "mujoco")
     counted = counted_numbers(task, robot_numbers(file, task.spec.settings))
     assert {one.effect for one in counted if "/default" in one.path} == {effect}

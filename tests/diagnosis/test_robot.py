@@ -28,6 +28,7 @@ from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.records import CauseId, Diagnosis, Outcome
 from physics_crosscheck.reference.solving.flows import Flow
+from tests.models import robot_task, written
 from tests.robots.files import TIP, TIPPED, joint
 
 
@@ -157,8 +158,7 @@ def test_wrong_number_of_an_mjcf_or_an_included_file_is_named(
 ) -> None:
     if not engines()[engine].version():
         pytest.skip(f"{engine} is not installed")
-    file = tmp_path / "arm.xml"
-    file.write_text(MJCF)
+    file = written(tmp_path, "arm.xml", MJCF)
     (tmp_path / "limbs.xml").write_text(LIMBS)
     address, line, name = MJCF_FAULTS[attribute]
     new, right, wrong = perturb(attribute, address, share)
@@ -212,8 +212,7 @@ def test_number_that_differs_in_the_engine_is_reported_with_both_values(tmp_path
 
 @pytest.mark.slow
 def test_slopes_match_finite_differences(tmp_path: Path) -> None:
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
+    file = written(tmp_path, "arm.urdf", ARM)
     task = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
     problem, _ = robot_problem(task, is_reference=True)
     slopes = problem.slopes({})
@@ -230,8 +229,7 @@ def test_slopes_match_finite_differences(tmp_path: Path) -> None:
 
 
 def test_slopes_near_zero_faults_are_computed_once(tmp_path: Path) -> None:
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
+    file = written(tmp_path, "arm.urdf", ARM)
     numbers = robot_numbers(file, {})
     task = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
     problem = problem_of(task, numbers, is_reference=True)
@@ -279,8 +277,7 @@ NEARLY = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" pos="0 0 0.3"/
 
 def test_center_of_mass_that_mujoco_rounds_to_the_origin_is_named(tmp_path: Path) -> None:
     """Cover `body_sameframe`: MuJoCo uses the body frame if the inertial frame is near."""
-    file = tmp_path / "near.xml"
-    file.write_text(NEARLY.format("9e-7"))
+    file = written(tmp_path, "near.xml", NEARLY.format("9e-7"))
     task = model_task(prepare_tree(file, states=8), "mujoco")
     assert judge(task).outcome is Outcome.DIFFERS
     (explanation,) = diagnose_robot(task, is_reference=True).explanations
@@ -302,8 +299,7 @@ def test_partly_ignored_number_is_named_with_the_engine_default(
     tmp_path: Path,
 ) -> None:
     """Shift a capsule and rotate it by 3e-6 rad; MuJoCo ignores the rotation."""
-    file = tmp_path / "turned.xml"
-    file.write_text(TURNED.format("0", "0"))
+    file = written(tmp_path, "turned.xml", TURNED.format("0", "0"))
     task = model_task(prepare_tree(file, states=8), "mujoco")
     file.write_text(TURNED.format("0", "5e-7"))
     assert judge(task).outcome is Outcome.DIFFERS
@@ -346,8 +342,7 @@ LIFTED = f"""<mujoco><worldbody>
 def test_element_that_mujoco_ignores_is_named_with_its_line(
     tmp_path: Path, text: str, cause: str, line: int
 ) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text(text)
+    file = written(tmp_path, "r.xml", text)
     prepared = prepare_tree(file, states=8)
     task = model_task(prepared, "mujoco")
     assert judge(task).outcome is Outcome.DIFFERS
@@ -362,30 +357,23 @@ def test_element_that_mujoco_ignores_is_named_with_its_line(
     assert (remark.severity, remark.location) == ("finding", named_cause.locations[0])
 
 
-def test_tendon_armature_along_one_branch_agrees(tmp_path: Path) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text(SPLIT.replace('<joint joint="b" coef="-0.7"/>', ""))
-    prepared = prepare_tree(file, states=8)
-    assert run_case(model_task(prepared, "mujoco")).outcome is Outcome.AGREES
-    assert not prepared.findings
+ACTUATED = '<actuator><motor joint="b"/></actuator></mujoco>'
 
 
-def test_gravity_compensation_by_an_actuator_agrees(tmp_path: Path) -> None:
-    file = tmp_path / "r.xml"
-    actuator = '<actuator><motor joint="b"/></actuator></mujoco>'
-    file.write_text(LIFTED.replace("</mujoco>", actuator))
-    prepared = prepare_tree(file, states=8)
-    assert run_case(model_task(prepared, "mujoco")).outcome is Outcome.AGREES
-    assert not prepared.findings
+@pytest.mark.parametrize("text", [
+    SPLIT.replace('<joint joint="b" coef="-0.7"/>', ""), LIFTED.replace("</mujoco>", ACTUATED),
+], ids=["tendon along one branch", "compensation by an actuator"])  # fmt: skip
+def test_element_that_mujoco_applies_agrees(tmp_path: Path, text: str) -> None:
+    task = robot_task(tmp_path, "r.xml", text)
+    assert run_case(task).outcome is Outcome.AGREES
+    assert not task.target.findings
 
 
 def test_engine_default_is_not_a_cause_if_motions_agree(tmp_path: Path) -> None:
     """If a file differs in poses or whole steps only, no default needs to be switched off."""
     follows = '<equality><joint joint1="a" joint2="b" polycoef="0 0.5 0 0 0"/></equality>'
     (tmp_path / "limbs.xml").write_text(LIMBS)
-    file = tmp_path / "arm.xml"
-    file.write_text(MJCF.replace("</mujoco>", f"{follows}</mujoco>"))
-    task = model_task(prepare_tree(file, states=8), "mujoco")
+    task = robot_task(tmp_path, "arm.xml", MJCF.replace("</mujoco>", f"{follows}</mujoco>"))
     assert task.load()[0].corrective_settings
     diagnosis = diagnose_robot(task, is_reference=True)
     assert (diagnosis.explained, diagnosis.explanations) == (False, ())
@@ -417,8 +405,7 @@ def test_settings_of_an_engine_are_tried_before_fits(
     tmp_path: Path, extension: str, axis: float, engine: str, causes: list[str]
 ) -> None:
     """Also where the motion is so wrong that its uncertainty is unknown."""
-    file = tmp_path / "spun.urdf"
-    file.write_text(SHAPED.format(extension, axis))
+    file = written(tmp_path, "spun.urdf", SHAPED.format(extension, axis))
     task = model_task(prepare_tree(file, states=8), engine)
     (explanation,) = diagnose_robot(task, is_reference=True).explanations
     for cause, expected in zip(explanation.causes, causes, strict=True):
@@ -426,8 +413,7 @@ def test_settings_of_an_engine_are_tried_before_fits(
 
 
 def test_compiled_bodies_exclude_causes_that_fit_alike(tmp_path: Path) -> None:
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
+    file = written(tmp_path, "arm.urdf", ARM)
     task = model_task(prepare_tree(file, states=8), engines_reading(".urdf")[0].name)
     problem = problem_of(task, robot_numbers(file, {}), is_reference=True)
     stated = dict(enumerate(map(inertia_of, problem.flow.tree.links)))

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.records import Outcome
+from tests.models import written
 from tests.robots.files import joint, link
 
 MJCF = """<mujoco><compiler angle="radian"/><worldbody>
@@ -64,12 +65,10 @@ def check_named(file: Path, engine: str, address: str, share: float) -> None:
 
 @pytest.mark.slow
 def test_wrong_number_of_an_equality_is_named(tmp_path: Path) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text(MJCF.format('<tendon tendon1="t" polycoef="0.2 0 0 0 0"/>'))
+    file = written(tmp_path, "r.xml", MJCF.format('<tendon tendon1="t" polycoef="0.2 0 0 0 0"/>'))
     check_named(file, "mujoco", "mujoco/equality/tendon@polycoef[0]", 1e-6)
 
 
 def test_wrong_multiplier_of_a_mimic_is_named(tmp_path: Path) -> None:
-    file = tmp_path / "r.urdf"
-    file.write_text(URDF)
+    file = written(tmp_path, "r.urdf", URDF)
     check_named(file, "mujoco", "mimic[a]@multiplier", 1e-6)

@@ -20,6 +20,7 @@ from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from tests.engines.extras import need
 from tests.engines.whole_steps import checked, problem_of
 from tests.laws.scenes import URDF_ARM
+from tests.models import written
 
 STICKING = 'friction="9"'
 """More than gravity."""
@@ -56,8 +57,7 @@ def test_other_rules_are_detected(tmp_path: Path, change: dict[str, Any]) -> Non
 def test_wrong_friction_is_named_with_its_line(tmp_path: Path) -> None:
     """Catch a diagnosis that does not try dry friction, or its mistakes."""
     problem = problem_of("dart", tmp_path)
-    copy = tmp_path / "wrong.urdf"
-    copy.write_text(URDF_ARM.replace(RIGHT, WRONG))
+    copy = written(tmp_path, "wrong.urdf", URDF_ARM.replace(RIGHT, WRONG))
     ranking = diagnose_laws(problem.in_engine(replace(problem.spec, path=copy)))
     assert ranking.explained
     assert "dynamics@friction" in str(ranking.fits[0].causes[0])
@@ -80,8 +80,7 @@ CRATE = """<sdf version="1.9"><model name="crate"><pose>0 0 0.6 0 0 0</pose><lin
 def test_turns_that_some_steps_lose_are_in_the_uncertainty(tmp_path: Path) -> None:
     """Cover a floating root, whose steps below 1e-3 rad lose a cubic term: no difference."""
     need("dart")
-    file = tmp_path / "r.urdf"
-    file.write_text(TUMBLING)
+    file = written(tmp_path, "r.urdf", TUMBLING)
     task = model_task(prepare_tree(file, floating=True), "dart")
     verdict = judge(task)
     assert (verdict.outcome, verdict.decided_by) == (Outcome.AGREES, "accelerations")
@@ -91,8 +90,7 @@ def test_turns_that_some_steps_lose_are_in_the_uncertainty(tmp_path: Path) -> No
 
 def test_audit_takes_lost_turns_for_no_difference(tmp_path: Path) -> None:
     need("dart")
-    file = tmp_path / "crate.sdf"
-    file.write_text(CRATE)
+    file = written(tmp_path, "crate.sdf", CRATE)
     findings = audit_terms(model_task(prepare_tree(file), "dart")).findings
     assert {one.severity for one in findings} == {"note"}
 

@@ -30,6 +30,7 @@ from tests.engines.extras import need
 from tests.engines.whole_steps import checked, problem_of
 from tests.gate.conftest import ignore_progress
 from tests.laws.scenes import URDF_ARM, URDF_LEG
+from tests.models import written
 
 FAULTS = {
     "upper limit": ('upper=".7"', 'upper=".7000007"'),
@@ -145,8 +146,7 @@ def test_numbers_of_two_files_are_compared(tmp_path: Path) -> None:
 def test_link_world_has_no_center_of_mass(tmp_path: Path) -> None:
     """Catch a NaN that a file with a link `world` differs by, and a root that can't float."""
     need("drake")
-    file = tmp_path / "robot.urdf"
-    file.write_text(URDF_ARM.replace('"base"', '"world"'))
+    file = written(tmp_path, "robot.urdf", URDF_ARM.replace('"base"', '"world"'))
     settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": True}
     model = engines()["drake"].load(ModelSpec(file, settings=settings))
     assert model.coordinates == ("shoulder", "elbow")
@@ -162,8 +162,7 @@ def test_link_world_has_no_center_of_mass(tmp_path: Path) -> None:
 def test_limits_of_a_continuous_joint_are_stated(tmp_path: Path, smooth: bool, words: str) -> None:
     """Catch a remark that Drake ignores limits which stop its joint, or the reverse."""
     need("drake")
-    file = tmp_path / "arm.urdf"
-    file.write_text(URDF_ARM)
+    file = written(tmp_path, "arm.urdf", URDF_ARM)
     settings = {**SETTINGS, "floating": False, "step": 0.002, "smooth": smooth}
     model = engines()["drake"].load(ModelSpec(file, settings=settings))
     start = np.zeros((1, len(model.coordinates)))
@@ -202,8 +201,7 @@ def test_other_rules_are_detected(tmp_path: Path, text: str, change: _Rules) -> 
 def test_wrong_limit_is_named_with_its_line(tmp_path: Path) -> None:
     """Catch a diagnosis that does not try the numbers of near-rigid limits."""
     problem = problem_of("drake", tmp_path)
-    wrong = tmp_path / "wrong.urdf"
-    wrong.write_text(URDF_ARM.replace('upper=".7"', 'upper=".7000007"'))
+    wrong = written(tmp_path, "wrong.urdf", URDF_ARM.replace('upper=".7"', 'upper=".7000007"'))
     ranking = diagnose_laws(problem.in_engine(replace(problem.spec, path=wrong)))
     assert ranking.explained
     (cause,) = ranking.fits[0].causes
@@ -214,8 +212,7 @@ def test_wrong_surface_is_named_with_its_line(tmp_path: Path) -> None:
     """Catch a diagnosis that does not try the numbers of surfaces."""
     problem = problem_of("drake", tmp_path, URDF_LEG, floating=True)
     right, wrong = SURFACES["friction"]
-    copy = tmp_path / "wrong.urdf"
-    copy.write_text(URDF_LEG.replace(right, wrong))
+    copy = written(tmp_path, "wrong.urdf", URDF_LEG.replace(right, wrong))
     ranking = diagnose_laws(problem.in_engine(replace(problem.spec, path=copy)))
     assert ranking.explained
     (cause,) = ranking.fits[0].causes
@@ -262,8 +259,7 @@ def test_followers_are_held_exactly(
     monkeypatch.setattr(DrakeModel, "take", misread)
     monkeypatch.setattr(Workers, "begin", _wait)
     monkeypatch.setattr(Workers, "turn", _run_next)
-    path = tmp_path / "fingers.urdf"
-    path.write_text(GRIPPER)
+    path = written(tmp_path, "fingers.urdf", GRIPPER)
     options = Options(engines=("drake",), jobs=1, thorough=True)
     (case,) = run([], options, ignore_progress, robots=[path]).results.cases
     assert case.outcome == outcome, case.reason

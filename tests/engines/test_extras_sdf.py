@@ -19,6 +19,7 @@ from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.records import Cause, Outcome
 from tests.engines.extras import H, need
+from tests.models import written
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("drake", "dart")
@@ -41,8 +42,7 @@ def text(
 
 def load(name: str, sdf: str, folder: Path, **settings: object) -> LoadedModel:
     need(name)
-    path = folder / "m.sdf"
-    path.write_text(sdf)
+    path = written(folder, "m.sdf", sdf)
     values = {"step": H, "gravity": [0.3, 0.0, -9.81], **settings}
     return engines()[name].load(ModelSpec(path, settings=values))
 
@@ -50,8 +50,7 @@ def load(name: str, sdf: str, folder: Path, **settings: object) -> LoadedModel:
 def outcome(name: str, sdf: str, folder: Path, **settings: object) -> Outcome:
     """Return the outcome of the file alone, compared with its own equations."""
     need(name)
-    path = folder / "robot.sdf"
-    path.write_text(sdf)
+    path = written(folder, "robot.sdf", sdf)
     task = model_task(prepare_tree(path), name)
     return judge(task.with_settings(**settings)).outcome
 

@@ -11,6 +11,7 @@ from physics_crosscheck.engine import LoadedModel, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, unit_quaternion
 from tests.engines.test_readings import BELOW
+from tests.models import written
 
 MJCF = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody>
 <body name="top" pos="1 2 3" euler="0 0 90"><joint name="top" type="free"/>
@@ -31,8 +32,7 @@ TUMBLING = (
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
-    file = tmp_path_factory.mktemp("free") / "top.xml"
-    file.write_text(MJCF)
+    file = written(tmp_path_factory.mktemp("free"), "top.xml", MJCF)
     return engines()["mujoco"].load(ModelSpec(file))
 
 
@@ -83,8 +83,7 @@ def test_forces_are_in_world_axes_and_moments_in_body_axes(model: LoadedModel) -
 
 @pytest.mark.parametrize("name", ["mujoco", "pybullet"])
 def test_links_of_a_floating_urdf_match_their_coordinates(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "r.urdf"
-    path.write_text(TUMBLING)
+    path = written(tmp_path, "r.urdf", TUMBLING)
     settings = {"step": 1e-3, "gravity": [0.0, 0.0, 0.0], "floating": True}
     model = engines()[name].load(ModelSpec(path, settings=settings))
     z = np.array([[0.1, 0.2, 0.3, 0.5, -0.3, 0.2, 0.4]])

@@ -10,6 +10,7 @@ import pytest
 
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
+from tests.models import written
 
 pytest.importorskip("mujoco")
 
@@ -30,8 +31,7 @@ def _no_log_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def load(folder: Path, *change: str, **settings: object) -> LoadedModel:
-    path = folder / "model.xml"
-    path.write_text(GOOD.replace(change[0], change[1], 1) if change else GOOD)
+    path = written(folder, "model.xml", GOOD.replace(change[0], change[1], 1) if change else GOOD)
     return engines()["mujoco"].load(ModelSpec(path, settings=settings))
 
 
@@ -72,8 +72,7 @@ def test_invalid_model_is_rejected_in_one_line(
 
 
 def test_dtd_or_a_pipe_in_an_include_is_rejected(tmp_path: Path) -> None:
-    other = tmp_path / "other.txt"
-    other.write_text("<!DOCTYPE mujoco>\n<mujoco/>\n")
+    other = written(tmp_path, "other.txt", "<!DOCTYPE mujoco>\n<mujoco/>\n")
     change = ("<worldbody>", '<include file="other.txt"/>\n<worldbody>')
     with pytest.raises(EngineError, match=r"other.txt:1: refused"):
         load(tmp_path, *change)

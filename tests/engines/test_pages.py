@@ -17,6 +17,7 @@ from physics_crosscheck.harness.engines.pages import (
     renewed,
 )
 from physics_crosscheck.harness.engines.registry import BUILT_IN
+from tests.models import written
 
 FOLDER = Path(__file__).parents[2] / "docs" / "engines"
 ENGINES = [kind() for kind in BUILT_IN]
@@ -50,8 +51,7 @@ def test_engine_matches_its_page(engine: Engine, tmp_path: Path) -> None:
         pytest.skip(f"{engine.name} is not installed")
     page = phrases(engine)
     for sample in engine.samples():
-        path = tmp_path / sample.file
-        path.write_text(sample.text)
+        path = written(tmp_path, sample.file, sample.text)
         model = engine.load(ModelSpec(path, sample.springs, sample.settings))
         still = 0 * model.home[None]
         has_accelerations = model.accelerations(model.home[None], still, still) is not None
@@ -66,8 +66,7 @@ def test_engine_accepts_the_listed_settings(engine: Engine, tmp_path: Path) -> N
     if engine.version() is None:
         pytest.skip(f"{engine.name} is not installed")
     sample = engine.samples()[0]
-    path = tmp_path / sample.file
-    path.write_text(sample.text)
+    path = written(tmp_path, sample.file, sample.text)
     for setting, default in own_settings(engine).items():
         if default == "of the file":
             continue

@@ -25,6 +25,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.case import WholeStep
 from physics_crosscheck.records import AuditFinding, Outcome
 from tests.audit.models import messages, severe
+from tests.models import written
 
 pytest.importorskip("pybullet")
 
@@ -195,8 +196,7 @@ def test_tensor_of_a_flat_body_satisfies_the_triangle_inequality(tmp_path: Path)
         old = flat.split('body"><inertial>')[1].split(f'{key}="')[1].split('"')[0]
         head, tail = flat.split('name="body"')
         flat = head + 'name="body"' + tail.replace(f'{key}="{old}"', f'{key}="{value}"')
-    path = tmp_path / "flat.urdf"
-    path.write_text(flat)
+    path = written(tmp_path, "flat.urdf", flat)
     settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": True}
     model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
     assert not model.corrective_settings
@@ -220,8 +220,7 @@ def test_axes_near_a_right_angle_are_computed(tmp_path: Path, frame: str) -> Non
 
 
 def test_exact_axes_is_true_or_false(tmp_path: Path) -> None:
-    path = tmp_path / "body.urdf"
-    path.write_text(URDF)
+    path = written(tmp_path, "body.urdf", URDF)
     settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": 1.0}
     with pytest.raises(RuntimeError, match="true or false"):
         engines()["pybullet"].load(ModelSpec(path, settings=settings))

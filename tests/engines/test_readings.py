@@ -10,6 +10,7 @@ import pytest
 from physics_crosscheck.engine import Array, EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import EXTRAS, H, load, need
+from tests.models import written
 
 BOTH = ("mujoco", "pybullet")
 ALL = (*BOTH, *EXTRAS)
@@ -165,8 +166,7 @@ def test_impossible_body_is_rejected(name: str, body: str, tmp_path: Path) -> No
 @pytest.mark.parametrize("name", ALL)
 def test_mujoco_assumes_step_and_gravity_and_others_require_them(name: str, tmp_path: Path) -> None:
     need(name)
-    path = tmp_path / "bare.urdf"
-    path.write_text(urdf())
+    path = written(tmp_path, "bare.urdf", urdf())
     if name == "mujoco":
         model = engines()[name].load(ModelSpec(path))
         assert (model.step, model.gravity) == (0.002, (0.0, 0.0, -9.81))
@@ -239,8 +239,7 @@ FLOATING = (
 
 def test_massless_floating_root_is_a_kilogram_in_pybullet_by_default(tmp_path: Path) -> None:
     """Catch a correction that PyBullet turns into a fixed root, without a reported cause."""
-    path = tmp_path / "root.urdf"
-    path.write_text(FLOATING.format('\n<link name="root"/>'))
+    path = written(tmp_path, "root.urdf", FLOATING.format('\n<link name="root"/>'))
     speed = {}
     for bare in (True, False):
         settings = {"step": H, "gravity": [0, 0, 0], "bare_links": bare, "floating": True}

@@ -9,6 +9,7 @@ import pytest
 
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
+from tests.models import written
 
 URDF = """<robot name="r">
   <link name="base">
@@ -52,8 +53,7 @@ SERVO = -100 * 0.8 / (0.145 + 2 * 0.25**2)
 
 def loaded(engine: str, tmp_path: Path, **settings: object) -> LoadedModel:
     mjcf = engine == "mujoco mjcf"
-    file = tmp_path / ("r.xml" if mjcf else "r.urdf")
-    file.write_text(MJCF if mjcf else URDF)
+    file = written(tmp_path, ("r.xml" if mjcf else "r.urdf"), MJCF if mjcf else URDF)
     given = settings if mjcf else {"step": 0.001, "gravity": [0.0, 0.0, -9.81], **settings}
     return engines()[engine.split()[0]].load(ModelSpec(path=file, settings=given, springs=()))
 
@@ -109,8 +109,7 @@ BALL = """<robot name="ball"><link name="world"/><link name="guide"><inertial><m
 
 
 def test_floor_applies_friction_without_memory_of_contacts(tmp_path: Path) -> None:
-    file = tmp_path / "ball.urdf"
-    file.write_text(BALL)
+    file = written(tmp_path, "ball.urdf", BALL)
     settings = {"step": 0.001, "gravity": [0.0, 0.0, -10.0], "floor": True}
     model = engines()["pybullet"].load(ModelSpec(path=file, settings=settings, springs=()))
     # PyBullet leaves a contact 1e-5 m deep as it is; the third state is that of the first again.

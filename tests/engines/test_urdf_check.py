@@ -14,6 +14,7 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.source import temporary_file
 from physics_crosscheck.harness.engines.urdf import load_urdf
+from tests.models import written
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 BODY = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
@@ -82,8 +83,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("change", "message"), REFUSED)
 def test_invalid_urdfs_are_rejected(change: tuple[str, str], message: str, tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(GOOD)
+    path = written(tmp_path, "robot.urdf", GOOD)
     load_urdf(path)
     assert change[0] in GOOD
     path.write_text(GOOD.replace(*change, 1))
@@ -142,8 +142,7 @@ def test_commas_that_an_engine_reads_as_zeros_are_rejected(words: str, tmp_path:
 @pytest.mark.parametrize("name", ["mujoco", "pybullet"])
 def test_no_engine_loads_an_invalid_urdf(name: str, tmp_path: Path) -> None:
     pytest.importorskip(name)
-    path = tmp_path / "robot.urdf"
-    path.write_text(GOOD.replace(*added('<link name="z"/>')))
+    path = written(tmp_path, "robot.urdf", GOOD.replace(*added('<link name="z"/>')))
     settings = {"step": 0.002, "gravity": [0, 0, 0]}
     with pytest.raises(EngineError, match="2 root links"):
         engines()[name].load(ModelSpec(path, settings=settings))
@@ -166,8 +165,7 @@ def test_named_pipe_is_rejected(name: str, ending: str, tmp_path: Path) -> None:
 
 def notes(name: str, text: str, folder: Path) -> list[str]:
     pytest.importorskip(name)
-    path = folder / "robot.urdf"
-    path.write_text(text)
+    path = written(folder, "robot.urdf", text)
     settings = {"step": 0.002, "gravity": [0, 0, 0]}
     model = engines()[name].load(ModelSpec(path, settings=settings))
     z = np.zeros((1, 1))

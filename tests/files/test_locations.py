@@ -7,6 +7,7 @@ import pytest
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
+from tests.models import written
 
 MJCF = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- Trägheit: <joint name="x" stiffness="1.0"/> is no joint, nor is mass="2" a mass. -->
@@ -313,15 +314,13 @@ SDF = """<sdf version="1.6"><model name="m">
 def test_numbers_of_a_list_in_an_element_have_addresses(
     tmp_path: Path, address: str, line: int, value: float
 ) -> None:
-    file = tmp_path / "m.sdf"
-    file.write_text(SDF)
+    file = written(tmp_path, "m.sdf", SDF)
     place = find(file, [address])[address]
     assert (place.line, place.value) == (line, value)
 
 
 def test_index_beyond_a_list_is_refused_and_all_numbers_are_listed(tmp_path: Path) -> None:
-    file = tmp_path / "m.sdf"
-    file.write_text(SDF)
+    file = written(tmp_path, "m.sdf", SDF)
     with pytest.raises(LocationError, match="is beyond <pose>: it has 6 numbers"):
         find(file, ["link[a]/pose[6]"])
     listed = numbers(file, "pose|mass")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
+from tests.models import written
 
 GOOD = """
 engines = ["pybullet", "mujoco"]
@@ -30,8 +31,7 @@ rest = 0
 def write(tmp_path: Path) -> Callable[[str], Path]:
     def make(text: str) -> Path:
         (tmp_path / "robot.urdf").write_text("<robot/>")
-        path = tmp_path / "robot.urdf.toml"
-        path.write_text(text)
+        path = written(tmp_path, "robot.urdf.toml", text)
         return path
 
     return make
@@ -77,7 +77,6 @@ def test_wrong_sidecar_is_refused_with_its_file_and_place(
 
 
 def test_sidecar_without_its_model_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "gone.urdf.toml"
-    path.write_text('engines = ["mujoco"]')
+    path = written(tmp_path, "gone.urdf.toml", 'engines = ["mujoco"]')
     with pytest.raises(SidecarError, match=r"there is no model file gone\.urdf"):
         read_sidecar(path)

@@ -16,6 +16,7 @@ from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.diff import Status
 from tests.gate.conftest import SYSTEM, Repository
+from tests.models import edited
 from tests.standing import keep_default_engines, shorten_scenarios, without
 
 CHANGED, WITHIN, IMPROVED = Status.CHANGED, Status.WITHIN, Status.IMPROVED
@@ -236,8 +237,7 @@ def test_softened_constraint_changes_the_model(repository: Repository) -> None:
     without(folder, "driven", "large")
     shorten_scenarios(folder, 8)
     repository.accept("first baseline")
-    path = folder / "mujoco_rolling.xml"
-    path.write_text(path.read_text().replace('solref="1e-6 0.5"', 'solref="0.02 1"'))
+    edited(folder / "mujoco_rolling.xml", 'solref="1e-6 0.5"', 'solref="0.02 1"')
     result = repository.gate()
     statuses, kinds, _ = describe(result, "mujoco_rolling.xml")
     assert statuses == {CHANGED}

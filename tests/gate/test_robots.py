@@ -31,6 +31,7 @@ from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.run import Options, run
 from physics_crosscheck.records import Results
 from tests.gate.conftest import ignore_progress
+from tests.models import edited
 
 ROOT = Path(__file__).parents[2]
 ARM = """\
@@ -363,8 +364,7 @@ def test_another_engine_version_runs_the_files_again(
 def test_damaged_entry_is_reported_with_its_file(
     robots: Robots, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = robots.baseline / "robots/arm.urdf.json"
-    file.write_text(file.read_text().replace('"outcome": "AGREES"', '"outcome": "DIFFERS"'))
+    edited(robots.baseline / "robots/arm.urdf.json", '"outcome": "AGREES"', '"outcome": "DIFFERS"')
     assert cli.main(["gate", "robots"]) == FAIL
     assert "robots/arm.urdf.json" in capsys.readouterr().err
 

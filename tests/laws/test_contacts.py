@@ -17,6 +17,7 @@ from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.reference.laws.solids import KINDS, Solid, distance, gap, overlap
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 from tests.laws.scenes import URDF_BOX, URDF_LEG
+from tests.models import written
 
 pytest.importorskip("mujoco")
 
@@ -41,8 +42,7 @@ def check(
 ) -> WholeStepCheck:
     """Compare a file whose loaded model is changed."""
     urdf = text.startswith("<robot")
-    file = folder / ("robot.urdf" if urdf else "scene.xml")
-    file.write_text(text)
+    file = written(folder, ("robot.urdf" if urdf else "scene.xml"), text)
     spec = ModelSpec(file, settings={**SETTINGS, "floating": True} if urdf else {})
     steps = KeptSteps()
     plant(steps.model(engine, spec))
@@ -149,8 +149,7 @@ def test_no_changed_number_is_wrongly_green(tmp_path: Path, case: str) -> None:
     """Catch a number of a loaded model that acts, counts as tested and makes no difference."""
     engine, (text, only, count) = case.partition(",")[0], PLANTED[case]
     pytest.importorskip({"drake": "pydrake", "dart": "dartpy"}.get(engine, engine))
-    file = tmp_path / ("robot.urdf" if text.startswith("<robot") else "box.xml")
-    file.write_text(text)
+    file = written(tmp_path, ("robot.urdf" if text.startswith("<robot") else "box.xml"), text)
     table = plant_in([file], seed=2, only=only, engine=engine, each=2, floating=engine != "dart")
     assert sum(counts["detected"] > 0 for counts in table.values()) == count
     verdicts = {verdict for counts in table.values() for verdict in counts}

@@ -29,6 +29,7 @@ from physics_crosscheck.reference.mechanism.planar import (
     PlanarShape,
 )
 from tests.laws.spaces import BALL, HEAD, JOINTS, STACK, TAIL
+from tests.models import written
 
 STEP = {"step": 0.004}
 
@@ -57,8 +58,7 @@ def test_ball_follows_its_law(tmp_path: Path) -> None:
 @cache
 def sound(folder: Path, space: str) -> tuple[list[tuple[Array, Array]], list[PlanarSample]]:
     """Return drawn states of a Space, and both steps there."""
-    file = folder / "space.py"
-    file.write_text(space)
+    file = written(folder, "space.py", space)
     whole = engines()["pymunk"].load_planar(ModelSpec(file, settings=STEP))
     assert whole is not None
     law, states = PlanarModel(laws=whole.laws), list(drawn_states(whole, whole.laws))
@@ -109,8 +109,7 @@ def test_changed_number_is_detected(
     space, right, wrong = FAULTS[fault]
     assert right in space
     states, samples = sound(tmp_path_factory.getbasetemp(), space)
-    copy = tmp_path / "copy.py"
-    copy.write_text(space.replace(right, wrong, 1))
+    copy = written(tmp_path, "copy.py", space.replace(right, wrong, 1))
     engine = engines()["pymunk"].load_planar(ModelSpec(copy, settings=STEP))
     assert engine is not None
     stepped = [
@@ -214,8 +213,7 @@ SLIDE = (
 def acting(tmp_path: Path, text: str) -> tuple[dict[tuple[str, str], float], PlanarWhole]:
     """Return the quantities that a Space's numbers act as, and the Space."""
     pytest.importorskip("pymunk")
-    file = tmp_path / "space.py"
-    file.write_text(text)
+    file = written(tmp_path, "space.py", text)
     spec = ModelSpec(file, settings=STEP)
     rows = planar_quantities(spec, "pymunk")
     whole = engines()["pymunk"].load_planar(spec)

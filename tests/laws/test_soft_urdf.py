@@ -11,14 +11,13 @@ from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.acting_impulses import urdf_quantities
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
-from physics_crosscheck.harness.checks.prepare import prepare_tree
-from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.records import Outcome
 from tests.compare.asking import compared, laws
 from tests.engines.whole_steps import checked, problem_of
 from tests.laws.scenes import URDF_ARM, URDF_BOX, URDF_LEG
+from tests.models import robot_task, written
 
 FIXED_BALL = """<link name="ball"><collision><geometry><sphere radius=".05"/></geometry></collision>
 </link><joint name="weld" type="fixed"><parent link="lower"/><child link="ball"/>
@@ -96,8 +95,7 @@ def test_parts_without_a_law_are_named(tmp_path: Path) -> None:
 def test_wrong_number_is_named(tmp_path: Path, right: str, wrong: str, address: str) -> None:
     """Catch a diagnosis that does not try the numbers of a soft URDF."""
     problem = problem_of("mujoco", tmp_path)
-    file = tmp_path / "wrong.urdf"
-    file.write_text(URDF_ARM.replace(right, wrong))
+    file = written(tmp_path, "wrong.urdf", URDF_ARM.replace(right, wrong))
     ranking = diagnose_laws(problem.in_engine(replace(problem.spec, path=file)))
     assert ranking.explained
     (cause,) = ranking.fits[0].causes
@@ -106,9 +104,7 @@ def test_wrong_number_is_named(tmp_path: Path, right: str, wrong: str, address: 
 
 def test_masses_from_shapes_are_named(tmp_path: Path) -> None:
     """Catch a link without `<inertial>` whose mass in MuJoCo no check sees."""
-    file = tmp_path / "robot.urdf"
-    file.write_text(BARE)
-    task = model_task(prepare_tree(file, states=8), "mujoco")
+    task = robot_task(tmp_path, "robot.urdf", BARE)
     assert run_case(task).outcome is Outcome.DIFFERS
     (cause, remedy), *others = task.load()[0].corrective_settings.items()
     assert cause == "MuJoCo's masses from the shapes of a link without <inertial> (ball, line 11)"
@@ -120,8 +116,7 @@ def test_masses_from_shapes_are_named(tmp_path: Path) -> None:
 
 def test_numbers_act_as_stated(tmp_path: Path) -> None:
     """Catch quantities of a URDF that MuJoCo has without its numbers."""
-    file = tmp_path / "leg.urdf"
-    file.write_text(URDF_LEG)
+    file = written(tmp_path, "leg.urdf", URDF_LEG)
     settings = {**SETTINGS, **STANDALONE_SETTINGS, "floating": True}
     rows = urdf_quantities(ModelSpec(file, settings=settings), "mujoco")
     values = {(row.subject, row.quantity): row.value for row in rows}

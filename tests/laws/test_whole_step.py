@@ -39,6 +39,7 @@ from tests.laws.scenes import (
     URDF_BOX,
     WELD,
 )
+from tests.models import written
 
 pytest.importorskip("mujoco")
 
@@ -118,8 +119,7 @@ RIGHT = {
 @pytest.mark.parametrize("name", RIGHT)
 def test_right_file_agrees(tmp_path: Path, name: str) -> None:
     """Catch a law, a division or a reading that fails at numbers which are rare, but right."""
-    file = tmp_path / "scene.xml"
-    file.write_text(RIGHT[name].format(""))
+    file = written(tmp_path, "scene.xml", RIGHT[name].format(""))
     check = check_whole_step(file, ModelSpec(file), "mujoco", 1e-9)
     assert check is not None
     assert check.record.outcome is Outcome.AGREES
@@ -338,8 +338,7 @@ GAP = """<mujoco><worldbody><geom type="plane" size="3 3 .1" margin=".001" gap="
 @use_few_states
 def test_wrong_gap_agrees(tmp_path: Path) -> None:
     """Catch a gap that shifts rows: MuJoCo 4 reports contacts within it, which exert no force."""
-    file = tmp_path / "scene.xml"
-    file.write_text(GAP)
+    file = written(tmp_path, "scene.xml", GAP)
     faults = [fault for *_, fault in plant_faults(file, 1, np.random.default_rng(1), ("gap",))]
     assert [(fault.acts, fault.outcome) for fault in faults] == [(0.0, "AGREES")] * 2
 
@@ -396,8 +395,7 @@ def test_missing_mesh_costs_its_shape_only(
 ) -> None:
     """Catch whole steps that are lost since a shape has no file."""
     pytest.importorskip(engine)
-    file = tmp_path / name
-    file.write_text(text)
+    file = written(tmp_path, name, text)
     case = run_case(model_task(prepare(file), engine))
     assert case.outcome is Outcome.AGREES
     assert case.whole_step is not None
@@ -411,8 +409,7 @@ def test_missing_mesh_costs_its_shape_only(
 def test_full_runs_follow_whole_steps(tmp_path: Path) -> None:
     """Catch whole steps that unload the model before its full runs."""
     pytest.importorskip("pybullet")
-    file = tmp_path / "arm.urdf"
-    file.write_text(URDF_ARM.replace("900", "0"))
+    file = written(tmp_path, "arm.urdf", URDF_ARM.replace("900", "0"))
     case = run_case(model_task(prepare(file, states=4, motion=0.05), "pybullet"))
     assert case.outcome is Outcome.AGREES
     assert case.full_run is not None
@@ -454,8 +451,7 @@ def test_softening_limits_and_equalities_act(tmp_path: Path) -> None:
 @use_few_states
 def test_states_are_added_for_parts_that_never_act(tmp_path: Path) -> None:
     """Catch ends of ranges, and friction that holds, which no state shows."""
-    file = tmp_path / "stiff.xml"
-    file.write_text(STIFF)
+    file = written(tmp_path, "stiff.xml", STIFF)
     problem = law_problem(model_task(prepare_tree(file, states=2), "mujoco"))
     assert problem is not None
     comparison = problem.comparison

@@ -23,6 +23,7 @@ from physics_crosscheck.harness.commands.mutation.trees import (
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
+from tests.models import written
 from tests.records.made import case
 from tests.robots.files import ARM, TIPPED
 
@@ -98,8 +99,7 @@ def test_full_run_of_a_folder_of_bodies_has_an_error_of_order_1(folder: Path) ->
 def arm(tmp_path: Path) -> Path:
     if engines()["mujoco"].version() is None:
         pytest.skip("mujoco is not installed")
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
+    file = written(tmp_path, "arm.urdf", ARM)
     return file
 
 
@@ -159,8 +159,7 @@ SWING = """<robot name="swing"><link name="base"/><link name="rod">
 
 def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
     """Cover mistakes that no single number explains: a reversed axis, exchanged moments."""
-    file = tmp_path / "swing.urdf"
-    file.write_text(SWING)
+    file = written(tmp_path, "swing.urdf", SWING)
     task = model_task(prepare_tree(file, states=8), "mujoco")
     faults = [fault for fault in faults_of(task) if fault.size is None]
     assert [one.mistake.name for one in faults].count("grams for kilograms") == 1
@@ -178,8 +177,7 @@ def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(engines()["pybullet"].version() is None, reason="needs PyBullet")
 def test_engine_defaults_left_on_are_mistakes_of_a_robot(tmp_path: Path) -> None:
-    file = tmp_path / "swing.urdf"
-    file.write_text(SWING)
+    file = written(tmp_path, "swing.urdf", SWING)
     task = model_task(prepare_tree(file, states=8), "pybullet")
     faults = [one for one in faults_of(task) if one.mistake.settings]
     rows = {row.location: row for row in map(mutated_tree, faults)}
@@ -196,8 +194,7 @@ STOPPED = """<mujoco><option timestep="0.002"/><worldbody>
 
 def test_numbers_and_mistakes_of_laws_are_planted_and_named(tmp_path: Path) -> None:
     """Catch numbers and mistakes of laws that are not planted or not named."""
-    file = tmp_path / "arm.xml"
-    file.write_text(STOPPED)
+    file = written(tmp_path, "arm.xml", STOPPED)
     task = model_task(prepare_tree(file, states=4), "mujoco")
     faults = {(one.mistake.location, one.mistake.name): one for one in faults_of(task)}
     chosen = [
@@ -219,8 +216,7 @@ SLIDING = """<mujoco><option cone="elliptic"/><worldbody><geom type="plane" size
 
 def test_solver_that_stops_early_is_named(tmp_path: Path) -> None:
     """Catch an uncertainty without the solver's error, or silently dropped states."""
-    file = tmp_path / "box.xml"
-    file.write_text(SLIDING)
+    file = written(tmp_path, "box.xml", SLIDING)
     task = model_task(prepare_tree(file, states=4), "mujoco")
     laws = trees.sound_laws(task)
     assert laws is not None

@@ -12,6 +12,7 @@ import pytest
 from physics_crosscheck import MotionError, Trajectory, simulate, solve
 from physics_crosscheck.harness.interfaces.notebook import ask
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
+from tests.models import edited, written
 from tests.standing import keep_default_engines
 
 START = {"theta": 1.5}
@@ -85,7 +86,7 @@ def test_error_of_wrong_length_does_not_depend_on_the_step(tmp_path: Path) -> No
     model = folder / "mujoco.xml"
     exact = solve(folder, "free", duration=4)
     right = largest(simulate(model, "free", 0.0005, duration=4) - exact, "theta")
-    model.write_text(model.read_text().replace('pos="0 0 -0.75" mass', 'pos="0 0 -0.77" mass'))
+    edited(model, 'pos="0 0 -0.75" mass', 'pos="0 0 -0.77" mass')
     wrong = [
         largest(simulate(model, "free", h, duration=4) - exact, "theta") for h in (0.001, 0.0005)
     ]
@@ -147,8 +148,7 @@ def test_engine_is_selected_by_name() -> None:
 
 
 def test_single_robot_file_has_equations(tmp_path: Path) -> None:
-    arm = tmp_path / "arm.urdf"
-    arm.write_text(ARM)
+    arm = written(tmp_path, "arm.urdf", ARM)
     start = {"pin": 0.5, "pin_dot": 1.0}
     run = simulate(arm, start, 0.0005, duration=0.3, engine="mujoco")
     exact = solve(arm, start, times=run.t, duration=0.3)
@@ -157,8 +157,7 @@ def test_single_robot_file_has_equations(tmp_path: Path) -> None:
     assert exact["energy"][0] == pytest.approx(0.5 * 0.6 - 2 * 9.81 * 0.5 * np.cos(0.5))
     assert np.ptp(exact["energy"]) < 1e-10
     assert largest(run - exact, "pin") < 5e-4
-    heavier = tmp_path / "heavier.urdf"
-    heavier.write_text(ARM.replace('iyy="0.1"', 'iyy="0.2"'))
+    heavier = written(tmp_path, "heavier.urdf", ARM.replace('iyy="0.1"', 'iyy="0.2"'))
     other = simulate(heavier, start, 0.0005, duration=0.3, engine="mujoco")
     assert largest(other - exact, "pin") > 5e-3
 

@@ -24,6 +24,7 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import solve_events
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.solving.segments import Motion
+from tests.models import edited
 
 BALL = Path(__file__).parents[2] / "models" / "events" / "bouncing_ball"
 DT = 0.002
@@ -70,8 +71,7 @@ def test_full_runs_have_order_one_and_show_each_impact(drop: Motion) -> None:
 def test_runs_with_another_restitution_do_not_converge(drop: Motion, tmp_path: Path) -> None:
     copy = tmp_path / "bouncing_ball"
     shutil.copytree(BALL, copy)
-    space = copy / "space.py"
-    space.write_text(space.read_text().replace("RESTITUTION = 0.8", "RESTITUTION = 0.77"))
+    edited(copy / "space.py", "RESTITUTION = 0.8", "RESTITUTION = 0.77")
     study = studied(drop, copy)
     assert not study.full_run_check.converges
     assert study.steps_for == (None, None, None)

@@ -9,7 +9,7 @@ from physics_crosscheck.engine import Array
 from physics_crosscheck.harness.numerics.accelerations import Estimate
 from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.linearization import linearize_engine
-from physics_crosscheck.harness.records.model import EngineLinearization
+from physics_crosscheck.records import EngineLinearization
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler, finite
 

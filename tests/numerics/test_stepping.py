@@ -25,6 +25,7 @@ from physics_crosscheck.harness.numerics.stepping import StepComparison, step_en
 from physics_crosscheck.records import Case, Outcome
 from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
+from tests.models import robot_task
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 from tests.physics import physics as prepared
 
@@ -201,9 +202,7 @@ def test_unstable_runge_kutta_steps_are_not_compared(
     tmp_path: Path, integrator: str, step: float, stable: bool
 ) -> None:
     """Skip stages that turn a joint by about 1e6 rad; a rule of one stage has no such numbers."""
-    file = tmp_path / "stiff.xml"
-    file.write_text(STIFF.format(step, integrator))
-    result = run_case(model_task(prepare_tree(file, states=8), "mujoco")).stepping
+    result = run_case(robot_task(tmp_path, "stiff.xml", STIFF.format(step, integrator))).stepping
     assert (result is not None) is stable
     assert result is None or result.outcome is not Outcome.DIFFERS
 

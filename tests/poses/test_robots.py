@@ -21,6 +21,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.render.terminal.problems import difference
 from physics_crosscheck.records import Outcome
+from tests.models import robot_task, written
 
 DATA = Path(pybullet_data.getDataPath())
 ARM = """<robot name="arm">
@@ -95,9 +96,7 @@ def test_misplaced_massless_tool_differs_at_its_line(
     expected: str,
 ) -> None:
     """Catch a comparison that skips links without mass, which no motion shows."""
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
-    task = model_task(prepare_tree(file, states=8), "mujoco")
+    task = robot_task(tmp_path, "arm.urdf", ARM)
     assert run_case(task).outcome is Outcome.AGREES
     monkeypatch.setattr(MujocoModel, "poses", shifted("link:tool", by, turn))
     case = run_case(task)
@@ -146,7 +145,6 @@ def test_misplaced_tool_of_system_py_differs_and_is_counted(tmp_path: Path) -> N
 
 
 def test_rounding_difference_agrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / "arm.urdf"
-    file.write_text(ARM)
+    file = written(tmp_path, "arm.urdf", ARM)
     monkeypatch.setattr(MujocoModel, "poses", shifted("link:tool", (0, 1e-11, 0), 1e-11))
     assert run_case(model_task(prepare_tree(file, states=8), "mujoco")).outcome is Outcome.AGREES

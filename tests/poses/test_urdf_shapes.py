@@ -11,6 +11,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
 from physics_crosscheck.records import Case, Outcome
+from tests.models import written
 from tests.poses.edited import case_of_edited
 
 URDF = """<robot name="arm">
@@ -61,8 +62,7 @@ def test_shapes_agree(tmp_path: Path, engine: str) -> None:
 
 def test_shape_with_a_word_has_no_place(tmp_path: Path) -> None:
     """Stopped by a word for a size: motions do not depend on it."""
-    path = tmp_path / "arm.urdf"
-    path.write_text(URDF.replace('radius="0.06"', 'radius="wide"'))
+    path = written(tmp_path, "arm.urdf", URDF.replace('radius="0.06"', 'radius="wide"'))
     case = run_case(model_task(prepare_tree(path, states=4), "mujoco"))
     assert case.outcome is Outcome.AGREES
     assert case.whole_step is not None
@@ -95,8 +95,7 @@ def test_moved_or_scaled_shapes_differ_at_their_lines(
 
 @in_both
 def test_their_numbers_count_as_tested(tmp_path: Path, engine: str) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(URDF)
+    path = written(tmp_path, "arm.urdf", URDF)
     coverage = count_robot(model_task(prepare_tree(path, states=4), engine))
     # Box 9, ball 4, cylinder 5, mesh 6, capsule 5; and 5 of the joint's place.
     assert coverage.frames == 34

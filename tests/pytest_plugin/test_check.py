@@ -22,6 +22,7 @@ from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.results.failure import audit_lines, diagnosis_lines
 from physics_crosscheck.records import Outcome, Results
 from tests.faults.known_folder import environment, known_folder
+from tests.models import edited
 from tests.robots.files import ARM, LAMP, UNLIMITED
 from tests.standing import keep_default_engines, shorten_scenarios, without
 
@@ -36,8 +37,7 @@ def folder(tmp_path: Path) -> Path:
     keep_default_engines(folder)
     without(folder, "step")
     shorten_scenarios(folder, 8)
-    path = folder / "mujoco.xml"
-    path.write_text(path.read_text().replace('stiffness="47.0"', 'stiffness="47.000047"'))
+    edited(folder / "mujoco.xml", 'stiffness="47.0"', 'stiffness="47.000047"')
     return folder
 
 

@@ -16,6 +16,7 @@ from physics_crosscheck.harness.planning.model_checks import DIAGNOSIS
 from physics_crosscheck.harness.results import status
 from physics_crosscheck.harness.results.status import TestStatus
 from physics_crosscheck.records import Case, Model, Outcome
+from tests.models import edited
 from tests.pytest_plugin.conftest import FakeResults, Project
 from tests.records.made import case, finding, model
 
@@ -208,8 +209,7 @@ def test_accepted_difference_passes_until_it_changes(
     done = project.run(*arguments)
     done.assert_outcomes(failed=1, deselected=3)
     done.stdout.fnmatch_lines(["DIFFERS: *a difference was accepted here (a worn spring)*"])
-    entry = next((project.path / "reports/baseline").glob("*.json"))
-    entry.write_text(entry.read_text().replace("a worn spring", "nothing"))
+    edited(next((project.path / "reports/baseline").glob("*.json")), "a worn spring", "nothing")
     assert project.run(*arguments).ret == pytest.ExitCode.USAGE_ERROR
 
 

@@ -19,6 +19,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compi
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.records import Outcome
+from tests.models import edited, written
 from tests.robots.planted import PreparedFile, prepare_file
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
@@ -53,8 +54,7 @@ HARD = """<mujoco model="hard">
 
 def write_model(folder: Path, more: str = "", **changes: Any) -> Path:
     options = {"integrator": "Euler", "density": 0, "gravcomp": 0, **changes}
-    file = folder / "hard.xml"
-    file.write_text(HARD.format(more=more, **options))
+    file = written(folder, "hard.xml", HARD.format(more=more, **options))
     return file
 
 
@@ -112,8 +112,7 @@ LOOSE = """<mujoco model="loose">
 @pytest.mark.parametrize("integrator", ["Euler", "implicit"])
 def test_free_and_ball_joints_agree(tmp_path: Path, integrator: str) -> None:
     """Cover a free root with armature and dampers, and balls with anchors, one unnamed."""
-    file = tmp_path / "loose.xml"
-    file.write_text(LOOSE.format(integrator=integrator))
+    file = written(tmp_path, "loose.xml", LOOSE.format(integrator=integrator))
     assert outcome(file) == (Outcome.AGREES, "")
     names = prepare_tree(file, states=8).names
     assert names[:6] == ("base:rx", "base:ry", "base:rz", "base:x", "base:y", "base:z")
@@ -161,7 +160,7 @@ def test_tendons_and_actuators_with_constant_inputs_agree(tmp_path: Path) -> Non
     file = write_model(tmp_path, ACTUATED, gravcomp=0.6)
     # A force of v |v| has a kink at v = 0; a cubic force is smooth enough.
     cubic = 'class="soft"><joint damping="0.1 0 0.2"'
-    file.write_text(file.read_text().replace('class="soft"><joint', cubic))
+    edited(file, 'class="soft"><joint', cubic)
     assert outcome(file) == (Outcome.AGREES, "")
     prepared = prepare_tree(file, states=8)
     assert "actuators of other laws or transmissions" in prepared.left_out
@@ -312,8 +311,7 @@ MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 0.3 0 0 0 0.5 0 0 0 0.7"
 
 
 def test_agreement_on_compiled_inertias_has_a_reservation(tmp_path: Path) -> None:
-    file = tmp_path / "meshed.xml"
-    file.write_text(MESHED)
+    file = written(tmp_path, "meshed.xml", MESHED)
     case = run_case(model_task(prepare_tree(file, states=8), "pinocchio"))
     assert case.outcome is Outcome.AGREES
     assert case.reason == "the inertia of 1 body is as MuJoCo compiles the file"
@@ -328,8 +326,7 @@ def test_compile_error_names_the_file(tmp_path: Path) -> None:
 
 
 def test_file_without_a_joint_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
+    file = written(tmp_path, "r.xml", '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
     assert [one.sentence for one in read_compiled_robot(file).obstacles] == [
         "it has no joint that moves"
     ]
@@ -376,11 +373,9 @@ def test_missing_mesh_is_named_with_its_line(tmp_path: Path, inertial: str, sent
 ])  # fmt: skip
 def test_part_names_the_file_that_includes_it(part: str, tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
-    file = tmp_path / "parts" / "part.xml"
-    file.write_text(part)
+    file = written(tmp_path / "parts", "part.xml", part)
     (problem,) = read_robot(file).obstacles
     assert "which includes it" not in problem.remedy
-    whole = tmp_path / "whole.xml"
-    whole.write_text('<mujoco><include file="parts/part.xml"/></mujoco>')
+    whole = written(tmp_path, "whole.xml", '<mujoco><include file="parts/part.xml"/></mujoco>')
     (problem,) = read_robot(file).obstacles
     assert problem.remedy == f"open {whole}, which includes it"

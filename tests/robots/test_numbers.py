@@ -13,6 +13,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE
 from physics_crosscheck.harness.modelfiles.readers import Numbers, read_robot, robot_numbers
 from physics_crosscheck.reference.mechanism.tree import Tree
+from tests.models import written
 from tests.robots.files import joint, link
 
 URDF = "\n".join(
@@ -66,8 +67,7 @@ def same(tree: Tree | None, other: Tree | None) -> bool:
     "joint[b]/dynamics@damping", "gazebo[b]/springStiffness",
 ])  # fmt: skip
 def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path, address: str) -> None:
-    file = tmp_path / "r.urdf"
-    file.write_text(URDF)
+    file = written(tmp_path, "r.urdf", URDF)
     numbers = robot_numbers(file, {})
     index = by_address(numbers)[address]
     assert index in numbers.relevant_numbers
@@ -82,8 +82,7 @@ def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path, add
 
 
 def test_numbers_have_line_value_and_scale(tmp_path: Path) -> None:
-    file = tmp_path / "r.urdf"
-    file.write_text(URDF)
+    file = written(tmp_path, "r.urdf", URDF)
     numbers = robot_numbers(file, {})
     indices = by_address(numbers)
     entry = numbers.numerals[indices["joint[a]/origin@xyz[2]"]]
@@ -97,8 +96,7 @@ def test_numbers_have_line_value_and_scale(tmp_path: Path) -> None:
 
 
 def test_invalid_number_makes_no_tree(tmp_path: Path) -> None:
-    file = tmp_path / "r.urdf"
-    file.write_text(URDF)
+    file = written(tmp_path, "r.urdf", URDF)
     numbers = robot_numbers(file, {})
     index = by_address(numbers)["joint[a]/axis@xyz[1]"]
     assert numbers.tree({index: 0.0}) is None
@@ -119,8 +117,7 @@ LIMBS = """<mujocoinclude><worldbody><body><joint name="a" axis="0 1 0" armature
 
 
 def test_mjcf_has_the_numbers_of_included_files(tmp_path: Path) -> None:
-    file = tmp_path / "r.xml"
-    file.write_text(MJCF)
+    file = written(tmp_path, "r.xml", MJCF)
     (tmp_path / "limbs.xml").write_text(LIMBS)
     numbers = robot_numbers(file, {})
     indices = by_address(numbers)
@@ -170,8 +167,7 @@ def test_only_independent_numbers_of_bodies_are_compiled_together(
 ) -> None:
     """Catch a number that changes other bodies too, and a compilation for each number."""
     pytest.importorskip("mujoco")
-    file = tmp_path / "r.xml"
-    file.write_text(chain(compiler, joint_attributes))
+    file = written(tmp_path, "r.xml", chain(compiler, joint_attributes))
     single, together = robot_numbers(file, {}), robot_numbers(file, {})
     compiled, count = CompiledNumbers._compile, list[int]()
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.findings import inertia_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system

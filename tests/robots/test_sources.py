@@ -23,6 +23,7 @@ from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from tests.compare.asking import compared, result
+from tests.models import written
 
 MACROS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:macro name="rod" params="name parent inertia:=0.0267">
@@ -65,8 +66,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
     pytest.importorskip("xacro")
-    macros = package / "urdf" / "macros.xacro"
-    macros.write_text(MACROS.replace('izz="0.001"', 'izz="9"'))
+    macros = written(package / "urdf", "macros.xacro", MACROS.replace('izz="0.001"', 'izz="9"'))
     file = source_file(str(package / "urdf" / "arm.urdf.xacro"))
     assert file is not None
     assert file.name == "arm.urdf"
@@ -83,8 +83,7 @@ def test_two_versions_of_a_package_are_compared(package: Path) -> None:
     pytest.importorskip("xacro")
     other = package.parent / "other" / "arm"
     copytree(package, other)
-    macros = other / "urdf" / "macros.xacro"
-    macros.write_text(MACROS.replace('value="2"', 'value="3"'))
+    macros = written(other / "urdf", "macros.xacro", MACROS.replace('value="2"', 'value="3"'))
     a, b = (folder / "urdf" / "arm.urdf.xacro" for folder in (package, other))
     comparison = compared(a, b, engine_a="mujoco", engine_b="mujoco")
     differences = [one for one in result(comparison).properties if one.moves]
@@ -105,8 +104,7 @@ def test_packages_beside_the_source_come_before_the_environment(
 ) -> None:
     """Catch siblings that are not found, in other repositories and under other folder names."""
     pytest.importorskip("xacro")
-    source = package / "urdf" / "arm.urdf.xacro"
-    source.write_text(ARM.replace("$(find arm)", "$(find rods)"))
+    source = written(package / "urdf", "arm.urdf.xacro", ARM.replace("$(find arm)", "$(find rods)"))
     with pytest.raises(FolderError, match=r"the ROS package rods\b.* Put its folder beside .*arm"):
         source_file(str(source))
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
@@ -184,8 +182,7 @@ def test_gate_names_lines_of_the_source(
     assert "/cache/" not in printed + (tmp_path / "reports" / "results.json").read_text()
     monkeypatch.delenv("CI", raising=False)
     assert main(["accept", source, "--engine", "mujoco", "--reason", "measured"]) == 0
-    macros = package / "urdf" / "macros.xacro"
-    macros.write_text(MACROS.replace('value="2"', 'value="3"'))
+    written(package / "urdf", "macros.xacro", MACROS.replace('value="2"', 'value="3"'))
     assert main(["gate"]) == 1
     assert "arm/urdf/macros.xacro:6 mass of link upper 2 -> 3" in capsys.readouterr().out
 
@@ -227,8 +224,7 @@ def test_urdf_without_inertia_is_compared_by_poses(
     package: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Catch a robot for planning that no engine checks, and lines of the copy that it runs."""
-    file = package / "urdf" / "planned.urdf"
-    file.write_text(PLANNED)
+    file = written(package / "urdf", "planned.urdf", PLANNED)
     assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
     shown = capsys.readouterr().out
     assert "3 links in 2 bodies, without masses" in shown
@@ -251,8 +247,7 @@ def test_world_that_only_a_joint_names_is_declared(
     text = PLANNED.replace('"/>\n<joint name="j"', f'"/>{held}\n<joint name="j"')
     for name in "ab":
         text = text.replace(f'<link name="{name}"/>', f'<link name="{name}">{inertial}</link>')
-    file = package / "held.urdf"
-    file.write_text(text)
+    file = written(package, "held.urdf", text)
     assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
     assert "2 joints, 4 links in" in capsys.readouterr().out
     assert source_file(str(file)) != file

@@ -26,6 +26,7 @@ from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.load import load_declaration, load_system
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from tests import commands
+from tests.models import edited, written
 from tests.robots.files import ARM
 
 DATA = Path(pybullet_data.getDataPath())
@@ -67,8 +68,7 @@ def write_mjcf(folder: Path) -> Path:
     tip = '<mujocoinclude><body name="tip" pos=".3 0 0"><geom size=".05"/></body></mujocoinclude>'
     (folder / "parts" / "tip.xml").write_text(tip)
     (folder / "shapes" / "tetrahedron.obj").write_text(SHAPE)
-    file = folder / "all.xml"
-    file.write_text(ALL)
+    file = written(folder, "all.xml", ALL)
     return file
 
 
@@ -166,8 +166,7 @@ def test_every_feature_of_an_mjcf_is_written_and_agrees(tmp_path: Path) -> None:
     assert model.settings["couplings"] == ["rj1"]
     results = run([folder], Options(jobs=1), lambda *_: None).results
     assert [(case.model, case.outcome) for case in results.cases] == [("all.xml", Outcome.AGREES)]
-    tip = folder / "parts" / "tip.xml"
-    tip.write_text(tip.read_text().replace(".05", ".0500001"))
+    edited(folder / "parts" / "tip.xml", ".05", ".0500001")
     results = run([folder], OUTCOMES, lambda *_: None).results
     assert [case.outcome for case in results.cases] == [Outcome.DIFFERS]
 
@@ -176,17 +175,16 @@ def test_only_meshes_with_an_effect_are_copied(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = write_mjcf(tmp_path / "given")
-    mesh = tmp_path / "given" / "shapes" / "shown.obj"
-    mesh.write_text(SHAPE)
+    written(tmp_path / "given" / "shapes", "shown.obj", SHAPE)
     text = ALL.replace("<asset>", '<asset><mesh name="shown" file="shown.obj"/>')
     arm = '<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>'
     visual = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="shown"/>'
     file.write_text(text.replace(arm, arm + visual, 1))
     without_engines(monkeypatch)
-    written = from_model(file, tmp_path / "made")
+    lines = from_model(file, tmp_path / "made")
     copied = [path.name for path in (tmp_path / "made" / "shapes").iterdir()]
     assert copied == ["tetrahedron.obj"]
-    assert "not copied, because no inertia depends on it: 'shown.obj'" in written
+    assert "not copied, because no inertia depends on it: 'shown.obj'" in lines
 
 
 @pytest.mark.slow
@@ -237,7 +235,7 @@ def test_contacts_and_limits_act_without_the_smooth_setting(
     """Confirm that the sidecar states the setting."""
     from_model(ASSETS / "inverted_pendulum.xml", tmp_path / "made")
     sidecar = tmp_path / "made" / "inverted_pendulum.xml.toml"
-    sidecar.write_text(sidecar.read_text().replace("smooth = true", "smooth = false"))
+    edited(sidecar, "smooth = true", "smooth = false")
     case = run_case(model_task(prepare(tmp_path / "made"), "mujoco", read_sidecar(sidecar)))
     assert case.outcome is Outcome.UNRESOLVED
     assert "the extrapolation is not trusted" in case.reason
@@ -275,23 +273,20 @@ def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
 @pytest.mark.slow
 def test_new_folder_passes_accept_and_gate(tmp_path: Path) -> None:
     (tmp_path / "m").mkdir()
-    file = tmp_path / "arm.urdf"
-    file.write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())
+    written(tmp_path, "arm.urdf", (DATA / "kuka_iiwa" / "model.urdf").read_text())
     done = crosscheck(tmp_path, "new", "m/arm", "--from", "arm.urdf")
     assert done.returncode == 0, done.stderr
     done = crosscheck(tmp_path, "accept", "--folder", "m", "--reason", "first")
     assert done.returncode == 0, done.stdout + done.stderr
     done = crosscheck(tmp_path, "gate")
     assert "2 cases as accepted (0 run" in done.stdout
-    copy = tmp_path / "m" / "arm" / "arm.urdf"
-    copy.write_text(copy.read_text().replace('<mass value="3"/>', '<mass value="3.001"/>'))
+    edited(tmp_path / "m" / "arm" / "arm.urdf", '<mass value="3"/>', '<mass value="3.001"/>')
     done = crosscheck(tmp_path, "gate", "--jobs", "1")
     assert done.returncode == 1, done.stdout + done.stderr
     assert "arm.urdf:154 value 3 -> 3.001 changed 2 of 2 cases" in done.stdout
     assert "the model's motion changed by" in done.stdout
     assert "arm.urdf:154" in done.stdout
-    declared = tmp_path / "m" / "arm" / "system.py"
-    declared.write_text(declared.read_text().replace("mass=3.0,", "mass=3.001,"))
+    edited(tmp_path / "m" / "arm" / "system.py", "mass=3.0,", "mass=3.001,")
     done = crosscheck(tmp_path, "gate", "--jobs", "1")
     assert "model and equations changed alike, and agree" in done.stdout
     assert not [one for one in model_files(tmp_path / "m" / "arm") if isinstance(one, UnreadModel)]

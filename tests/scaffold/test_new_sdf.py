@@ -16,6 +16,7 @@ from physics_crosscheck.harness.engines.registry import default_engines, engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.load import load_declaration
+from tests.models import edited
 from tests.robots.test_sdf import ARM, BASE, WELD, joint
 
 WORLD = "<gravity>0 0 -3.7</gravity><physics><max_step_size>0.004</max_step_size></physics>"
@@ -65,6 +66,5 @@ def test_folder_agrees_and_a_wrong_number_differs(tmp_path: Path, engine: str) -
     assert isinstance(prepared, PreparedTree)
     sidecar = read_sidecar(folder / "robot.sdf.toml")
     assert judge(model_task(prepared, engine, sidecar, resolution=1e-8)).outcome is Outcome.AGREES
-    file = folder / "robot.sdf"
-    file.write_text(file.read_text().replace("<mass>2</mass>", "<mass>2.001</mass>"))
+    edited(folder / "robot.sdf", "<mass>2</mass>", "<mass>2.001</mass>")
     assert judge(model_task(prepared, engine, sidecar, resolution=1e-8)).outcome is Outcome.DIFFERS

@@ -26,6 +26,7 @@ from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.harness.render.html.sweep import render_sweep
 from physics_crosscheck.records import Outcome
+from tests.models import written
 from tests.robots.files import joint, link
 from tests.sweep.made import options, plan_of
 
@@ -62,8 +63,7 @@ def workers() -> Iterator[Workers]:
 
 @pytest.fixture
 def urdf(tmp_path: Path) -> Path:
-    file = tmp_path / "arm.urdf"
-    file.write_text(URDF)
+    file = written(tmp_path, "arm.urdf", URDF)
     return file
 
 
@@ -126,8 +126,7 @@ def test_copy_without_the_drawn_numbers_differs(
 
 
 def test_mjcf_is_swept(workers: Workers, tmp_path: Path) -> None:
-    file = tmp_path / "arm.xml"
-    file.write_text(MJCF)
+    file = written(tmp_path, "arm.xml", MJCF)
     plan = whole(file, workers, "geom[rod]@mass=0.5:4", engines=("mujoco",))
     rows = run_block(only_block(plan))
     assert [row.outcome for row in rows] == [Outcome.AGREES] * 3
@@ -163,8 +162,7 @@ def test_unknown_address_is_reported_with_similar_ones(urdf: Path, workers: Work
 
 
 def test_unusable_files_exit_with_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    robot = tmp_path / "arm.urdf"
-    robot.write_text("<robot/>")
+    robot = written(tmp_path, "arm.urdf", "<robot/>")
     assert main(["sweep", str(robot), "--out", str(tmp_path / "out")]) == 2
     assert f"{robot}:1: it has no <link>" in capsys.readouterr().err
     assert main(["sweep", str(tmp_path / "none.urdf")]) == 2

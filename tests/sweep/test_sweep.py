@@ -23,6 +23,7 @@ from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.load import load_system
 from tests.faults.known_folder import ROOT, one_scenario
+from tests.models import edited
 from tests.physics import copy_with_constants
 from tests.sweep.made import options, plan_of, swept_folder
 
@@ -152,7 +153,7 @@ def test_wrong_model_differs_at_every_draw(workers: Workers, tmp_path: Path) -> 
     folder = swept_folder(tmp_path / "mass", "mujoco.xml")
     model = folder / "mujoco.xml"
     assert 'damping="0.9"' in model.read_text()
-    model.write_text(model.read_text().replace('damping="0.9"', 'damping="0.8"'))
+    edited(model, 'damping="0.9"', 'damping="0.8"')
     results = rows_of(folder, options("k=20:60", count=2), tmp_path / "rows", workers)
     assert [row.outcome for row in results] == [Outcome.DIFFERS] * 2
     assert all("at the end of the segment" in row.reason for row in results)
@@ -204,8 +205,7 @@ def test_invalid_options_are_reported_with_valid_ones(
 
 def test_unbound_literal_is_reported_before_running(workers: Workers, tmp_path: Path) -> None:
     folder = swept_folder(tmp_path / "mass", "mujoco.xml")
-    sidecar = folder / "mujoco.xml.toml"
-    sidecar.write_text(sidecar.read_text().replace('"joint[x]@stiffness" = "k"\n', ""))
+    edited(folder / "mujoco.xml.toml", '"joint[x]@stiffness" = "k"\n', "")
     plan_of(folder, options("m=1:2"), workers)
     with pytest.raises(SweepError, match=r"mujoco\.xml\.toml: no number .* bound to k.*bind"):
         plan_of(folder, options("k=1:2"), workers)
