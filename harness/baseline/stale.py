@@ -34,15 +34,26 @@ def location(folder: Path, baseline: Path) -> str:
 
 
 def robot_name(file: Path, baseline: Path) -> str:
-    """Return the name of a robot file in a baseline: its path from their common folder."""
-    parts = location(file, baseline).split("/")
-    return "/".join(part for part in parts if part != "..")
+    """Return the name of a robot file in a baseline: its path from their common folder.
+
+    One of several models of `world.sdf` is named `world.MODEL.sdf`.
+    """
+    *parts, name = location(file, baseline).split("/")
+    return "/".join(
+        [*(part for part in parts if part != ".."), file.name if _of_several(file) else name]
+    )
+
+
+def _of_several(file: Path) -> bool:
+    """Return whether a file is the copy of one of several models."""
+    return file.suffix == ".sdf" and file.stem != source_of(file).stem
 
 
 def robot_options(file: Path, *, floating: bool, model: str) -> RobotOptions:
     """Return the relevant options: floating for URDF, the model for SDFormat."""
+    has_models = file.suffix == ".sdf" and not _of_several(file)
     return RobotOptions(
-        floating=floating and file.suffix == ".urdf", model=model if file.suffix == ".sdf" else ""
+        floating=floating and file.suffix == ".urdf", model=model if has_models else ""
     )
 
 
@@ -83,13 +94,13 @@ def match(
     """Find the baseline of a target by its path, or by its name if it moved and the name is
     unique.
     """
+    if not target.is_dir():
+        named_so = baseline.get(robot_name(target, place))
+        return None if named_so is None or named_so.robot is None else named_so
     here = location(target, place)
     for candidate in baseline.values():
         if candidate.declared.folder == here:
             return candidate
-    if not target.is_dir():
-        moved = baseline.get(robot_name(target, place))
-        return None if moved is None or moved.robot is None else moved
     named = [
         candidate
         for candidate in baseline.values()

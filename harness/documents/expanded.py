@@ -120,8 +120,10 @@ def write_copy(
     _write(target, data)
     document = Document(target)
     lines = {document.line(one): mark for one, mark in zip(document.elements, marks, strict=True)}
-    _LINES[str(target)] = {line: mark for line, mark in lines.items() if mark is not None}
-    _SOURCES[str(target)] = str(source)
+    _LINES[str(target)] = {
+        line: in_source(*mark) or mark for line, mark in lines.items() if mark is not None
+    }
+    _SOURCES[str(target)] = str(source_of(source))
 
 
 def completed(file: Path) -> Path | None:

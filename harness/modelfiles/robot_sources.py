@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.expanded import (
+    RENAMED,
     XACRO,
     ExpansionError,
     completed,
@@ -60,6 +61,8 @@ def source_files(name: str, model: str | None = "") -> list[Path]:
         FolderError: naming the problem and the remedy.
     """
     path = Path(name)
+    if RENAMED.get(path.suffix) == ".sdf":
+        path = renamed(path) or path
     if path.suffix != ".sdf" or not path.is_file():
         return [source_file(name) or path]
     models = sdf_models(path)

@@ -25,8 +25,11 @@ NOISE = 1e-12
 """A change below this is rounding if two more iterations do not halve it."""
 
 ROUNDED = 1e-10
-"""Largest accepted change that no longer decreases. Rounding disturbs some systems more, such as a
-light finger on a heavy body. The two solutions are compared in any case."""
+"""Change at which an iteration ends early if it no longer decreases."""
+
+MAX_ROUNDED = 1e-9
+"""Largest accepted change after all iterations. Rounding disturbs some systems more, such as a
+light finger on a heavy body. Two solutions may differ as much; the difference enters the bound."""
 
 STAGNATED = 1e-6
 """A final change below this is rounding; divergence leaves a much larger one."""
@@ -138,10 +141,12 @@ def _iterated(
             break
     worst = int(np.argmax(np.where(np.isfinite(changes), changes, np.inf)))
     name, by = names[worst] if names else f"component {worst}", changes[worst]
+    if change < MAX_ROUNDED:
+        return slopes
     if by < STAGNATED:
         raise ReferenceError(
             f"rounding hides {by:.1e} of the rate of {name}; a reference needs "
-            f"{ROUNDED:.0e}, and the chain is too long or some parts are too light "
+            f"{MAX_ROUNDED:.0e}, and the chain is too long or some parts are too light "
             "for doubles; check parts of the robot in separate files"
         )
     raise ReferenceError(

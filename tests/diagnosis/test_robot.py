@@ -269,6 +269,9 @@ def test_axis_that_is_not_a_unit_vector_is_named(tmp_path: Path) -> None:
     assert "length of the axes of lift, up to 8.0e-07 off 1" in "".join(map(str, causes))
     both = task.with_settings(unit_axes=True, exact_axes=True)
     assert run_case(both).outcome is Outcome.AGREES
+    assert run_case(task).accepted.endswith("length of the axes of lift")
+    file.write_text(file.read_text().replace("0.800001", "0.800002"))
+    assert not run_case(model_task(prepare_tree(file, states=8), "pybullet")).accepted
 
 
 NEARLY = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" pos="0 0 0.3"/>

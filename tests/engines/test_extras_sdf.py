@@ -14,6 +14,8 @@ from physics_crosscheck.harness.checks.prepare import prepare_system, prepare_tr
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.interfaces.cli import main as cli
+from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -332,3 +334,30 @@ def test_model_of_a_world_is_selected_by_name(name: str, tmp_path: Path) -> None
         load(name, whole.format(other), tmp_path, model="g")
     with pytest.raises(EngineError, match="model is 3; expected a name"):
         load(name, whole.format(other), tmp_path, model=3)
+
+
+@pytest.mark.parametrize("name", ["bench.sdf", "bench.world"])
+def test_each_model_of_a_world_is_accepted_and_gated(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Catch a model whose edit, or removal, the gate of its file doesn't see."""
+    need("drake")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    model = text(version="1.9").partition("\n")[2].removesuffix("</sdf>")
+    both = model + model.replace('name="m"', 'name="n"')
+    file = written(tmp_path, name, f'<sdf version="1.9"><world name="w">{both}</world></sdf>')
+    accept = ["accept", name, "--engine", "drake", "--reason", "right"]
+    assert cli.main(accept) == AGREE
+    assert "Accepted 1 case of bench.n.sdf" in capsys.readouterr().out
+    accepted = file.read_text()
+    before, _, last = accepted.rpartition("<ixx>0.01")
+    for edit, seen in (
+        (accepted, "2 cases as accepted (0 run"),
+        (f"{before}<ixx>0.02{last}", f"{name}:8 ixx of link a 0.01 -> 0.02"),
+        (accepted.replace('name="n"', 'name="k"'), "2 of 3 cases: 1 gone, 1 new"),
+    ):
+        file.write_text(edit)
+        code = AGREE if edit == accepted else DIFFER
+        assert cli.main(["gate", name, "--engine", "drake"]) == code
+        assert seen in capsys.readouterr().out

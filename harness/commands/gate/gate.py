@@ -34,16 +34,17 @@ from physics_crosscheck.harness.baseline.fingerprint import (
     changed_names,
     hashed_again,
 )
-from physics_crosscheck.harness.baseline.store import accepted_text, named_targets
+from physics_crosscheck.harness.baseline.stale import match
+from physics_crosscheck.harness.baseline.store import accepted_text, named_targets, read_baseline
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.expanded import in_source
+from physics_crosscheck.harness.documents.expanded import in_source, source_of
 from physics_crosscheck.harness.documents.location import Location
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.formats import is_robot
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.parts import included
 from physics_crosscheck.harness.modelfiles.path_states import ABSENT, digest
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from physics_crosscheck.harness.modelfiles.robot_sources import source_file, source_files
 from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.records.baseline import AcceptedCase, ChangedLine, FileDiff
@@ -290,6 +291,24 @@ def accepted_targets(baseline: Path) -> list[Path]:
     return [*systems, *_whole(files, _accepted(baseline))]
 
 
+def moving_models(file: Path, baseline: Path, model: str) -> list[Path]:
+    """Return a file for each moving model of an SDFormat file, or for the chosen one.
+
+    The file itself stays where one model of it alone was accepted, or is to be accepted first.
+
+    Raises:
+        BaselineError, FolderError: for an unreadable baseline or file.
+    """
+    if file.suffix != ".sdf":
+        return [file]
+    accepted = read_baseline(baseline)
+    whole = match(file, baseline, accepted)
+    if whole is not None and whole.robot is not None and whole.robot.model:
+        return [file]
+    files = source_files(str(source_of(file)), model)
+    return [file] if model and not any(match(one, baseline, accepted) for one in files) else files
+
+
 def robots_in(folder: Path, baseline: Path) -> list[Path]:
     """Return the robot files below a folder, including the accepted ones.
 
@@ -368,7 +387,7 @@ def _of_the_rest(
     failed = {(c.id.system, c.id.model) for c in ran if c.status is Status.NOT_RUN}
     for system, system_baseline in sorted(state.systems.items()):
         scan = names.get(system)
-        if scan is None and not is_expected(system_baseline, options):
+        if scan is None and not is_expected(system_baseline, options, state):
             continue
         for case, entry in system_baseline.cases.items():
             if case in seen or not state.includes(case.engine):

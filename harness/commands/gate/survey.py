@@ -19,6 +19,7 @@ from physics_crosscheck.harness.baseline.stale import (
     scan_target,
 )
 from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.documents.expanded import source_of
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.modelfiles.folders import FolderError
@@ -162,11 +163,12 @@ def by_name(state: Survey, results: Results | None) -> dict[str, FolderFiles]:
     return names
 
 
-def is_expected(system_baseline: SystemBaseline, options: GateOptions) -> bool:
+def is_expected(system_baseline: SystemBaseline, options: GateOptions, state: Survey) -> bool:
     """Return whether a system of the baseline should be among the given folders and robot files."""
     file = (options.baseline / system_baseline.declared.folder).resolve()
     if system_baseline.robot is not None and file.exists():
-        return False
+        # A model that its file no longer has is gone.
+        return not options.model and file in {source_of(Path(p)).resolve() for p in state.folders}
     if options.parents is None:
         return True
     if system_baseline.robot is not None:

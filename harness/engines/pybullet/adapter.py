@@ -48,6 +48,7 @@ from physics_crosscheck.harness.engines.pybullet.inertias import (
 from physics_crosscheck.harness.engines.pybullet.settings import (
     DEFAULTS,
     DISABLED_EFFECTS,
+    SIX_DIGITS,
     UNIT,
     UNSCALED,
     changes_of,
@@ -396,8 +397,11 @@ class PybulletModel(LoadedModel):
 
     @property
     def precision_limits(self) -> Mapping[str, Mapping[str, object]]:
-        """Principal axes that PyBullet's sweeps leave off."""
-        return {f"principal axes of {shortened(tuple(self._lost), 3)}": EXACT} if self._lost else {}
+        """Principal axes that PyBullet's sweeps leave off, and lengths of axes of six digits."""
+        lost = {"principal axes": (self._lost, EXACT)}
+        if max(map(abs, self._long.values()), default=0.0) <= SIX_DIGITS:
+            lost["length of the axes"] = self._long, UNIT
+        return {f"{key} of {shortened(tuple(of), 3)}": by for key, (of, by) in lost.items() if of}
 
     def _left_on(self) -> list[str]:
         return [key for key, default in DISABLED_EFFECTS.items() if self._setting(key) != default]

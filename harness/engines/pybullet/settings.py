@@ -38,6 +38,10 @@ UNSCALED: Mapping[str, object] = {"scaled_inertias": False}
 MOVING = ("revolute", "continuous", "prismatic")
 
 
+SIX_DIGITS = 1e-6
+"""Largest excess length of a unit vector whose numbers have six digits."""
+
+
 def _long(robot: XmlElement) -> Iterator[tuple[XmlElement, XmlElement, list[float], float]]:
     for joint in robot.findall("joint"):
         axis = joint.find("axis")

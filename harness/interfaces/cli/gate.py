@@ -11,7 +11,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.fingerprint import always_lines
-from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
+from physics_crosscheck.harness.commands.gate.gate import (
+    accepted_targets,
+    gate,
+    moving_models,
+    robots_in,
+)
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
@@ -89,6 +94,8 @@ def targets_and_options(options: argparse.Namespace) -> tuple[list[Path], GateOp
         targets = accepted_targets(options.baseline)
         if not targets and not any(options.baseline.rglob("*.json")):
             targets = _named(models_below(Path()), options.baseline)
+    model = getattr(options, "chosen_model", "")
+    targets = [one for file in targets for one in moving_models(file, options.baseline, model)]
     return targets, GateOptions(
         baseline=options.baseline,
         engines=tuple(options.engine),
@@ -98,7 +105,7 @@ def targets_and_options(options: argparse.Namespace) -> tuple[list[Path], GateOp
         jobs=options.jobs,
         limits=arguments.limits_of(options),
         floating=getattr(options, "floating", False),
-        model=getattr(options, "chosen_model", ""),
+        model=model,
         parents=parents,
         thorough=options.thorough,
     )
