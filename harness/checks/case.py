@@ -172,7 +172,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
                 components=task.target.components,
             )
     reason = "; ".join(filter(None, (reason, *judged.model.reservations)))
-    excuse = _precision_limit(task, model, verdict, parts)
+    is_verdict = outcome is verdict.outcome
     case = structs.replace(
         _case(task, outcome, reason),
         kind=kind,
@@ -185,7 +185,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         stepping=judged.stepping_record(task.target.components),
         forward_dynamics=dynamics_record(judged.dynamics, tuple(judged.model.coordinates)),
         skipped=() if task.thorough else tuple(_skipped(judged, study)),
-        accepted=excuse if outcome is verdict.outcome else "",
+        accepted=_precision_limit(task, model, verdict, parts) if is_verdict else "",
     )
     if has_stand_ins(task.file) and case.outcome is Outcome.AGREES and case.verdict is not None:
         judged_by = structs.replace(case.verdict, decided_by="poses")

@@ -258,7 +258,7 @@ def test_finding_about_a_whole_file_marks_no_line() -> None:
     finding = AuditFinding(
         kind="default",
         subject=("time step",),
-        message="no time step is told",
+        message="no time step is stated",
         location=SourceLine(file="/a/robot.urdf"),
         expected=None,
         actual=None,
@@ -266,7 +266,7 @@ def test_finding_about_a_whole_file_marks_no_line() -> None:
     )
     page = render(changed_model(results(1), 1, audit=(finding,)))
     view = view_of(page, "diagnosis-system_0/robot.urdf/mujoco")
-    assert table_rows(view, "Audit") == [["default", "no time step is told", "robot.urdf"]]
+    assert table_rows(view, "Audit") == [["default", "no time step is stated", "robot.urdf"]]
     assert 'class="source"' not in view
 
 

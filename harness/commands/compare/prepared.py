@@ -128,16 +128,14 @@ def _lock_differences(
     models: Pair, pairs: Mapping[str, str], locked: tuple[Mapping[str, float], ...]
 ) -> Iterator[ComparedProperty]:
     """Yield different dampings of pairs of joints of which damping locks at least one."""
-    for names in pairs.items():
-        if not any(name in one for name, one in zip(names, locked, strict=True)):
-            continue
-        sides = [model_side(one, one.home) for one in models]
-        if sides[0] is None or sides[1] is None:
-            continue
+    named = [(a, b) for a, b in pairs.items() if a in locked[0] or b in locked[1]]
+    sides = [model_side(one, one.home) for one in models if named]
+    if not sides or sides[0] is None or sides[1] is None:
+        return
+    for names in named:
         a, b = (
             next((link.damping for link in side.tree.links if link.name == name), 0.0)
-            for side, name in zip(sides, names, strict=True)
-            if side is not None
+            for side, name in zip((sides[0], sides[1]), names, strict=True)
         )
         if a != b:
             yield make_property(

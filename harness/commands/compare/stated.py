@@ -301,36 +301,34 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
     for kind, (here, there) in (("option", options), ("other", rest)):
         for subject, key in dict.fromkeys([*here, *there]):
             values = here.get((subject, key), "none"), there.get((subject, key), "none")
-            by_law = "none" in values and (key, {*values}) != ("active", {"none", "false"})
-            if values[0] != values[1] and not (by_law and key in EQUALITY):
+            in_one = "none" in values and (key, {*values}) != ("active", {"none", "false"})
+            if values[0] != values[1] and not (in_one and key in EQUALITY):
                 shown = [f"({value})" if " " in value else value for value in values]
                 about = f"{key} of {subject}" if subject else key
                 message = f"{about}: {shown[0]} in A, {shown[1]} in B"
                 if key == "elevation" and "none" not in values:
                     message = f"{about}: other heights in B"
                 lines = _text_line(a, subject, key), _text_line(b, subject, key)
-                share = _share(*values)
-                if key in FLUID and (a.tree.fluid or b.tree.fluid):
-                    tree = _immersed(a.tree, b.tree, key)
-                    yield make_property(
-                        kind, key, message, lines=lines, relative=share, changed=tree
-                    )
-                else:
-                    yield make_stated(kind, subject or key, message, lines=lines, relative=share)
+                moves = key in FLUID and bool(a.tree.fluid or b.tree.fluid)
+                yield make_property(
+                    kind, subject or key, message, lines=lines, moves=moves,
+                    relative=_share(*values), changed=_immersed(a, b, key) if moves else None,
+                )  # fmt: skip
 
 
 EQUALITY = ("active", "data while inactive")
-"""Attributes of equalities; laws have the active ones."""
+"""Attributes of equalities; an active one of one file only is a row of the laws."""
 
 FLUID = ("density", "viscosity", "wind")
 """Options that act on bodies in a medium, and so on motions."""
 
 
-def _immersed(a: Tree, b: Tree, key: str) -> Tree | None:
+def _immersed(a: ModelSide, b: ModelSide, key: str) -> Tree | None:
     """Return A's tree with a number of B's medium; None if only one of them is in a medium."""
-    if a.fluid is None or b.fluid is None:
+    here, there = a.tree.fluid, b.tree.fluid
+    if here is None or there is None:
         return None
-    return replace(a, fluid=replace(a.fluid, **{key: getattr(b.fluid, key)}))
+    return replace(a.tree, fluid=replace(here, **{key: getattr(there, key)}))
 
 
 def _share(here: str, there: str) -> float:

@@ -291,17 +291,23 @@ def accepted_targets(baseline: Path) -> list[Path]:
     return [*systems, *_whole(files, _accepted(baseline))]
 
 
-def moving_models(file: Path, baseline: Path, model: str) -> list[Path]:
-    """Return a file for each moving model of an SDFormat file, or for the chosen one.
+def moving_models(targets: Sequence[Path], baseline: Path, model: str) -> list[Path]:
+    """Return the targets, with a file for each moving model of an SDFormat file, or the chosen one.
 
     The file itself stays where one model of it alone was accepted, or is to be accepted first.
 
     Raises:
         BaselineError, FolderError: for an unreadable baseline or file.
     """
-    if file.suffix != ".sdf":
-        return [file]
-    accepted = read_baseline(baseline)
+    worlds = [target for target in targets if target.suffix == ".sdf"]
+    accepted = read_baseline(baseline) if worlds else {}
+    models = {world: _models_of(world, baseline, accepted, model) for world in worlds}
+    return [one for target in targets for one in models.get(target, [target])]
+
+
+def _models_of(
+    file: Path, baseline: Path, accepted: Mapping[str, SystemBaseline], model: str
+) -> list[Path]:
     whole = match(file, baseline, accepted)
     if whole is not None and whole.robot is not None and whole.robot.model:
         return [file]

@@ -95,7 +95,7 @@ def targets_and_options(options: argparse.Namespace) -> tuple[list[Path], GateOp
         if not targets and not any(options.baseline.rglob("*.json")):
             targets = _named(models_below(Path()), options.baseline)
     model = getattr(options, "chosen_model", "")
-    targets = [one for file in targets for one in moving_models(file, options.baseline, model)]
+    targets = moving_models(targets, options.baseline, model)
     return targets, GateOptions(
         baseline=options.baseline,
         engines=tuple(options.engine),

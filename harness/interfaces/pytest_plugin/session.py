@@ -67,12 +67,8 @@ def targets_under(name: str, unwanted: Sequence[str]) -> list[Path]:
         inner[:] = sorted(name for name in inner if _enters(name, unwanted))
     if not (folders or files):
         raise FolderError(f"{name}: no {DECLARATION} and no robot file in it or below it")
-    return sorted(folders or (_as_read(file) for file in files))
-
-
-def _as_read(file: Path) -> Path:
-    """Return a robot file, or its copy with the suffix that engines know."""
-    return renamed(file) or file
+    # Engines know a copy of `.mjcf` and `.world` files by its suffix.
+    return sorted(folders or (renamed(file) or file for file in files))
 
 
 def _named(name: str) -> list[Path]:
