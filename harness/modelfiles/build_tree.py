@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
@@ -197,7 +199,23 @@ def elements_of(named: Mapping[str, Named]) -> Elements:
 
 def part_of(document: Document, element: XmlElement, body: RigidBody) -> LinkPart:
     """Return a link as a separate part."""
-    return LinkPart(link=body, line=document.line(element))
+    stated = element.find("inertial/inertia")
+    return LinkPart(link=body, line=document.line(element), rounding=_rounding(stated))
+
+
+def _rounding(stated: XmlElement | None) -> float:
+    """Return half units of the last digits of a tensor, in sum; zeros are exact."""
+    texts = (
+        {**stated.attributes, **{one.tag: one.text for one in stated.children}} if stated else {}
+    )
+    total = 0.0
+    for key, text in texts.items():
+        with suppress(InvalidOperation):  # its reader reports it
+            number = Decimal(text.strip())
+            if number.is_finite() and number:
+                exponent = number.as_tuple().exponent
+                total += (0.5 if key[1] == key[2] else 1.0) * 10.0 ** int(exponent)
+    return total
 
 
 def robot_of(

@@ -51,11 +51,13 @@ class LinkPart:
         line: of its element, from 1; 0 if unknown.
         body: index of the tree's link that contains it; `WORLD` for fixed parts, and without a
             tree.
+        rounding: half units of the last written digits of its tensor, in sum, kg m^2.
     """
 
     link: RigidBody
     line: int
     body: int = WORLD
+    rounding: float = 0.0
 
     @property
     def name(self) -> str:
