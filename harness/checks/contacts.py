@@ -395,9 +395,9 @@ class _Judge:
             flat = {one.kind for one in pairs[k]} == {"plane", "box"}
             for contact in contacts if flat else (deepest,):
                 # Surfaces of several shapes do not name the one that touches.
-                off = [self._off(surfaces, pair, contact) for pair in pairs]
-                near = k if off[k] == min(off) else off.index(min(off))
-                self._judge_place(surfaces, pairs[near], contact, rows[near], off[near])
+                away = [self._off(surfaces, pair, contact) for pair in pairs]
+                near = k if away[k] == min(away) else away.index(min(away))
+                self._judge_place(surfaces, pairs[near], contact, rows[near], away[near])
         else:
             self._unjudged[_INEXACT] += len(contacts)
 

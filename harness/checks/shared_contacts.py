@@ -52,10 +52,10 @@ def shared_contacts(
     for digest, state, posture in _postures(comparison) if pairs else ():
         digests.append(digest)
         deepest = dict[Pair, ContactPoint]()
-        for one in sorted(model.contacts(state), key=lambda contact: contact.distance):
-            pair = min(one.surfaces), max(one.surfaces)
-            if pair in pairs and one.distance < 0:
-                deepest.setdefault(pair, one)
+        for contact in sorted(model.contacts(state), key=lambda touch: touch.distance):
+            pair = min(contact.surfaces), max(contact.surfaces)
+            if pair in pairs and contact.distance < 0:
+                deepest.setdefault(pair, contact)
         for pair, contact in deepest.items():
             both = [shapes[i].in_world(posture) for i in pair if i in shapes]
             away = contact.frame[0] if contact.surfaces == pair else -contact.frame[0]
@@ -138,9 +138,9 @@ def _compared(steps: dict[str, WholeStep]) -> Iterator[str]:
         )
     if len(alike) < len(pairs):
         yield _apart(tuple(sides), max(pairs, key=lambda pair: _off(*pair)))
-    for (engine, alone), there in zip(sides.items(), (theirs, mine), strict=True):
+    for (engine, here), there in zip(sides.items(), (theirs, mine), strict=True):
         # A contact that is less deep than its error may be none elsewhere.
-        rest = [one for key, one in alone.items() if key not in there and -one.distance > one.error]
+        rest = [one for key, one in here.items() if key not in there and -one.distance > one.error]
         if names := list(dict.fromkeys(" and ".join(one.shapes) for one in rest)):
             yield f"{counted(len(rest), 'contact')} in {engine} alone: {listed(names, 3)}"
 

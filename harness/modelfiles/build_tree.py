@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
@@ -205,16 +205,15 @@ def part_of(document: Document, element: XmlElement, body: RigidBody) -> LinkPar
 
 def _rounding(stated: XmlElement | None) -> float:
     """Return half units of the last digits of a tensor, in sum; zeros are exact."""
-    texts = (
-        {**stated.attributes, **{one.tag: one.text for one in stated.children}} if stated else {}
-    )
     total = 0.0
-    for key, text in texts.items():
-        with suppress(InvalidOperation):  # its reader reports it
-            number = Decimal(text.strip())
+    if stated is None:
+        return total
+    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+        with suppress(ArithmeticError):  # its reader reports it
+            number = Decimal((stated.get(key) or stated.findtext(key)).strip())
             if number.is_finite() and number:
-                exponent = number.as_tuple().exponent
-                total += (0.5 if key[1] == key[2] else 1.0) * 10.0 ** int(exponent)
+                half = Decimal(5 if key[1] == key[2] else 10)
+                total += float(half.scaleb(int(number.as_tuple().exponent) - 1))
     return total
 
 
