@@ -19,7 +19,7 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
 
 HELD = "joints that move nothing with inertia (held still)"
 
-LOCKED = "joints that their damping locks (held still)"
+LOCKED = "joints that their damping or spring locks (held still)"
 
 FREE_MIMIC = "mimic without a gear: the joint is free"
 
