@@ -23,12 +23,14 @@ from physics_crosscheck.harness.engines.dart.sdf import (
     as_older,
     automatic_cause,
     automatic_links,
+    ball_dampers,
     momentless_cause,
     momentless_links,
     refuse_newer,
     sdf_skeleton,
     turned_cause,
     turned_links,
+    undamped_cause,
     with_automatic,
     with_moments,
     with_turned,
@@ -232,7 +234,7 @@ def _rotation_vector(turn: Array) -> Array:
     return turn[1:] * (angle / size if size else 2.0)
 
 
-TURNS = "DART's dropping of the cubic term of turns below 1e-3 rad a step of a root that floats"
+TURNS = "DART's dropping of the cubic term of free turns below 1e-3 rad per step"
 
 SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
@@ -247,8 +249,8 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     "trimmed_numbers": False,
     # Whether <mimic> is a constraint on both joints (CouplerConstraint), or DART's own servo.
     "couplers": False,
-    # Whether the adapter rotates a floating root; DART itself drops the cubic term of small
-    # rotations.
+    # Whether the adapter rotates a floating root and ball joints; DART itself drops the cubic term
+    # of small rotations.
     "exact_turns": False,
     # Whether a rotated SDFormat inertial is rewritten along the link's axes; DART itself ignores
     # the rotation of its moments.
@@ -259,6 +261,8 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     # Whether an SDFormat link with a mass and no <inertia> has the format's 1 kg m^2; DART itself
     # uses its mass times 1 m^2.
     "default_moments": False,
+    # Whether the damping of an SDFormat ball joint acts; DART itself ignores it.
+    "ball_damping": False,
 })  # fmt: skip
 
 READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg", no_stops="DART")
@@ -277,7 +281,7 @@ class DartEngine(UrdfEngine):
     non_physical = MappingProxyType({**URDF_NON_PHYSICAL, **SDF_NON_PHYSICAL})
     defaults = DEFAULTS
     capabilities = (
-        "joints: slide, hinge, floating root",
+        "joints: slide, hinge, ball (SDFormat), floating root",
         "springs: added by the adapter; SDFormat springs by DART",
         "mimic: one-way servo",
         "next state: with a fixed base",
@@ -375,6 +379,10 @@ class DartModel(UrdfModel):
         if skeleton is None:
             raise EngineError(f"{self.path}: DART can't load it: {message}")
         self._printed = (message,) if message else ()
+        balls = ball_dampers(self.declared.robot) if self.settings["ball_damping"] else {}
+        for name, damping in balls.items():
+            for i in range(BALL):
+                skeleton.getJoint(name).setDampingCoefficient(i, damping)
         return skeleton
 
     def turning_rates(self, z: Array, w: Array) -> Array:
@@ -415,6 +423,12 @@ class DartModel(UrdfModel):
         them.
         """
         return self._corrective_settings
+
+    @property
+    def precision_limits(self) -> dict[str, Mapping[str, object]]:
+        """The dropped term of free turns."""
+        lost = "the cubic term of free turns below 1e-3 rad per step"
+        return {lost: {"exact_turns": True}} if self.lost_turn else {}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield ignored parts of the file, and mimic joints that are servos."""
@@ -490,6 +504,7 @@ def _corrective_settings(
             "turned_inertials": (turned_links, turned_cause),
             "automatic_inertials": (automatic_links, automatic_cause),
             "default_moments": (momentless_links, momentless_cause),
+            "ball_damping": (lambda model: list(ball_dampers(model)), undamped_cause),
         }
         return {
             cause(names): {key: True}

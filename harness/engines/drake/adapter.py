@@ -447,7 +447,7 @@ class DrakeEngine(UrdfEngine):
     defaults = DEFAULTS
     words = MappingProxyType({"stepping": (SAP, TAMSI, CONTINUOUS)})
     capabilities = (
-        "joints: slide, hinge, floating root",
+        "joints: slide, hinge, ball (SDFormat), floating root",
         "springs: added by the adapter; SDFormat springs by Drake",
         "mimic: soft in SAP, ignored in TAMSI",
         "next state: fixed base; continuous plants always",
