@@ -18,7 +18,7 @@ from physics_crosscheck.harness.results.github import run_notes
 from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.records import Cause, Diagnosis, Explanation, Outcome, SourceLine
 from tests.records.made import case, finding, model, results
-from tests.text.test_troubles import planted
+from tests.text.test_outputs import planted
 
 
 def sarif_results(text: str) -> list[dict[str, Any]]:
