@@ -55,10 +55,6 @@ def sizes(motion: Motion) -> Array:
     return np.concatenate([np.full(n, largest[:n].max()), np.full(n, largest[n:].max())])
 
 
-def test_some_systems_are_nonlinear() -> None:
-    assert {name for name, _ in NONLINEAR} >= {"drum_pendulum", "simple_pendulum"}
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_list_of_linear_systems_is_correct(name: str) -> None:
     assert equations_of(name).linear == (name in LINEAR)

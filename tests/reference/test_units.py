@@ -1,48 +1,34 @@
 """Units are read as dimensions, and contradictions are named."""
 
-from fractions import Fraction
-
 import pytest
 import sympy as sp
 
-from physics_crosscheck.reference.mechanism.units import (
-    DIMENSIONLESS,
-    ENERGY,
-    FORCE,
-    LENGTH,
-    MASS,
-    POWER,
-    TIME,
-    Dimension,
-    UnitError,
-    dimension_of,
-    parse_unit,
-)
+from physics_crosscheck.reference.mechanism.units import UnitError, dimension_of, parse_unit
 
 x, y, m, angle = sp.symbols("x y m angle", real=True)
-DIMENSIONS = {x: LENGTH, y: TIME, m: MASS, angle: DIMENSIONLESS}
+DIMENSIONS = {x: parse_unit("m"), y: parse_unit("s"), m: parse_unit("kg"), angle: parse_unit("1")}
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("text", "written"),
     [
-        ("m", LENGTH),
-        ("1", DIMENSIONLESS),
-        ("rad", DIMENSIONLESS),
-        ("N", FORCE),
-        ("kg*m/s^2", FORCE),
-        ("kg*m^2", MASS * LENGTH ** Fraction(2)),
-        ("N*m/rad", ENERGY),
-        ("J/s", POWER),
-        ("W", POWER),
-        ("m**2", LENGTH ** Fraction(2)),
-        ("1/s", TIME ** Fraction(-1)),
-        ("N * s / m", MASS / TIME),
-        ("m/s/s", LENGTH / TIME / TIME),
+        ("m", "m"),
+        ("1", "1"),
+        ("rad", "1"),
+        ("N", "kg*m*s^-2"),
+        ("kg*m/s^2", "kg*m*s^-2"),
+        ("kg*m^2", "kg*m^2"),
+        ("N*m/rad", "kg*m^2*s^-2"),
+        ("J/s", "kg*m^2*s^-3"),
+        ("W", "kg*m^2*s^-3"),
+        ("m**2", "m^2"),
+        ("1/s", "s^-1"),
+        ("N * s / m", "kg*s^-1"),
+        ("m/s/s", "m*s^-2"),
     ],
 )
-def test_unit_is_read(text: str, expected: Dimension) -> None:
-    assert parse_unit(text) == expected
+def test_unit_is_read_and_written_as_a_dimension(text: str, written: str) -> None:
+    assert str(parse_unit(text)) == written
 
 
 @pytest.mark.parametrize(
@@ -60,21 +46,21 @@ def test_missing_unit_is_refused_with_the_remedy(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("expression", "expected"),
+    ("expression", "written"),
     [
-        (m * x**2 / y**2, ENERGY),
-        (sp.sqrt(x) ** 2 * sp.cos(angle), LENGTH),
-        (sp.sqrt(x), LENGTH ** Fraction(1, 2)),
-        (sp.atan2(x, 2 * x), DIMENSIONLESS),
-        (sp.exp(angle), DIMENSIONLESS),
-        (3 * x - x, LENGTH),
-        (sp.sin(angle) ** angle, DIMENSIONLESS),
-        (sp.pi, DIMENSIONLESS),
-        (sp.Integer(0), None),
+        (m * x**2 / y**2, "kg*m^2*s^-2"),
+        (sp.sqrt(x) ** 2 * sp.cos(angle), "m"),
+        (sp.sqrt(x), "m^1/2"),
+        (sp.atan2(x, 2 * x), "1"),
+        (sp.exp(angle), "1"),
+        (3 * x - x, "m"),
+        (sp.sin(angle) ** angle, "1"),
+        (sp.pi, "1"),
+        (sp.Integer(0), "None"),
     ],
 )
-def test_expression_has_a_dimension(expression: sp.Expr, expected: Dimension) -> None:
-    assert dimension_of(expression, DIMENSIONS) == expected
+def test_expression_has_a_dimension(expression: sp.Expr, written: str) -> None:
+    assert str(dimension_of(expression, DIMENSIONS)) == written
 
 
 @pytest.mark.parametrize(
@@ -92,8 +78,3 @@ def test_expression_has_a_dimension(expression: sp.Expr, expected: Dimension) ->
 def test_contradiction_is_named(expression: sp.Expr, named: str) -> None:
     with pytest.raises(UnitError, match=named):
         dimension_of(expression, DIMENSIONS)
-
-
-def test_dimension_is_written_for_a_reader() -> None:
-    assert str(FORCE) == "kg*m*s^-2"
-    assert str(DIMENSIONLESS) == "1"
