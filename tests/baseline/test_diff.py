@@ -1,4 +1,4 @@
-"""Comparison of one case with its accepted entry, in numbers only."""
+"""Comparison with accepted entries: of one case, of segments, and of the committed baseline."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from physics_crosscheck.harness.baseline.classify import Change, classify
@@ -15,17 +16,31 @@ from physics_crosscheck.harness.baseline.diff import (
     diff_cases,
     motion_of,
 )
-from physics_crosscheck.harness.baseline.file import SystemBaseline
-from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
+from physics_crosscheck.harness.baseline.file import SystemBaseline, snapshot_key
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles, folder_files
+from physics_crosscheck.harness.baseline.measure import (
+    comparable,
+    is_accepted,
+    same_motion,
+    segments_of,
+    snapshot_of,
+)
+from physics_crosscheck.harness.baseline.stale import location
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.workers import Failure
+from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     Identified,
     Measurement,
     OnAccepted,
+    Snapshot,
 )
 from physics_crosscheck.harness.records.diff import CaseNumbers, Changed, Diff, Status
-from physics_crosscheck.records import Case, Outcome
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.records import Case, CaseId, Outcome
 from tests.baseline.samples import (
     ENDS,
     ENTRY,
@@ -39,6 +54,7 @@ from tests.baseline.samples import (
     entry,
     measurement,
 )
+from tests.physics import physics
 
 DIFFERS = Outcome.DIFFERS
 
@@ -294,3 +310,78 @@ def test_numerics_version_comes_from_the_fingerprint_module(
     assert classified(measurement(), accepted=baseline()).status is Status.SAME
     monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", NUMERICS + 1)
     assert classified(measurement(), accepted=baseline()).kinds == ("tool",)
+
+
+def test_snapshot_reproduces_its_scenario_to_rounding() -> None:
+    prepared = physics("mass_spring_damper")
+    motion = prepared.motions["step"]
+    original = snapshot_of(motion, "step", prepared.components, ("f",))
+    again = decoded(encoded(original).encode(), Snapshot)
+    assert again == original
+    assert same_motion(again, original)
+    assert snapshot_key(again) == snapshot_key(original)
+    segments = segments_of(again)
+    times = segments.t[:, None] + segments.lengths[:, None] * np.linspace(0.0, 0.999, 50)
+    u = segments.inputs_within(np.arange(len(times)), times)
+    assert np.max(np.abs(u.reshape(times.size, -1) - motion.inputs(times.ravel()))) < 1e-12
+    # Segments cover every span, including the short one before the step of force.
+    assert segments.t.min() < 1.3 < segments.t.max()
+
+
+def moved(snapshot: Snapshot, share: float) -> Snapshot:
+    """Return the snapshot with its first start moved by a share of the scale."""
+    (x, *rest), *others = snapshot.start
+    start = ((x + share * snapshot.scale[0], *rest), *others)
+    return msgspec.structs.replace(snapshot, start=start)
+
+
+def test_same_motion_allows_rounding_only() -> None:
+    assert same_motion(SNAPSHOT, moved(SNAPSHOT, 1e-12))
+    assert not same_motion(SNAPSHOT, moved(SNAPSHOT, 1e-6))
+
+
+def test_isolated_states_are_compared_without_times() -> None:
+    timeless = msgspec.structs.replace(SNAPSHOT, t=(None,) * 3)
+    assert decoded(encoded(timeless).encode(), Snapshot) == timeless
+    assert same_motion(timeless, timeless)
+    assert not same_motion(timeless, SNAPSHOT)
+    assert not same_motion(timeless, moved(timeless, 1e-6))
+    assert comparable(timeless, timeless)
+    assert not comparable(timeless, SNAPSHOT)
+
+
+@pytest.mark.parametrize(("equations", "same"), [(1e-13, True), (1e-10, False)])
+def test_snapshot_with_moved_equations_is_not_accepted(equations: float, same: bool) -> None:
+    now = measurement(equations=equations).on_accepted
+    assert now is not None
+    assert is_accepted(SNAPSHOT, SNAPSHOT, now) is same
+    assert not is_accepted(moved(SNAPSHOT, 1e-6), SNAPSHOT, now)
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_committed_baseline_matches_the_models() -> None:
+    place = ROOT / "reports" / "baseline"
+    baseline = read_baseline(place)
+    folders = system_folders([])
+    assert set(baseline) == {folder.name for folder in folders}
+    for folder in folders:
+        accepted, scan = baseline[folder.name], folder_files(folder)
+        assert accepted.declared.folder == location(folder, place)
+        assert accepted.declared.declared == scan.system
+        wanted = {
+            CaseId(system=folder.name, model=model.model, scenario=scenario, engine=engine): (
+                model.hashes
+            )
+            for model in scan.models
+            for engine in model.engines
+            for scenario in accepted.declared.scenarios
+        }
+        present = {
+            case: entry.files
+            for case, entry in accepted.cases.items()
+            if engines()[case.engine].version() is not None  # only installed extras
+        }
+        assert present == wanted
+        assert {entry.outcome for entry in accepted.cases.values()} == {"AGREES"}

@@ -16,8 +16,8 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.planning import cache as caches
 from physics_crosscheck.harness.planning.cache import with_environment
-from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.case import ModelKey
+from physics_crosscheck.harness.run import Options
 from physics_crosscheck.harness.run import run as run_all
 from physics_crosscheck.records import Outcome, Results, read_results
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.planning.options import Selection
+from physics_crosscheck.harness.jobs.workers import Limits
 from physics_crosscheck.harness.records.write import encoded, write_whole
-from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.harness.run import Options, Selection, run
 from physics_crosscheck.records import Case, Results, read_results
 
 ROOT = Path(__file__).parents[2]

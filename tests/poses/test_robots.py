@@ -16,7 +16,7 @@ from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
-from physics_crosscheck.harness.engines.mujoco.adapter import MujocoModel
+from physics_crosscheck.harness.engines.mujoco import MujocoModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.render.terminal.problems import difference

@@ -14,9 +14,10 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving import integrate
 from physics_crosscheck.reference.solving.closed_form import solve_closed_form
-from physics_crosscheck.reference.solving.collocation import ReferenceError, collocate
+from physics_crosscheck.reference.solving.collocation import collocate
 from physics_crosscheck.reference.solving.integrate import (
     AGREEMENT,
+    ReferenceError,
     by_runge_kutta,
     field_of,
     solve_numerically,

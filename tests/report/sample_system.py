@@ -17,9 +17,9 @@ from physics_crosscheck.harness.records.system import (
     Sketch,
     SketchTree,
     Symbol,
-    SystemResult,
     TransferFunction,
 )
+from physics_crosscheck.records import SystemResult
 
 SCENARIOS = ("free", "driven", "large")
 

@@ -8,37 +8,36 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.base import Numbers, Rows, SourceLine, numbers
+from physics_crosscheck.harness.records.base import Numbers, Rows, numbers
 from physics_crosscheck.harness.records.case import (
-    Case,
     CheckedStep,
     Convergence,
     EnergySeries,
     ErrorDecomposition,
-    FullRun,
-    Series,
     StepErrors,
     TargetStep,
+)
+from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
+from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario
+from physics_crosscheck.harness.records.model import DiscreteLinearization, EnginePole
+from physics_crosscheck.harness.records.results import BaselineChanges
+from physics_crosscheck.harness.render.html.packs import Array
+from physics_crosscheck.records import (
+    AuditFinding,
+    Case,
+    Cause,
+    CauseId,
+    Diagnosis,
+    EngineLinearization,
+    Explanation,
+    FullRun,
+    Model,
+    Outcome,
+    Results,
+    Series,
+    SourceLine,
     Verdict,
 )
-from physics_crosscheck.harness.records.cause import Cause, CauseId
-from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
-from physics_crosscheck.harness.records.finding import (
-    AuditFinding,
-    CorrectedMotion,
-    CorrectedScenario,
-    Diagnosis,
-    Explanation,
-)
-from physics_crosscheck.harness.records.model import (
-    DiscreteLinearization,
-    EngineLinearization,
-    EnginePole,
-    Model,
-)
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChanges, Results
-from physics_crosscheck.harness.render.html.packs import Array
 from tests.report.sample_system import SCENARIOS, system
 
 SAMPLES = 240

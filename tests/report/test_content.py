@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html.view import Content
+from physics_crosscheck.records import Results
 from tests.report.samples import LITERAL, array, changed_case, changed_model, results, series_of
 
 

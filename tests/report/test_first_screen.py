@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import render, write_report
 from physics_crosscheck.harness.render.html.view import Report
+from physics_crosscheck.records import Results
 from tests.report.chromium import Browser, Tab
 from tests.report.page import Page
 from tests.report.samples import (

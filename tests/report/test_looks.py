@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.records import Results
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
     BUILT,

@@ -11,14 +11,13 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import decoded
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.html import render, unbroken, write_report
 from physics_crosscheck.harness.render.html.maths import ELEMENTS, mathml
 from physics_crosscheck.harness.render.html.sweep import Figures, tick_labels
+from physics_crosscheck.records import Outcome, Results
 from tests.report.page import Page
 from tests.report.samples import results
 

@@ -13,11 +13,10 @@ import pytest
 
 from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.modelfiles.locations import find_in
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.render.html.remedies import lines_of, unified
 from physics_crosscheck.harness.results.next_steps import ProposedChange
+from physics_crosscheck.records import Outcome, SourceLine
 from tests.records.made import case, finding, model, results
 
 URDF = """<robot>

@@ -8,14 +8,12 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.diff import Status, bare_diff
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.render.html import render
 from physics_crosscheck.harness.render.html.text import percent, shown, slug
+from physics_crosscheck.records import AuditFinding, Diagnosis, Outcome, Results, SourceLine
 from tests.recorded import changes, recorded
 from tests.report.page import Page
 from tests.report.samples import (

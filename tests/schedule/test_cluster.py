@@ -23,8 +23,7 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs import remote_workers
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import ClusterError, Executor
-from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.workers import Failure, Limits
 from physics_crosscheck.harness.records.sweep import SweepRow
 from tests.faults.known_folder import ROOT, environment, one_scenario
 from tests.schedule.clusters import (

@@ -1,16 +1,25 @@
-"""Output of `crosscheck run`: the header, problems, notes, and the summary line."""
+"""Terminal output of runs and sweeps: lines, widths, progress, and tables of models."""
 
 from __future__ import annotations
 
+import io
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
 
+from physics_crosscheck.harness.extras.sweep.summary import summary
+from physics_crosscheck.harness.records.case import TargetStep
+from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.render.terminal.console import STYLES, terminal, wrapped
+from physics_crosscheck.harness.render.terminal.models_table import MAX_ROWS, print_models
+from physics_crosscheck.harness.render.terminal.progress import LOG_SECONDS, Progress
+from physics_crosscheck.harness.render.terminal.sweep import print_sweep
 from physics_crosscheck.harness.render.terminal.table import (
     case_line,
     print_results,
@@ -19,6 +28,7 @@ from physics_crosscheck.harness.results.status import duration, percent
 from physics_crosscheck.records import Case, Outcome
 from tests.records.made import (
     case,
+    full_run,
     model,
     printed,
     results,
@@ -109,3 +119,191 @@ def test_colours_are_readable_on_light_and_dark_backgrounds() -> None:
     """Avoid yellow, cyan and white (invisible on white) and blue (on black)."""
     readable = {"green", "red", "magenta", "bold", "dim", "reverse"}
     assert {word for style in STYLES.values() for word in style.split()} <= readable
+
+
+def logged(capsys: pytest.CaptureFixture[str], seconds: float, *, every: bool) -> list[str]:
+    """Return the lines of 40 cases that take so many seconds each."""
+    now = [0.0]
+    with Progress(every=every, clock=lambda: now[0]) as progress:
+        for i in range(1, 41):
+            now[0] += seconds
+            progress(i, 40, case(Outcome.DIFFERS if i == 7 else Outcome.AGREES))
+    return capsys.readouterr().err.splitlines()
+
+
+def test_log_has_a_line_every_few_seconds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert logged(capsys, 0.01, every=False) == []
+    lines = logged(capsys, LOG_SECONDS / 2, every=False)
+    assert lines[0] == "running: 2 of 40 cases done (5 %)"
+    assert len(lines) == 20
+    assert lines[-1].startswith("diagnosing ")
+
+
+def test_progress_stays_below_100_percent_until_done(capsys: pytest.CaptureFixture[str]) -> None:
+    """Leave time for the diagnoses and the report after the last case."""
+    assert not [line for line in logged(capsys, LOG_SECONDS, every=False) if "100 %" in line]
+
+
+def test_total_appears_once_all_cases_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Omit the total until every system's scenarios are derived."""
+    now = [0.0]
+    with Progress(clock=lambda: now[0]) as progress:
+        for i in range(1, 41):
+            now[0] += LOG_SECONDS
+            progress(i, 0 if i < 20 else 40, case(Outcome.AGREES))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[18] == "deriving and running: 19 cases done"
+    assert lines[19] == "running: 20 of 40 cases done (50 %)"
+    assert lines[-1] == "checking coverage"
+
+
+def test_log_has_one_line_per_case_on_request(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    lines = logged(capsys, LOG_SECONDS, every=True)
+    assert len(lines) == 41
+    assert lines[6].startswith("[7/40] FAIL ")
+    assert sum("] ok " in line for line in lines) == 39
+
+
+WIDTHS = (60, 80, 120)
+
+
+def row(index: int, **other: Any) -> SweepRow:
+    command = f"crosscheck sweep my_pendulum --vary length=0.5:2 --draws 4 --only {index}"
+    values: dict[str, Any] = {
+        "outcome": Outcome.DIFFERS, "kind": "motion", "reason": "theta_dot is off by 12 %",
+        "discrepancy": 0.12, "uncertainty": 1e-12,
+    } | other  # fmt: skip
+    return SweepRow(
+        index=index, draw=index, system="my_pendulum", model="mujoco.xml", engine="mujoco",
+        scenario="free", integrator="euler", constants={"length": 0.5 + index}, command=command,
+        **values,
+    )  # fmt: skip
+
+
+def printed_sweep(rows: list[SweepRow], width: int) -> str:
+    plan = SweepPlan(
+        command="crosscheck sweep my_pendulum", options={}, folders={}, versions={},
+        cases=len(rows), constants=("length",),
+    )  # fmt: skip
+    console = Console(file=io.StringIO(), width=width, highlight=False)
+    print_sweep(console, summary(plan, rows))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_cases_with_the_same_problem_are_one_entry_with_its_code(width: int) -> None:
+    text = printed_sweep([row(i, discrepancy=0.12 + i) for i in range(4)], width)
+    code = case_code(Outcome.DIFFERS, "motion")
+    head = "\n".join(text.splitlines()[:4])
+    assert f"{code} theta_dot is off by 12 %" in head
+    assert text.count("theta_dot is off") == 1
+    assert "also #2, #1, #0" in text
+    assert f"crosscheck explain {code}" in text
+    assert max(map(len, text.splitlines())) <= width
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_agreeing_sweep_has_no_code_and_no_empty_column(width: int) -> None:
+    values: dict[str, Any] = {
+        "outcome": Outcome.AGREES, "kind": "", "reason": "", "discrepancy": 1e-13, "digits": 12.0
+    }  # fmt: skip
+    text = printed_sweep([row(i, **values) for i in range(3)], width)
+    assert text.startswith("ok  3 cases agree\n")
+    assert "XC" not in text
+    assert "error at dt" not in text
+
+
+def test_problems_with_different_codes_are_separate() -> None:
+    failed: dict[str, Any] = {"outcome": Outcome.FAILED, "discrepancy": None, "uncertainty": None}
+    long = row(1, kind="long step", reason="dt = 1.5 s is too long", **failed)
+    text = printed_sweep([row(0), long], 80)
+    assert text.index("ERROR  #1") < text.index("FAIL  #0")
+    assert f"{long.code} dt = 1.5 s is too long" in text
+
+
+LONG = "two_drums_on_a_slope", "robot_folded_and_turned.urdf"
+
+CHAOTIC = full_run(global_error=0.94, steps_for=(TargetStep(target=0.001, step=None),))
+
+
+def table(width: int, *, details: bool = False) -> str:
+    out = StringIO()
+    wrong = verdict(
+        discrepancy=8.5e-2, uncertainty=4.4e-12, largest_discrepancy=0.3, largest_uncertainty=0.7
+    )
+    cases = [
+        case(),
+        case(Outcome.DIFFERS, system=LONG[0], model=LONG[1], verdict=wrong),
+        case(Outcome.FAILED, system=LONG[0], model=LONG[1], scenario="driven"),
+    ]
+    print_models(Console(file=out, width=width), cases, details=details)
+    return out.getvalue()
+
+
+def model_rows(*cases: object, details: bool = False) -> str:
+    out = StringIO()
+    print_models(Console(file=out, width=160), cases, details=details)  # type: ignore[arg-type]
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 200])
+def test_names_and_numbers_are_never_truncated(width: int) -> None:
+    text = table(width)
+    for word in (*LONG, "1 ERROR, 1 FAIL", "11.3"):
+        assert word in text
+    assert "…" not in text
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
+@pytest.mark.parametrize("details", [False, True])
+def test_no_row_is_longer_than_the_terminal(width: int, details: bool) -> None:
+    assert max(map(len, table(width, details=details).splitlines())) <= width
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
+def test_omitted_column_is_named_below(width: int) -> None:
+    text = table(width)
+    for head in ("status", "digits", "off by", "error at dt", "dt", "order", "dt for 0.1 %"):
+        assert head in text
+
+
+def test_wide_names_have_separate_lines() -> None:
+    assert "two_drums_on_a_slope/robot_folded_and_turned.urdf [mujoco]" in table(60).splitlines()
+
+
+def test_errors_and_uncertainties_are_details() -> None:
+    """Show both for the deciding component if a case differs."""
+    assert "e-" not in table(200)
+    lines = table(200, details=True).splitlines()
+    (row,) = (line.split() for line in lines if line.startswith(LONG[0]))
+    assert {"8.5e-02", "4.4e-12"} <= set(row)
+    assert not {"3.0e-01", "7.0e-01"} & set(row)
+    (agreeing,) = (line for line in lines if "1 ok" in line)
+    assert "3.0e-13" in agreeing
+
+
+def test_empty_column_is_not_printed() -> None:
+    text = model_rows(case(full_run=None), case(engine="pymunk", full_run=None))
+    assert text.splitlines()[0].split() == ["model", "engine", "status", "digits"]
+
+
+def test_chaotic_motion_is_not_an_error_of_the_model() -> None:
+    (row,) = (line for line in model_rows(case(full_run=CHAOTIC)).splitlines() if "1 ok" in line)
+    assert "chaotic" in row
+    assert "94 %" not in row
+    both = model_rows(case(), case(scenario="wild", full_run=CHAOTIC))
+    assert "0.50 %, chaotic" in both
+    assert "400 µs" in both, "the step comes from the motions that have a step"
+    assert "chaotic: a motion that no time step follows" in both
+
+
+def test_agreeing_rows_are_counted_in_long_tables() -> None:
+    cases = [case(model=f"m{i}.xml") for i in range(MAX_ROWS + 3)]
+    text = model_rows(*cases, case(Outcome.DIFFERS, model="wrong.xml"))
+    assert "wrong.xml" in text
+    assert "m1.xml" not in text
+    assert f"{MAX_ROWS + 3} more rows: every case ok" in text
+    assert "m1.xml" in model_rows(*cases, details=True)
