@@ -13,8 +13,9 @@ from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.render.html import render
 from physics_crosscheck.harness.render.html.text import percent, shown, slug
-from physics_crosscheck.records import AuditFinding, Diagnosis, Outcome, Results, SourceLine
+from physics_crosscheck.records import Diagnosis, Outcome, Results, SourceLine
 from tests.recorded import changes, recorded
+from tests.records.made import finding
 from tests.report.page import Page
 from tests.report.samples import (
     changed_case,
@@ -36,14 +37,6 @@ VIEWS = (
 def test_page_has_the_recorded_text(troubled_page: Page) -> None:
     text = "\n".join(troubled_page.lines(VIEWS))
     assert text == recorded("page", text)
-
-
-def finding(message: str, **fields: object) -> AuditFinding:
-    defaults = {
-        "kind": "literal", "subject": ("m",), "message": message, "location": None,
-        "expected": None, "actual": None, "severity": "finding",
-    }  # fmt: skip
-    return AuditFinding(**{**defaults, **fields})  # type: ignore[arg-type]
 
 
 def diagnosis_of(run: Results, place: int = 0) -> Diagnosis:
