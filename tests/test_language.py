@@ -1,7 +1,5 @@
 """Plain English in everything that a person reads; `tests/language.py` has the rules."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Built-in systems, prepared once, and audits of their models."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Audits report planted faults of models, terms and contacts, and nothing in built-in models."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sample baseline of a system with one case, and sample measurements of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

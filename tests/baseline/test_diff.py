@@ -1,7 +1,5 @@
 """Comparison with accepted entries: of one case, of segments, and of the committed baseline."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

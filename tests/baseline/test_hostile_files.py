@@ -1,7 +1,5 @@
 """Baseline files with arbitrary content: accepted unmodified, or rejected in one sentence."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable

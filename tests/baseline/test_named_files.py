@@ -1,7 +1,5 @@
 """Dependencies of cases on files that a model file names, as the parser reads them."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

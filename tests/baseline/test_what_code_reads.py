@@ -1,7 +1,5 @@
 """Reuse of results of a folder, whose code may open, query, list or import anything."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import py_compile

@@ -4,8 +4,6 @@ The code uses no angular velocities, Jacobians or inertia tensors: poses are pro
 matrices, their derivatives are finite differences with 90 digits, and a body is its second moments.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Random 3-D mechanisms: correct ones pass, all limits hold, and visible faults are reported."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Campaigns: faults planted into files, real models, records, and motions with events."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Checks of the built-in models beyond their verdicts (`pytest --crosscheck models`)."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

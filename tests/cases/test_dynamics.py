@@ -1,7 +1,5 @@
 """Verdicts that combine accelerations with motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

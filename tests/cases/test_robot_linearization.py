@@ -1,7 +1,5 @@
 """Linearizations of robots about a position that joint forces hold."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """One case from its files to its record, in this process, with the known-answer engine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Reuse of cached results, and the changes that make cases run again."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

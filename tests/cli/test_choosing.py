@@ -1,7 +1,5 @@
 """Selection of cases on the command line, the formats of their results, and `report`."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command line as a user runs it: exit codes, messages, files."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

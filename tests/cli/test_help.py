@@ -1,7 +1,5 @@
 """Help and completion of all commands, also of other packages: complete, short, and true."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

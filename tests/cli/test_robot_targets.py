@@ -1,7 +1,5 @@
 """Commands that take robot files as they take system folders, and `audit`."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

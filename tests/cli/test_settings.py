@@ -1,7 +1,5 @@
 """Settings of a project are defaults of the command line; an invalid one is named."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Interrupted runs that are resumed, concurrent runs, and folders that cannot be written."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

@@ -1,7 +1,5 @@
 """`crosscheck sweep` from its arguments to its page."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """Every number of a model's files is counted once: by what sees it, or by why nothing does."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Folders with faults, and functions that run them in real workers."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

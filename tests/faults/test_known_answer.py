@@ -1,7 +1,5 @@
 """Expected outcome of each known fault of an engine, in real workers."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

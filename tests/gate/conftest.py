@@ -1,7 +1,5 @@
 """A repository with one accepted built-in system, and how users edit, gate and accept it."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Acceptance by case or of all, with a reason and a small readable diff; known differences."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import re

@@ -1,7 +1,5 @@
 """Annotations of a pull request at file and line, and its summary."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Whatever fails, the gate does not pass, and the accepted baseline stays intact."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import os

@@ -1,7 +1,5 @@
 """Kinds of change to a system and its models: each has its own status and message."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Robot files without a folder: accepted and gated like the models of a folder."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

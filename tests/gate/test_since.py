@@ -1,7 +1,5 @@
 """Changes of a run since the baseline was accepted."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

@@ -1,7 +1,5 @@
 """Cases that the gate runs, with audits and events, and the cost of an unchanged repository."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

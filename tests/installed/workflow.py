@@ -1,7 +1,5 @@
 """The shell steps of a GitHub workflow, run as GitHub runs them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

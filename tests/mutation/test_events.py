@@ -1,7 +1,5 @@
 """Faults in numbers of contacts, friction and soft laws are caught and named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

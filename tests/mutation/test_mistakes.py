@@ -1,7 +1,5 @@
 """Known mistakes: planted in every model that allows them, and in no other."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable, Iterator, Sequence

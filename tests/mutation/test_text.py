@@ -1,7 +1,5 @@
 """Output and files of `crosscheck mutate`, from synthetic rows."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

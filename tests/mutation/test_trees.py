@@ -1,7 +1,5 @@
 """Bodies and robot files: a wrong number is caught and named, or has no effect."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The notebooks of `examples/`, executed; and the examples of `docs/reference/python.md`."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

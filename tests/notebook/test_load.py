@@ -1,7 +1,5 @@
 """`load` and `compare`: a robot's numbers and matrices; causes, advice and page of a check."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

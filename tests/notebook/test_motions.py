@@ -1,7 +1,5 @@
 """`simulate` and `reference` in real engines, each against what is known of the motion."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

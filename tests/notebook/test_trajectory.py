@@ -1,7 +1,5 @@
 """Results and trajectories: columns, differences, tables, plots and their form in a notebook."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import re

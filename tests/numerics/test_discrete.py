@@ -1,7 +1,5 @@
 """Linearizations of an engine: of one step and of its limit, compared with rule and equations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

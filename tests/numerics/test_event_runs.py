@@ -1,7 +1,5 @@
 """Motions with events: segments around them, and full runs through them."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

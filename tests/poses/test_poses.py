@@ -1,7 +1,5 @@
 """Faults that joint motions cannot show are reported by the comparison of poses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Poses of a robot's bodies match its file in every engine that returns poses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Shapes and sites of robot files are where the files put them, with their sizes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

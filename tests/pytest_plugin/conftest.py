@@ -1,7 +1,5 @@
 """A user's project with system folders, and fake results instead of engine runs."""
 
-from __future__ import annotations
-
 import importlib
 import shutil
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`check`, the function for users' own tests, and `--crosscheck-accept`."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

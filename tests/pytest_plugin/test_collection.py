@@ -1,7 +1,5 @@
 """Collection of tests: their ids, names and selection."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

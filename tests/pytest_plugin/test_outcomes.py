@@ -1,7 +1,5 @@
 """Outcomes and messages of tests, with real engines and with fake results."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 import xml.etree.ElementTree as ET

@@ -3,8 +3,6 @@
 `RECORD=1 pytest tests/report tests/text` writes them again; review the difference like code.
 """
 
-from __future__ import annotations
-
 import os
 from difflib import ndiff
 from pathlib import Path

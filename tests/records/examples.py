@@ -1,7 +1,5 @@
 """Example records with every key, generated from their types: one entry per list, no nulls."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterator
 from typing import Any

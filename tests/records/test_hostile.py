@@ -1,7 +1,5 @@
 """Malformed results files: each is rejected in one sentence, without a traceback."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """results.json: plain JSON, whole or not at all, and checked when read; linearizations in it."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """JSON Schemas: generated from the records, and as strict as the reader."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

@@ -1,7 +1,5 @@
 """Event-driven motions against closed forms, and the configurations that are refused."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Segments of a changed tree, and its next states by the rules of engines."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Segments from selected states: within limits, accurate, reused, and telling numbers apart."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 from functools import cache

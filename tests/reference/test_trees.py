@@ -1,7 +1,5 @@
 """Equations and motions of a tree match formulas that are derived from energies."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A parsed page."""
 
-from __future__ import annotations
-
 import html.parser
 import re
 

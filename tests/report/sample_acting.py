@@ -1,7 +1,5 @@
 """A box with an arm that acts on everything: mesh, floor, limit, drive; another mass in MuJoCo."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A humanoid with 29 joints and one wrong number, as a run writes it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Invented results for the report's tests, with every outcome and every field."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The packed numbers and charts that the page draws."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

@@ -1,7 +1,5 @@
 """The first screen: the verdict and the proposed change, as a reader sees them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Appearance in a browser: dark, narrow, printed, without scripts, and with hostile names."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

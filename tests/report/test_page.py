@@ -1,7 +1,5 @@
 """The page: complete, safe, self-contained and reproducible."""
 
-from __future__ import annotations
-
 import html
 import re
 from pathlib import Path

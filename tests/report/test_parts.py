@@ -1,7 +1,5 @@
 """Many cases: the page has the overview and loads cases from separate files on demand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

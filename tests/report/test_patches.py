@@ -1,7 +1,5 @@
 """Proposed changes as diffs that can be applied."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Meshes, inertia and forces in the picture of bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Text of the report's page: cases, systems, diagnoses and the overview."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The workflow that publishes the report: its steps, run in GitHub's shell."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

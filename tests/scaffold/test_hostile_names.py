@@ -1,7 +1,5 @@
 """Names and texts of a model file become strings only, never code."""
 
-from __future__ import annotations
-
 import ast
 import os
 import tomllib

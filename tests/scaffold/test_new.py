@@ -1,7 +1,5 @@
 """`crosscheck new`: the example, folders from model files, and their kinematics."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Folders of robots: they have every number of the file, and detect each change."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """A real scheduler and real workers on loopback, in separate processes, and tasks for them."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

@@ -1,7 +1,5 @@
 """Runs on a real cluster: results equal local ones, even if workers fail."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

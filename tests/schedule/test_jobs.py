@@ -1,7 +1,5 @@
 """The job graph, its interruption, and the environment of its workers."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

@@ -1,7 +1,5 @@
 """Worker processes: a task that crashes, hangs or prints affects no other task."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """A part of the soak: the corpus, planted faults and fuzzed inputs."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sweep of a folder that declares bodies: numbers of its model files are drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path

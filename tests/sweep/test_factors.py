@@ -1,7 +1,5 @@
 """Factors of a sweep and the values that it draws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sweeps of a real engine: rows, verdicts, invalid plans, failures and killed runs."""
 
-from __future__ import annotations
-
 import shutil
 import signal
 import subprocess

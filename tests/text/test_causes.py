@@ -1,7 +1,5 @@
 """Explanations in sentences, pages of message codes, and changes of two results."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

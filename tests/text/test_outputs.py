@@ -1,7 +1,5 @@
 """Terminal output of runs, compared with the recorded text: problems, causes, summaries, notes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

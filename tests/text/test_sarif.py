@@ -1,7 +1,5 @@
 """SARIF: results that a code host shows at the lines of a file."""
 
-from __future__ import annotations
-
 import json
 import re
 from email.message import Message

@@ -1,7 +1,5 @@
 """Terminal output of runs and sweeps: lines, widths, progress, and tables of models."""
 
-from __future__ import annotations
-
 import io
 from contextlib import redirect_stdout
 from io import StringIO

@@ -1,7 +1,5 @@
 """Hostile names are escaped in terminals, logs of GitHub and summaries."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys

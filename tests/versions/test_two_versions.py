@@ -4,8 +4,6 @@ The engine is the toy engine of docs/engines/adapter.md, installed from wheels i
 a package index. This package is installed too; `test_mujoco_versions.py` runs from the checkout.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import os
 import re

@@ -1,7 +1,5 @@
 """Known mistakes: each is caught, and its cause is named from the motions alone."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Coordinates whose rates are the velocities, and bodies declared on frames."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Coupled joints and formulas, compared with the whole tree and with the recursion."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

@@ -1,7 +1,5 @@
 """Force paths compared with virtual power, and springs of ball joints with their energy."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from typing import Any

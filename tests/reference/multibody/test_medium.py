@@ -1,7 +1,5 @@
 """Bodies in a fluid: drag forces by virtual power, from positions alone."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 
