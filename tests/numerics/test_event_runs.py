@@ -129,7 +129,7 @@ def test_error_that_falls_with_the_step_is_not_a_difference(
 def fall() -> Segments:
     """Return the segments of a ball that drops."""
     system = load_system(BALL)
-    return solve_events(derive(system), system.scenario("fall"))
+    return solve_events(derive(system), system.scenario("drop"))
 
 
 def test_solved_segments_are_accepted(fall: Segments) -> None:
