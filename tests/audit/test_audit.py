@@ -32,7 +32,7 @@ from physics_crosscheck.records import AuditFinding
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.audit.models import MODELS, AuditCopy, audit, messages, severe
-from tests.cases.test_robot_linearization import ARM
+from tests.cases.test_dynamics import ARM
 from tests.models import written
 from tests.physics import physics as prepared
 from tests.robots.files import TIPPED

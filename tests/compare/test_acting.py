@@ -1,7 +1,5 @@
 """Compare how the numbers of two files act, and name the usual mistake."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Motions corrected with the value of a diagnosis."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Hypotheses about a wrong model, and the effect of trying them."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager

@@ -1,7 +1,5 @@
 """Robot files with a wrong number: detected, and named with its line and correct value."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

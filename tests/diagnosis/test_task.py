@@ -1,7 +1,5 @@
 """The record of a diagnosis, from a wrong file to the reported sentences."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

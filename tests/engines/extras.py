@@ -1,7 +1,5 @@
 """Optional engines: tests run where they are installed, and report a skip elsewhere."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small MJCFs in engines that read parts of the format, and in MuJoCo."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """PyBullet's spherical joints of a URDF: a chain of them follows its equations."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

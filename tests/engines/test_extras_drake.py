@@ -1,7 +1,5 @@
 """Whole steps of Drake's discrete plants: limits and contacts by the law of SAP, and faults."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How Newton reads URDFs and MJCFs, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

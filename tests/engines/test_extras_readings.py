@@ -1,7 +1,5 @@
 """Readings of a URDF by optional engines alone, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How SAPIEN reads URDFs, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

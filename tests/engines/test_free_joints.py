@@ -1,7 +1,5 @@
 """Free and ball joints in an adapter: velocities are the rates of the coordinates."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Invalid MJCFs are rejected by line; overridden values and warnings are reported."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

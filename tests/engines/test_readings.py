@@ -1,7 +1,5 @@
 """How engines read one URDF, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A ball on a plane that may be tilted, as bodies and numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

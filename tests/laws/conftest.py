@@ -1,7 +1,5 @@
 """A fixture that draws few states, since each shows most of a scene's rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Physical quantities computed from a file's numbers match the engine's motion."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

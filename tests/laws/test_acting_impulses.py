@@ -1,7 +1,5 @@
 """Physical quantities computed from a URDF's numbers match PyBullet's motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

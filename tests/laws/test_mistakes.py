@@ -1,7 +1,5 @@
 """Engines with a known answer, whose laws contain one mistake: it is caught, and named in words."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp

@@ -1,7 +1,5 @@
 """Numbers that whole steps depend on: the diagnosis of a step that differs from its law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """URDFs in MuJoCo: whole steps by its soft law, and masses from shapes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """URDFs written by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.modelfiles.robot import Robot

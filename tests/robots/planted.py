@@ -1,7 +1,5 @@
 """An MJCF that is prepared once, with wrong numbers to detect and to locate by line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

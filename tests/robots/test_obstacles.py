@@ -1,7 +1,5 @@
 """Problems that prevent a tree: all are reported together, with their lines and remedies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
