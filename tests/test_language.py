@@ -71,7 +71,6 @@ PLANTED = {
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Yield an empty repository."""
     monkeypatch.setattr(language, "ROOT", tmp_path)
     caches = (language.trees, language.messages, language.exported)
     for cache in caches:

@@ -82,7 +82,6 @@ DECLARED = AcceptedDeclaration(
 
 
 def entry(**fields: Any) -> AcceptedCase:
-    """Return the entry with some fields changed."""
     return msgspec.structs.replace(ENTRY, **fields)
 
 
@@ -114,7 +113,6 @@ def _moved(share: float) -> tuple[tuple[float, ...], ...]:
 
 
 def case(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Case:
-    """Build the record of a run's case."""
     discrepancy = fields.pop("discrepancy", ENTRY.discrepancy)
     verdict = made.verdict(
         discrepancy=discrepancy, uncertainty=ENTRY.uncertainty, component="x_dot", order=1.0,

@@ -79,7 +79,6 @@ def resealed(table: Table) -> Table:
 
 
 def rejection(folder: Path, data: bytes) -> str:
-    """Return the sentence that rejects a file."""
     file = folder / f"{SYSTEM}.json"
     file.write_bytes(data)
     with pytest.raises(BaselineError) as caught:

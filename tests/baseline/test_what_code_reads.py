@@ -46,7 +46,6 @@ def present(states: dict[str, str]) -> dict[str, str]:
 
 
 def reads(folder: Path, code: str) -> dict[str, str]:
-    """Return the inputs of a declaration with some code."""
     (folder / "system.py").write_text(HERE + code + SYSTEM)
     with record_reads(folder) as recording:
         load_system(folder)

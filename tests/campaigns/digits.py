@@ -111,7 +111,6 @@ def turned(turn: Sequence[float], form: str) -> Matrix:
 
 
 def _rotation(vector: Sequence[Any]) -> Matrix:
-    """Return the rotation about a vector by its length."""
     x, y, z = vector
     cross = mp.matrix([[0, -z, y, 0], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]])
     angle = mp.sqrt(x * x + y * y + z * z)

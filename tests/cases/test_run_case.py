@@ -45,8 +45,6 @@ HELD = 'engines = ["known"]\n[coordinates]\nfall = 0\n'
 
 @pytest.fixture(autouse=True)
 def only_known_engine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Register the known-answer engine only."""
-
     def engines() -> dict[str, Engine]:
         return {"known": KnownEngine()}
 

@@ -66,7 +66,6 @@ def ran(ran_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 @pytest.fixture
 def submitted(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """Collect the functions that are submitted to workers."""
     submit = Workers.submit
     functions: list[object] = []
 
@@ -79,7 +78,6 @@ def submitted(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 
 
 def first() -> Results:
-    """Return the results of the first run."""
     return read_results(Path("out/results.json"))
 
 
@@ -220,7 +218,6 @@ def test_files_that_a_python_model_reads_count(
 
 def test_declared_bodies_are_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    pytest.importorskip("mujoco")
     arm = tmp_path / "arm"
     arm.mkdir()
     (arm / "system.py").write_text(SYSTEM)
@@ -241,7 +238,6 @@ ARM = "\n".join((
 
 
 def test_robot_files_are_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     file = written(tmp_path, "arm.urdf", ARM)
     before = run("--engine", "mujoco", target="arm.urdf")
@@ -267,7 +263,6 @@ def test_failed_case_runs_again(folder: Path) -> None:
 
 
 def kind(entry: Path) -> str:
-    """Return the kind of work of an entry."""
     return str(json.loads(entry.read_bytes())["key"]["kind"])
 
 

@@ -297,7 +297,6 @@ MIXED = '<joint joint="elbow" coef="0.1"/><joint joint="reach" coef="1"/>'
 
 
 def driven(folder: Path, name: str, actuators: str, *replaced: tuple[str, str]) -> Path:
-    """Write the arm with actuators."""
     whole = f"<actuator>{actuators}</actuator></mujoco>"
     return written(folder, f"{name}.xml", MJCF, *replaced, ("</mujoco>", whole))
 

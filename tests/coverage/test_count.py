@@ -361,7 +361,6 @@ READ = """<mujoco><default><geom friction=".8 .1"/><joint damping=".1"/></defaul
 
 def test_numbers_of_the_text_and_directions_of_axes_count(tmp_path: Path) -> None:
     """Catch numbers that only the reading of the text, or a reversed axis, would show."""
-    pytest.importorskip("mujoco")
     file = written(tmp_path, "r.xml", READ)
     task = model_task(prepare_tree(file), "mujoco")
     counted = counted_numbers(task, robot_numbers(file, task.spec.settings))
@@ -393,7 +392,6 @@ def test_default_counts_if_it_acts_at_each_element(
     tmp_path: Path, more: str, effect: NumberEffect
 ) -> None:
     """Catch a default that counts as tested though a shape that takes it never touches."""
-    pytest.importorskip("mujoco")
     file = written(tmp_path, "r.xml", SHARED.format(more))
     task = model_task(prepare_tree(file), "mujoco")
     counted = counted_numbers(task, robot_numbers(file, task.spec.settings))

@@ -29,7 +29,6 @@ def load(
     gravity: float = 0.0,
     settings: Mapping[str, object] | None = None,
 ) -> LoadedModel:
-    """Load a URDF of this text."""
     need(name)
     path = folder / f"{name}.urdf"
     path.write_text(text)

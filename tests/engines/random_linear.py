@@ -307,7 +307,6 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> DrawnRe
 
 
 def sweep(seed: int, count: int, pairing: str) -> Iterator[DrawnResult]:
-    """Judge `count` systems of one pairing."""
     rng = np.random.default_rng([seed, PAIRINGS.index(pairing)])
     with tempfile.TemporaryDirectory() as folder:
         for number in range(count):

@@ -281,7 +281,6 @@ WRONG = {
 
 
 def checked(engine: WrongEngine) -> tuple[Check, ...]:
-    """Return the checks of the first sample."""
     (sample,) = (one for one in engine.samples() if one.file == "euler.known")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / sample.file

@@ -92,7 +92,6 @@ TOY = 'names = ["x"]\nm = [1.3]\nc = [0.9]\nk = [{}]\nstep = 0.005\n'
 
 
 def block(language: str) -> str:
-    """Return the page's only block in a language."""
     (code,) = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
     return str(code)
 

@@ -148,7 +148,6 @@ def test_runge_kutta_claims_order_four_until_an_input_varies(
 
 
 def distribution(place: Path, name: str, module: str, text: str) -> None:
-    """Create a distribution with one module and one engine."""
     (place / f"{module}.py").write_text(text)
     info = place / f"{name}-1.0.dist-info"
     info.mkdir(parents=True)

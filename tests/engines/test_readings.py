@@ -39,7 +39,6 @@ def urdf(
 
 
 def limit(lower: float, upper: float, velocity: float = 100) -> str:
-    """Return a hinge between limits."""
     inside = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="{velocity}"/>'
     return urdf(inside, kind="revolute")
 

@@ -148,7 +148,6 @@ def load(
 def accel(
     model: LoadedModel, q: Sequence[float], v: Sequence[float] | None = None, h: float = 1e-6
 ) -> Array:
-    """Return accelerations from one tiny step."""
     z = np.array([q], dtype=float)
     w = np.zeros_like(z) if v is None else np.array([v], dtype=float)
     result: Array = (model.rollout(z, w, h, 1, None, 1)[1][0, 0] - w[0]) / h

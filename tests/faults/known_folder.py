@@ -122,14 +122,12 @@ def by_case(results: Results) -> dict[tuple[str, str, str], Case]:
 
 
 def discrepancy(case: Case) -> float:
-    """Return E of a case with a verdict."""
     assert case.verdict is not None
     assert case.verdict.discrepancy is not None
     return case.verdict.discrepancy
 
 
 def uncertainty(case: Case) -> float:
-    """Return U of a case with a verdict."""
     assert case.verdict is not None
     return math.inf if case.verdict.uncertainty is None else case.verdict.uncertainty
 

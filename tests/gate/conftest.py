@@ -70,7 +70,6 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
 
 @pytest.fixture
 def repository(pristine: Repository, tmp_path: Path) -> Repository:
-    """Copy that repository for a test to change."""
     return copy_of(pristine, tmp_path / "repository")
 
 

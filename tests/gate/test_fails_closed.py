@@ -41,7 +41,6 @@ def gate(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> Gating:
 
 
 def contents(repository: Repository) -> dict[Path, bytes]:
-    """Return the content of every file of the baseline."""
     return {path: path.read_bytes() for path in repository.baseline.rglob("*") if path.is_file()}
 
 

@@ -146,7 +146,6 @@ def robots(accepted: Robots, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def statuses(result: GateResult) -> dict[str, Status]:
-    """Return the status of each case."""
     return {str(change.id): change.status for change in result.changes}
 
 

@@ -1,12 +1,15 @@
-"""Cases that the gate runs, with audits and events, and the cost of an unchanged repository."""
+"""Cases that the gate runs and lists, with audits and events, and the cost of no change."""
 
+import json
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import jsonschema
 import pytest
+from rich.console import Console
 
 from physics_crosscheck.command import DIFFER
 from physics_crosscheck.harness.baseline.store import read_baseline
@@ -17,15 +20,19 @@ from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.survey import GateOptions, survey
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.interfaces.cli.gate import code
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.planning.model_checks import AUDIT, ModelCheck
 from physics_crosscheck.harness.planning.prepared import Arguments, TargetFacts
 from physics_crosscheck.harness.records.diff import Status
+from physics_crosscheck.harness.records.schema import schema
+from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.run import Options, run
-from physics_crosscheck.records import ModelId
+from physics_crosscheck.records import ModelId, Results
 from tests.gate.conftest import SYSTEM, Repository, ignore_progress
-from tests.standing import shorten_scenarios, without
+from tests.standing import keep_default_engines, shorten_scenarios, without
 
 ROOT = Path(__file__).parents[2]
 
@@ -127,7 +134,6 @@ def wrong(pristine: Repository, tmp_path_factory: pytest.TempPathFactory) -> Rep
 
 @pytest.fixture(scope="module")
 def result(wrong: Repository) -> GateResult:
-    """Return the result of its gate."""
     return wrong.gate("pymunk")
 
 
@@ -217,7 +223,6 @@ def accepted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def edited(accepted: Path, root: Path, name: str, old: str, new: str) -> GateResult:
-    """Gate a copy with an edited file."""
     shutil.copytree(accepted, root, dirs_exist_ok=True)
     text = (root / "ball" / name).read_text()
     assert text.count(old) == 1
@@ -239,3 +244,53 @@ def test_restitution_off_by_a_millionth_changes_the_model(accepted: Path, tmp_pa
 def test_declared_restitution_changes_the_equations(accepted: Path, tmp_path: Path) -> None:
     result = edited(accepted, tmp_path, "system.py", '"e", 0.8,', '"e", 0.81,')
     assert {kind for change in result.changes for kind in change.kinds} == {"equations"}
+
+
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory: pytest.TempPathFactory) -> Results:
+    """Accept models; then refine one step, coarsen another, delete a model and keep one."""
+    home = tmp_path_factory.mktemp("home")
+    folder = home / "mass_spring_damper"
+    shutil.copytree(builtin() / "mass_spring_damper", folder)
+    keep_default_engines(folder)
+    without(folder, "step", "resonance")
+    shorten_scenarios(folder, 8)
+    for end in ("", ".toml"):
+        (folder / f"space.py{end}").unlink()
+        for name in ("gone.xml", "left.xml"):
+            shutil.copy(folder / f"mujoco.xml{end}", folder / f"{name}{end}")
+    place = home / "baseline"
+    given = ["--reason", "first", "--folder", str(folder), "--engine", "mujoco"]
+    assert main(["accept", *given, "--baseline", str(place)]) == 0
+    for name, old, new in (
+        ("mujoco.xml", 'timestep="0.002"', 'timestep="0.001"'),
+        ("robot.urdf.toml", "step = 0.002", "step = 0.004"),
+    ):
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new))
+    for name in ("gone.xml", "gone.xml.toml"):
+        (folder / name).unlink()
+    options = Options(("mujoco",), jobs=2, baseline=place)
+    return run([folder], options, ignore_progress).results
+
+
+def test_changes_are_listed_and_unchanged_models_are_not(changed: Results) -> None:
+    jsonschema.validate(json.loads(encoded(changed)), schema(Results))
+    assert changed.baseline is not None
+    changes = {c.model: c for c in changed.baseline.changes}
+    assert {name: change.label for name, change in changes.items()} == {
+        "mujoco.xml": "improved", "robot.urdf": "changed, worse", "gone.xml": "gone",
+    }  # fmt: skip
+    assert changes["gone.xml"].status is Status.GONE
+    for name in ("mujoco.xml", "robot.urdf"):
+        assert "step 0.002 s -> " in "; ".join(changes[name].messages)
+
+
+def test_terminal_lists_changes(changed: Results) -> None:
+    console = Console(record=True, width=200)
+    print_results(console, changed)
+    text = console.export_text()
+    assert "since " in text
+    assert "changed, worse  XC515 mass_spring_damper/robot.urdf  free [mujoco]" in text
+    assert ": step 0.002 s" in text

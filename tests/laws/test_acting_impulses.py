@@ -28,7 +28,6 @@ def spec_of(tmp_path: Path, text: str, *, floating: bool = False) -> ModelSpec:
 
 
 def quantities(spec: ModelSpec) -> dict[tuple[str, str], float]:
-    """Return the quantities by subject and name."""
     rows = urdf_quantities(spec, "pybullet")
     return {(row.subject, row.quantity): float(row.value or 0.0) for row in rows}
 

@@ -16,7 +16,6 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
 from physics_crosscheck.records import Outcome
 from tests.laws.scenes import URDF_ARM, URDF_BALLS
 
-pytest.importorskip("mujoco")
 pytest.importorskip("pybullet")
 
 RESOLUTION = 1e-9

@@ -15,8 +15,6 @@ from physics_crosscheck.records import Diagnosis
 from tests.coverage.test_count import STOP
 from tests.laws.scenes import LIMITS, URDF_ARM, URDF_BOX
 
-pytest.importorskip("mujoco")
-
 BOX = """<mujoco><option {}/><worldbody>
 <geom name="floor" type="plane" size="3 3 .1" friction=".7 .02 .003"/>
 <body pos="0 0 .05"><freejoint/>

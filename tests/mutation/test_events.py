@@ -23,7 +23,6 @@ def _few_segments(few_segments: None) -> None:
 
 @cache
 def survey_task(system: str, model: str, engine: str) -> tuple[SystemTask, FaultSurvey]:
-    """Return a task and the survey of its faults."""
     task = make_task(system, model, engine)
     return task, survey(task)
 

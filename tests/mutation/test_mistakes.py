@@ -62,7 +62,6 @@ def copy_model(tmp_path: Path) -> CopyModel:
 
 
 def texts_of(pairs: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tuple[Mistake, str]]:
-    """Return each mistake with the text of its copy."""
     return [
         (m, m.edit.apply(s.task.declared, s.task.engine, tmp_path / str(i)).model.read_text())
         for i, (s, m) in enumerate(pairs)

@@ -52,8 +52,6 @@ MODEL = """<mujoco><option timestep="0.002"/><worldbody><body name="arm" pos="0 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    if engines()["mujoco"].version() is None:
-        pytest.skip("mujoco is not installed")
     (tmp_path / "system.py").write_text(SYSTEM)
     (tmp_path / "m.xml").write_text(MODEL)
     (tmp_path / "m.xml.toml").write_text('engines = ["mujoco"]\n\n[settings]\nsmooth = true\n')
@@ -61,7 +59,6 @@ def folder(tmp_path: Path) -> Path:
 
 
 def faults_by_key(folder: Path) -> dict[tuple[str, str], TreeFault]:
-    """Return the faults by address and size."""
     prepared = prepare(folder)
     assert isinstance(prepared, PreparedTree)
     task = model_task(prepared, "mujoco", read_sidecar(folder / "m.xml.toml"))
@@ -103,8 +100,6 @@ def test_full_run_of_a_folder_of_bodies_has_an_error_of_order_1(folder: Path) ->
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Path:
-    if engines()["mujoco"].version() is None:
-        pytest.skip("mujoco is not installed")
     file = written(tmp_path, "arm.urdf", ARM)
     return file
 
@@ -129,7 +124,6 @@ def test_second_order_effect_is_judged_by_its_size(
 
 
 def mass_fault(task: TreeTask) -> tuple[TreeFault, ...]:
-    """Return the smallest fault of a mass."""
     return tuple(
         one
         for one in faults_of(task)

@@ -36,7 +36,6 @@ DT = 0.002
 
 @pytest.fixture(scope="module")
 def drop() -> Motion:
-    """Return the exact motion of a ball that drops."""
     system = load_system(BALL)
     return solve_events(derive(system), system.scenario("drop"))
 
@@ -127,7 +126,6 @@ def test_error_that_falls_with_the_step_is_not_a_difference(
 
 @pytest.fixture(scope="module")
 def fall() -> Segments:
-    """Return the segments of a ball that drops."""
     system = load_system(BALL)
     return solve_events(derive(system), system.scenario("drop"))
 

@@ -122,7 +122,6 @@ def poses(
 
 
 def message(check: PoseCheck) -> str:
-    """Return the messages of all findings as one text."""
     return "\n".join(one.message for one in check.findings)
 
 

@@ -56,7 +56,6 @@ class Project:
         )
 
     def collect(self, *arguments: str) -> list[str]:
-        """Return the ids of the collected tests."""
         done = self.run("--collect-only", "-q", *arguments)
         return [line for line in done.outlines if "::" in line and " " not in line]
 

@@ -83,7 +83,6 @@ def paths(value: Any, here: Path = ()) -> Iterator[Path]:
 
 
 def value_at(value: Any, path: Path) -> Any:
-    """Return the value at a path."""
     for step in path:
         value = value[step]
     return value

@@ -113,7 +113,6 @@ def sketches() -> Iterator[tuple[str, str]]:
 
 
 def texts() -> dict[str, str]:
-    """Return all malformed texts by name."""
     kinds = (
         truncated, wrong_types, missing_keys, extra_keys, numbers, twice, other_files, unequal,
         sketches,

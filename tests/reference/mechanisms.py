@@ -51,7 +51,6 @@ def motion_of(name: str, scenario: str) -> Motion:
 
 
 def constant(name: str, value: float, unit: str) -> Constant:
-    """Declare a constant with a description and a source."""
     return Constant(name, value, unit, f"{name} of a test", "chosen for the test")
 
 

@@ -413,7 +413,6 @@ def folder(tmp_path: Path) -> Path:
 
 
 def spoil(folder: Path, old: str, new: str) -> None:
-    """Replace text in the declaration."""
     path = folder / "system.py"
     text = path.read_text()
     assert text.count(old) == 1

@@ -158,7 +158,6 @@ RNG = np.random.default_rng(4)
 
 
 def free_body(*, damping: float = 0.0) -> Tree:
-    """Return one free body with general numbers."""
     link = TreeLink(
         name="body", parent=WORLD, kind="free", mass=1.7, damping=damping,
         position=np.array([0.1, 0.2, 0.3]), rotation=np.eye(3), axis=np.array([1.0, 0, 0]),

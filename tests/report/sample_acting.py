@@ -40,7 +40,6 @@ ARM = """<mujoco>
 
 
 def write_arm(folder: Path) -> Path:
-    """Write the file with its mesh."""
     turns = 2 * np.pi * np.arange(CORNERS) / CORNERS
     rows = [(0.05 * np.cos(t), 0.05 * np.sin(t), z) for z in (0.0, 0.4) for t in turns]
     faces = []

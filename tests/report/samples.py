@@ -159,26 +159,22 @@ def results(systems: int = 2) -> Results:
 
 
 def unjudged(case: Case, outcome: Outcome, reason: str, stdout: str = "") -> Case:
-    """Return a case that was not run."""
     names = {name: getattr(case, name) for name in ("system", "model", "scenario", "engine")}
     return Case(**names, folder=case.folder, outcome=outcome, reason=reason, stdout=stdout)
 
 
 def judged(case: Case, outcome: Outcome, reason: str, **verdict: Any) -> Case:
-    """Return a case with a new verdict."""
     assert case.verdict is not None
     return replace(case, outcome=outcome, reason=reason, verdict=replace(case.verdict, **verdict))
 
 
 def changed_case(base: Results, place: int, **fields: Any) -> Results:
-    """Return results with one case changed."""
     cases = list(base.cases)
     cases[place] = replace(cases[place], **fields)
     return replace(base, cases=tuple(cases))
 
 
 def changed_model(base: Results, place: int, **fields: Any) -> Results:
-    """Return results with one model changed."""
     models = list(base.models)
     models[place] = replace(models[place], **fields)
     return replace(base, models=tuple(models))

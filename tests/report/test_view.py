@@ -143,7 +143,6 @@ def unexplained(base: Results) -> Results:
 
 
 def unexplained_with_findings(base: Results) -> Results:
-    """Start with the findings of the audit."""
     where = SourceLine(file="mujoco.xml", line=21)
     wrong = finding("mass is 9 where m = 0.9", location=where, expected=0.9, actual=9.0)
     vague = replace(diagnosis_of(base), explained=False)

@@ -60,7 +60,6 @@ def left_out(robot: Robot) -> dict[str, tuple[str, ...]]:
 
 
 def problems(robot: Robot) -> list[tuple[int, str]]:
-    """Return the line and sentence of each problem."""
     assert (robot.tree is None) == bool(robot.obstacles)
     return [(one.line, one.sentence) for one in robot.obstacles]
 

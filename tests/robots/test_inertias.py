@@ -278,7 +278,6 @@ def test_only_independent_numbers_of_bodies_are_compiled_together(
     share: float,
 ) -> None:
     """Catch a number that changes other bodies too, and a compilation for each number."""
-    pytest.importorskip("mujoco")
     file = written(tmp_path, "r.xml", chain(compiler, joint_attributes))
     single, together = robot_numbers(file, {}), robot_numbers(file, {})
     compiled, count = CompiledNumbers._compile, list[int]()

@@ -114,7 +114,6 @@ def make_chain(urdf: bool) -> tuple[list[str], str]:
 
 
 def is_read_by_mujoco(name: str) -> bool:
-    """Return whether MuJoCo accepts a name."""
     with suppress(ValueError):
         text = MJCF.format(name=attribute(name), comment="")
         return bool(mujoco.MjModel.from_xml_string(text).body(1).name == name)

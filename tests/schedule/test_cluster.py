@@ -78,7 +78,6 @@ def pendulum(tmp_path: Path) -> Path:
 
 
 def without_times(value: Any) -> Any:
-    """Return results without times."""
     if isinstance(value, dict):
         rest = {key: item for key, item in value.items() if key not in ("created", "seconds")}
         return {key: without_times(item) for key, item in rest.items()}

@@ -294,7 +294,6 @@ def test_killed_sweep_resumes_and_runs_each_case_once(tmp_path: Path) -> None:
 
 
 def sweep_changed(script: str, words: list[str]) -> subprocess.CompletedProcess[str]:
-    """Run a sweep_changed with changed modules."""
     return subprocess.run(
         [sys.executable, "-c", script, "sweep_changed", *words],
         env=environment(),

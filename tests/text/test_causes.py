@@ -72,17 +72,6 @@ def test_cause_is_a_sentence(explained: Cause, sentence: str) -> None:
     assert sentences(explained) == [sentence, "residual 2.5e-07 of the discrepancy"]
 
 
-def test_two_causes_are_two_sentences() -> None:
-    lines = sentences(
-        cause("literal", "body[nut and bolt]@mass"), cause("friction", "lock and key")
-    )
-    assert lines == [
-        "body[nut and bolt]@mass is 1; the motion implies 2 ± 1e-06",
-        "friction on lock and key is 2 ± 1e-06 in the model, but 1 in the equations",
-        "residual 2.5e-07 of the discrepancy",
-    ]
-
-
 def test_ties_are_listed_at_the_end() -> None:
     tied = (CauseId(kind="constant", subject=("m",)), CauseId(kind="spring", subject=("x",)))
     assert sentences(cause("axis", "x"), tied=tied)[-1] == (

@@ -44,7 +44,6 @@ def sarif_results(text: str) -> list[dict[str, Any]]:
 
 
 def _check_place(place: dict[str, Any]) -> None:
-    """Check a place by sections 3.29 and 3.30."""
     _check_uri(place["artifactLocation"]["uri"])
     if "region" in place:
         _check_region(place["region"])

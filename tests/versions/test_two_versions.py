@@ -66,11 +66,9 @@ class Home:
     place: Path
 
     def versions(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run `crosscheck versions` in it."""
         return self.run("versions", *words)
 
     def run(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run a command in it."""
         clean = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "PYTHON"))}
         return subprocess.run(
             [self.place / "home" / "bin" / "python", "-m", "physics_crosscheck", *words],
@@ -121,12 +119,10 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
 
 @pytest.fixture(scope="module")
 def done(home: Home) -> subprocess.CompletedProcess[str]:
-    """Compare three versions."""
     return home.versions("oscillator", "--engine", "toy", "1.0", "2.0", "3.0=own")
 
 
 def gate_of(home: Home, version: str) -> Gate:
-    """Return the record of the upgrade to a version."""
     path = home.place / "reports" / "versions" / f"toy-{version}" / "gate.json"
     return decoded(path.read_bytes(), Gate)
 

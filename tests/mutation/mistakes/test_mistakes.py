@@ -114,7 +114,6 @@ def test_change_that_the_engine_ignores_agrees(change: Mistake, copy_model: Copy
 
 
 def run_two_seconds(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
-    """Run two seconds of the second scenario."""
     prepared = physics(mistake.system)
     scenario = prepared.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
