@@ -18,8 +18,8 @@ from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving.collocation import collocate
 from physics_crosscheck.reference.solving.family import Family
 from physics_crosscheck.reference.solving.integrate import field_of
-from physics_crosscheck.reference.solving.segments import NODES, chebyshev_nodes
-from physics_crosscheck.reference.solving.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, solve
+from physics_crosscheck.reference.solving.segments import chebyshev_nodes
+from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of, motion_of
 
 every = pytest.mark.parametrize(("name", "scenario"), SCENARIOS)
@@ -30,13 +30,13 @@ def test_segments_tile_the_duration_in_prime_numbers(name: str, scenario: str) -
     motion = motion_of(name, scenario)
     declared = built_in(name).scenario(scenario)
     assert all(sp.isprime(span.count) for span in motion.spans)
-    assert len(motion.t) == sum(span.count for span in motion.spans) >= SEGMENTS_AT_LEAST == 200
+    assert len(motion.t) == sum(span.count for span in motion.spans) >= 200 == 200
     assert motion.t[0] == 0
     assert motion.duration == pytest.approx(declared.duration, rel=4 * EPS)
     np.testing.assert_allclose(
         np.diff(motion.t), motion.lengths[:-1], rtol=0, atol=4 * EPS * motion.duration
     )
-    assert np.all(motion.lengths * motion.fastest <= 2 * np.pi / SEGMENTS_A_PERIOD * (1 + EPS))
+    assert np.all(motion.lengths * motion.fastest <= 2 * np.pi / 20 * (1 + EPS))
     cuts = [signal.start for signal in pieces(built_in(name), declared)]
     assert [span.start for span in motion.spans] == cuts
 
@@ -56,7 +56,7 @@ def test_each_segment_starts_where_the_last_has_ended(name: str, scenario: str) 
 @every
 def test_nodes_begin_at_the_start_and_stop_at_the_end(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
-    assert motion.nodes.shape == (len(motion.t), NODES, motion.start.shape[1])
+    assert motion.nodes.shape == (len(motion.t), 11, motion.start.shape[1])
     np.testing.assert_allclose(motion.nodes[:, 0], motion.start, rtol=0, atol=4 * EPS)
     gap = np.max(np.abs(motion.nodes[:, -1] - motion.end), axis=0)
     assert np.all(gap <= 2 * EPS * motion.amplitude)
@@ -74,7 +74,7 @@ def test_interpolated_motion_matches_direct_integration(name: str, scenario: str
             times, starts = motion.t[chosen], motion.start[chosen]
             direct, _ = collocate(field_of(equations, signal), times, starts, part * span.length)
             gap = np.max(np.abs(motion.states_at(times + part * span.length) - direct), axis=0)
-            # Degree 10 over a twentieth of the fastest period: see `NODES`. Late times are rounded:
+            # Degree 10 over a twentieth of the fastest period: see `11`. Late times are rounded:
             # eps of 18 s at 10 rad/s is 4e-14.
             assert np.all(gap <= 1e-13 * np.maximum(motion.amplitude, 1e-2))
 

@@ -22,9 +22,6 @@ from physics_crosscheck.reference.solving import resolved
 from physics_crosscheck.reference.solving.integrate import ReferenceError, by_runge_kutta
 from physics_crosscheck.reference.solving.resolved import ReusedSegments
 from physics_crosscheck.reference.solving.samples import (
-    MAX_DIFFERENCE,
-    MAX_LIMIT_DISTANCE,
-    SAMPLING_RANGE,
     LockedError,
     samples,
     select_d_optimal,
@@ -94,7 +91,7 @@ def test_difference_of_two_solutions_widens_the_bound_or_fails(
         return by_runge_kutta(*given, **options) * (1 + apart)
 
     monkeypatch.setattr("physics_crosscheck.reference.solving.samples.by_runge_kutta", perturbed)
-    if apart > MAX_DIFFERENCE:
+    if apart > 1e-9:
         with pytest.raises(ReferenceError, match=r"two solutions of \S+ are \S+e-0[567] apart"):
             samples(system, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
         return
@@ -124,11 +121,11 @@ def test_states_are_within_limits_and_the_same_for_one_seed() -> None:
 
 @pytest.mark.parametrize(("limits", "home", "expected"), [
     ((-0.5, 0.2), 0.0, (-0.5, 0.2)),
-    ((-np.inf, np.inf), 2.0, (2.0 - SAMPLING_RANGE, 2.0 + SAMPLING_RANGE)),
-    ((-np.inf, -3.0), 0.0, (-3.0 - SAMPLING_RANGE, -3.0)),
-    ((5.0, np.inf), 0.0, (5.0, 5.0 + SAMPLING_RANGE)),
-    ((-100.0, 100.0), 1.0, (1.0 - MAX_LIMIT_DISTANCE, 1.0 + MAX_LIMIT_DISTANCE)),
-    ((10.0, 100.0), 0.0, (10.0, 10.0 + MAX_LIMIT_DISTANCE)),
+    ((-np.inf, np.inf), 2.0, (2.0 - 1.0, 2.0 + 1.0)),
+    ((-np.inf, -3.0), 0.0, (-3.0 - 1.0, -3.0)),
+    ((5.0, np.inf), 0.0, (5.0, 5.0 + 1.0)),
+    ((-100.0, 100.0), 1.0, (1.0 - np.pi, 1.0 + np.pi)),
+    ((10.0, 100.0), 0.0, (10.0, 10.0 + np.pi)),
 ])  # fmt: skip
 def test_positions_are_drawn_near_home(
     limits: tuple[float, float], home: float, expected: tuple[float, float]
@@ -160,8 +157,8 @@ def test_empty_limits_are_ignored() -> None:
     limits = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.5]])
     ranges = within(limits, np.array([0.0, 0.5, 0.1]))
     assert ranges.tolist() == [
-        [-SAMPLING_RANGE, SAMPLING_RANGE],
-        [0.5 - SAMPLING_RANGE, 0.5 + SAMPLING_RANGE],
+        [-1.0, 1.0],
+        [0.5 - 1.0, 0.5 + 1.0],
         [0, 0.5],
     ]
 
