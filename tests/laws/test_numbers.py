@@ -12,7 +12,7 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import law_problem
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.records import Diagnosis
-from tests.coverage.test_count import STOP
+from tests.coverage.test_robot import STOP
 from tests.laws.scenes import LIMITS, URDF_ARM, URDF_BOX
 
 BOX = """<mujoco><option {}/><worldbody>
