@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.baseline.classify import Change, classify
-from physics_crosscheck.harness.baseline.diff import (
-    diff_accepted,
-    diff_cases,
-    motion_of,
-)
+from physics_crosscheck.harness.baseline.diff import diff_accepted, diff_cases, motion_of
 from physics_crosscheck.harness.baseline.file import SystemBaseline, snapshot_key
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles, folder_files
 from physics_crosscheck.harness.baseline.measure import (

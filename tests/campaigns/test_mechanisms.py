@@ -195,12 +195,7 @@ OPEN = msgspec.structs.replace(RIGHT, index=1, outcome="UNRESOLVED")
 
 
 @pytest.mark.parametrize(
-    ("results", "code"),
-    [
-        ([RIGHT], 0),
-        ([RIGHT, WRONG], 1),
-        ([RIGHT] * 9 + [OPEN], 1),
-    ],
+    ("results", "code"), [([RIGHT], 0), ([RIGHT, WRONG], 1), ([RIGHT] * 9 + [OPEN], 1)]
 )
 def test_exit_code_is_0_only_if_all_results_are_right(
     results: list[MechanismResult],

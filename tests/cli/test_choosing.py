@@ -142,10 +142,7 @@ def test_folder_stands_for_the_results_in_it(old: Path, capsys: pytest.CaptureFi
         (("none",), "none: can't be read: No such file or directory"),
         (("empty",), "empty/results.json: can't be read"),
         (("torn.json",), "torn.json: not JSON"),
-        (
-            ("other.json",),
-            "other.json: not a results file of schema 5; run `crosscheck run` again",
-        ),
+        (("other.json",), "other.json: not a results file of schema 5; run `crosscheck run` again"),
     ],
 )
 def test_invalid_results_are_rejected_and_nothing_is_written(

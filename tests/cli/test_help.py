@@ -134,9 +134,7 @@ def test_every_setting_is_an_argument_of_its_commands() -> None:
     assert {key for command in COMMANDS.values() for key in command.settings} == set(SETTINGS)
 
 
-def test_generated_pages_link_to_each_other(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_generated_pages_link_to_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """Check every link from and to a generated page; those of the machine stay outside."""
     before = generated_pages()
     monkeypatch.setenv("CROSSCHECK_SCHEDULER", "tcp://there:8786")

@@ -58,9 +58,7 @@ def test_unreadable_file_is_reported_with_the_others(place: Path) -> None:
     assert "robots/broken.urdf:3: " in done.stderr
 
 
-def test_folder_of_robots_runs_unless_it_contains_systems(
-    place: Path,
-) -> None:
+def test_folder_of_robots_runs_unless_it_contains_systems(place: Path) -> None:
     done = crosscheck("run", "robots", "--engine", "mujoco", cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "2 systems, 2 models" in done.stdout

@@ -186,9 +186,7 @@ def test_difference_applied_to_the_tree_of_a_gives_that_of_b(
 NONE: tuple[dict[str, str], dict[str, str]] = ({}, {})
 
 
-def test_renamed_joint_is_rejected_with_a_remedy(
-    tmp_path: Path,
-) -> None:
+def test_renamed_joint_is_rejected_with_a_remedy(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('joint name="theta"', 'joint name="theta_2"'))
     # A Space has no tree to match joints by geometry.
@@ -199,9 +197,7 @@ def test_renamed_joint_is_rejected_with_a_remedy(
     assert "none was found by name, order or geometry, and none can be held" in str(error.value)
 
 
-def test_joint_locked_in_the_other_model_is_rejected_if_it_cannot_be_held(
-    tmp_path: Path,
-) -> None:
+def test_joint_locked_in_the_other_model_is_rejected_if_it_cannot_be_held(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     # Coordinates of a sidecar may depend on other joints.
     written(tmp_path, "arm.xml.toml", 'engines = ["mujoco"]\n')

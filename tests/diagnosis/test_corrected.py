@@ -89,9 +89,7 @@ def test_wrong_value_does_not_explain_the_motion(trial: TrialModel) -> None:
     assert all(np.max(np.abs(np.array(one.after))) > 1e-3 for one in motion.scenarios)
 
 
-def test_corrected_motion_follows_steps_of_the_input(
-    trial: TrialModel,
-) -> None:
+def test_corrected_motion_follows_steps_of_the_input(trial: TrialModel) -> None:
     """Expect the reference, with a step of force, when no value changes."""
     motion = required(correct(trial, "k", 0.0))
     for scenario in motion.scenarios:

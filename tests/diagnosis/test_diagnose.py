@@ -128,9 +128,7 @@ def test_indistinguishable_causes_are_tied_and_the_literal_is_first() -> None:
 
 
 @pytest.mark.parametrize("noise", [1e-12, 1e-11, 1e-10])
-def test_tied_literals_are_in_file_order_for_any_rounding(
-    noise: float,
-) -> None:
+def test_tied_literals_are_in_file_order_for_any_rounding(noise: float) -> None:
     """Prevent that rounding, which differs between engines, decides the order."""
     shapes = [SHAPES[2], 2 * SHAPES[2], -3 * SHAPES[2]]
     causes = [cause(i, kind="literal", shape=shape) for i, shape in enumerate(shapes)]

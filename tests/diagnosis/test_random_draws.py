@@ -54,9 +54,7 @@ def test_rounding_by_a_soft_equality_agrees(tmp_path: Path) -> None:
         assert np.max(ratios) < 0.5, place
 
 
-def test_pendulum_after_nineteen_turns_agrees(
-    tmp_path: Path,
-) -> None:
+def test_pendulum_after_nineteen_turns_agrees(tmp_path: Path) -> None:
     # The angle and its velocity are large, but the rounding of the angle affects no force.
     constants = {"m": 0.21712384607983154, "l": 0.41014006587510676, "g": 6.854633582428014}
     chosen = pairing("simple_pendulum", "robot.urdf")

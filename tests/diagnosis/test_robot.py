@@ -294,9 +294,7 @@ fromto="0 {} 0 0.1 0 -0.3"/><body pos="0 0.01 -0.4"><joint name="c" axis="1 0.3 
 
 
 @pytest.mark.slow
-def test_partly_ignored_number_is_named_with_the_engine_default(
-    tmp_path: Path,
-) -> None:
+def test_partly_ignored_number_is_named_with_the_engine_default(tmp_path: Path) -> None:
     """Shift a capsule and rotate it by 3e-6 rad; MuJoCo ignores the rotation."""
     file = written(tmp_path, "turned.xml", TURNED.format("0", "0"))
     task = model_task(prepare_tree(file, states=8), "mujoco")

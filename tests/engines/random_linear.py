@@ -13,16 +13,7 @@ from unittest.mock import patch
 import numpy as np
 from sympy import Heaviside, exp, sin
 
-from physics_crosscheck import (
-    Constant,
-    Coordinate,
-    Equilibrium,
-    Input,
-    Output,
-    Scenario,
-    System,
-    t,
-)
+from physics_crosscheck import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
 from physics_crosscheck.harness.checks.verdict import component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar

@@ -307,10 +307,7 @@ def test_mistake_fails_only_its_check(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("model", "name"),
-    [
-        (WordsForRemarks, "hooks have their shapes"),
-        (PushesOnAndOn, "a force acts in its own step"),
-    ],
+    [(WordsForRemarks, "hooks have their shapes"), (PushesOnAndOn, "a force acts in its own step")],
 )
 def test_other_mistakes_fail_too(model: type[Wrong], name: str) -> None:
     assert name in failed(WrongEngine(model))

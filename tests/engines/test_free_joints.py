@@ -161,9 +161,7 @@ def test_accelerations_match_the_equations(path: Path, ball_model: LoadedModel) 
     assert actual == pytest.approx(expected, abs=1e-5 * np.max(np.abs(expected)))
 
 
-def test_positions_follow_rates_and_forces_by_state_are_equal(
-    ball_model: LoadedModel,
-) -> None:
+def test_positions_follow_rates_and_forces_by_state_are_equal(ball_model: LoadedModel) -> None:
     q, v, f = states(3)
     moved, after = ball_model.rollout(q, v, 1e-6, 1, f[:, None], 1)
     assert (moved[:, 0] - q) / 1e-6 == pytest.approx(after[:, 0], abs=1e-4)

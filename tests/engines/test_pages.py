@@ -220,7 +220,7 @@ def test_preferred_engine_of_a_format_comes_first() -> None:
     assert [engine.name for engine in engines_reading(".urdf")] == [*everyones, *extras]
     assert [engine.name for engine in default_engines(".urdf")] == everyones
     assert [engine.name for engine in engines_reading(".xml")] == [
-        *("mujoco", "pinocchio", "drake", "newton", "mjx"),
+        *("mujoco", "pinocchio", "drake", "newton", "mjx")
     ]
     assert [engine.name for engine in default_engines(".xml")] == ["mujoco"]
     assert engines_reading(".skel") == ()

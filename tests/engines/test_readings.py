@@ -140,9 +140,7 @@ def test_setting_normalizes_axes_in_pybullet(tmp_path: Path) -> None:
     assert turned[0] == turned[1]
 
 
-def test_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(
-    tmp_path: Path,
-) -> None:
+def test_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="mass and inertia"):
         load("mujoco", urdf(body=""), tmp_path)
     model = load("pybullet", urdf(body=""), tmp_path)

@@ -9,14 +9,7 @@ import pytest
 
 from physics_crosscheck.engine import Array, EngineError, LoadedModel, ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import engines
-from tests.engines.protocol_models import (
-    GROUND,
-    PAIRINGS,
-    Pairing,
-    joint,
-    link,
-    urdf_settings,
-)
+from tests.engines.protocol_models import GROUND, PAIRINGS, Pairing, joint, link, urdf_settings
 from tests.models import written
 
 URDF = """<robot name="r">

@@ -194,9 +194,7 @@ def results_of(*cases: Case, causes: tuple[Cause, ...] = (), **fields: Any) -> R
     return made.results(*cases, models=(replace(model, **fields),))
 
 
-def test_workflow_and_hooks_call_existing_commands(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_workflow_and_hooks_call_existing_commands(capsys: pytest.CaptureFixture[str]) -> None:
     yaml = pytest.importorskip("yaml")
     root = Path(__file__).parents[2]
     workflow = yaml.safe_load((root / "docs/ci/github-workflow.yml").read_text())

@@ -90,9 +90,7 @@ def test_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Reposi
     assert done.stdout.splitlines()[-1] == "0", done.stdout + done.stderr
 
 
-def test_change_of_a_file_that_code_reads_or_tests_for_runs_again(
-    repository: Repository,
-) -> None:
+def test_change_of_a_file_that_code_reads_or_tests_for_runs_again(repository: Repository) -> None:
     """Run folders again whose code reads elsewhere, and others when a hidden file changes."""
     hidden, soft = repository.folder / ".mass", repository.root / "soft.txt"
     hidden.write_text("1.3")

@@ -95,8 +95,7 @@ def test_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str) 
 
 
 @pytest.mark.parametrize(
-    ("text", "floating"),
-    [(URDF_ARM, False), pytest.param(URDF_BOX, True, marks=pytest.mark.slow)],
+    ("text", "floating"), [(URDF_ARM, False), pytest.param(URDF_BOX, True, marks=pytest.mark.slow)]
 )
 def test_cached_effect_equals_a_new_solution(tmp_path: Path, text: str, floating: bool) -> None:
     """Catch a known solution that is kept although a number changes it."""

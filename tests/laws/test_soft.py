@@ -108,9 +108,7 @@ def test_gradient_bounds_the_error_of_any_answer() -> None:
             assert np.sqrt(gradient @ inverse @ gradient) < 1e-12 * size
 
 
-def test_answer_that_is_not_the_minimum_leaves_a_residual(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_answer_that_is_not_the_minimum_leaves_a_residual(monkeypatch: pytest.MonkeyPatch) -> None:
     """Catch a solution that stops early, and whose error then counts as the engine's."""
     problem = on_plane(ball(FLAT, 0.3), 1e-3, [0.1, 0.2, 0.3, 1.0, -0.5, 0.2])[0].problem
     assert not problem.residual(problem.solve(problem.free)).any()

@@ -93,9 +93,7 @@ def test_changed_step_or_integrator_agrees_with_another_global_error(few_segment
 
 
 @pytest.mark.slow
-def test_all_faults_of_a_folder_are_tried_with_literals_first(
-    copy_model: CopyModel,
-) -> None:
+def test_all_faults_of_a_folder_are_tried_with_literals_first(copy_model: CopyModel) -> None:
     if engines()["pymunk"].version() is None:
         pytest.skip("pymunk is not installed")
     reported: list[tuple[int, int]] = []

@@ -265,9 +265,7 @@ def test_table_and_page_have_the_same_content(differing: Comparison) -> None:
         assert text in html
 
 
-def test_text_equals_terminal_output_and_record_equals_json_output(
-    differing: Comparison,
-) -> None:
+def test_text_equals_terminal_output_and_record_equals_json_output(differing: Comparison) -> None:
     assert "mujoco.xml:38" in str(differing)
     assert repr(differing) == str(differing)
     record = comparison.ComparisonResult

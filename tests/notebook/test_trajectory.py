@@ -45,9 +45,7 @@ def without(monkeypatch: pytest.MonkeyPatch, *packages: str) -> None:
     """Make packages appear not installed."""
     find_spec = importlib.util.find_spec
     monkeypatch.setattr(
-        importlib.util,
-        "find_spec",
-        lambda name, *_: None if name in packages else find_spec(name),
+        importlib.util, "find_spec", lambda name, *_: None if name in packages else find_spec(name)
     )
 
 
@@ -123,9 +121,7 @@ def test_polars_table_is_made_on_request() -> None:
     assert frame["x_dot (m/s)"].to_list() == np.cos(t).tolist()
 
 
-def test_missing_package_is_reported_with_install_command(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_missing_package_is_reported_with_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     motion = trajectory(grid(4, 0.5), moving(grid(4, 0.5)))
     with pytest.raises(ValueError, match="'arrow'; pandas and polars are known"):
         motion.to_frame("arrow")

@@ -196,9 +196,7 @@ def off(digits: float) -> Array:
     return error
 
 
-def test_rounding_common_to_all_runs_is_in_the_uncertainty(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_rounding_common_to_all_runs_is_in_the_uncertainty(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.max(off(4.0)) < 1
     assert np.max(off(1e4)) > 1  # a fault of a few more digits is not covered
     monkeypatch.setattr(Starts, "last_digits", lambda self, values: np.zeros(values.shape[1]))
@@ -219,9 +217,7 @@ class Held(SymplecticEuler):
         return z, w + (np.round(z / LAST_DIGIT) * LAST_DIGIT - z) / h
 
 
-def test_position_rounding_that_changes_velocity_is_in_the_uncertainty(
-    bench: MakeBench,
-) -> None:
+def test_position_rounding_that_changes_velocity_is_in_the_uncertainty(bench: MakeBench) -> None:
     rig = bench(Held(), duration=12.0)
     result = extrapolate(rig.model, rig.coordinates, rig.motion, resolution=1e-6)
     error = np.abs(result.limit.value - rig.motion.end)

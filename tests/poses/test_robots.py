@@ -203,9 +203,7 @@ def test_pose_faults_are_reported(
     assert words in message(poses(tmp_path, *changes))
 
 
-def test_flipped_axis_compensated_in_the_sidecar_differs(
-    tmp_path: Path,
-) -> None:
+def test_flipped_axis_compensated_in_the_sidecar_differs(tmp_path: Path) -> None:
     """Joint space agrees: b of the file is -b of the equations, and the axis points the right way;
     the other way round, the mechanism is its mirror image."""
     compensated = '[coordinates]\nb = "-b"\n[readback]\nb = "-b"\n' + FRAMES
@@ -219,11 +217,7 @@ def test_rotated_plane_of_motion_is_reported(tmp_path: Path) -> None:
     sidecar = '[frames]\nrod = "body:rod"\nend = { is = "body:rod", at = [0, 0, "-l"] }\n'
     assert poses(tmp_path, text=SWING_MJCF, sidecar=sidecar, system=SWING).findings == ()
     turned = poses(
-        tmp_path,
-        ('axis="0 -1 0"', 'axis="1 0 0"'),
-        text=SWING_MJCF,
-        sidecar=sidecar,
-        system=SWING,
+        tmp_path, ('axis="0 -1 0"', 'axis="1 0 0"'), text=SWING_MJCF, sidecar=sidecar, system=SWING
     )
     assert message(turned).endswith("; its motion is turned by 90 degrees about z")
     moved = poses(
@@ -284,9 +278,7 @@ def test_invalid_frame_entry_is_rejected(entry: str, words: str, tmp_path: Path)
     assert str(error.value).startswith(f"{tmp_path / 'arm.xml.toml'}:3: [frames]")
 
 
-def test_missing_frames_are_noted(
-    tmp_path: Path,
-) -> None:
+def test_missing_frames_are_noted(tmp_path: Path) -> None:
     none = poses(tmp_path, system=without_frames(), sidecar="")
     assert none.record.note == "the system declares no frames"
     unmapped = poses(tmp_path, sidecar="")

@@ -152,8 +152,7 @@ def kane_matches(name: str, assemble: Callable[[Mechanism], None]) -> bool:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.slow) if n == CART.name else n for n in KANE],
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n == CART.name else n for n in KANE]
 )
 def test_kanes_method_gives_the_same_equations(name: str) -> None:
     assert kane_matches(name, KANE[name])

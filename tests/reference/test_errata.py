@@ -21,9 +21,7 @@ AGREES, DIFFERS, UP_TO_SIGNS = "agrees", "differs", "agrees up to signs"
 NUMBERS = {*(f"2.{i}" for i in range(1, 49)), *(f"3.{i}" for i in range(1, 15))}
 """Numbers of all numbered equations of the source."""
 
-LEFT_OUT = {
-    "3.1": "an infinite series of any function; its first order is 3.2",
-}
+LEFT_OUT = {"3.1": "an infinite series of any function; its first order is 3.2"}
 
 PUBLISHED = [(name, i) for name in NAMES for i in range(len(built_in(name).published))]
 KINDS = {(name, built_in(name).published[i].states): (name, i) for name, i in PUBLISHED}

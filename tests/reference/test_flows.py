@@ -230,9 +230,7 @@ def test_implicit_damping_matches_a_linear_system() -> None:
 
 
 @pytest.mark.parametrize("dampers", [0.0, 0.7])
-def test_implicit_springs_match_a_linear_system(
-    dampers: float,
-) -> None:
+def test_implicit_springs_match_a_linear_system(dampers: float) -> None:
     """Compare with M (v' - v) / h = -K (q + h v') - D v', of two slides."""
     links = tuple(
         TreeLink(

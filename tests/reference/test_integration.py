@@ -36,10 +36,7 @@ from tests.reference.mechanisms import (
     oscillator,
 )
 
-NONLINEAR = [
-    *((n, s) for n, s in SCENARIOS if n not in LINEAR),
-    (CART.name, "free"),
-]
+NONLINEAR = [*((n, s) for n, s in SCENARIOS if n not in LINEAR), (CART.name, "free")]
 HEYOKA = integrate.heyoka_installed()
 
 

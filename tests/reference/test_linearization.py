@@ -154,10 +154,7 @@ def pair(first: float, second: float, coupling: float) -> System:
             equilibria=(Equilibrium("rest", {X: 0, y: 0}, False, "relaxed"),),
             scenarios=(
                 dataclasses.replace(
-                    declared()["scenarios"][0],
-                    q={X: 0.1, y: 0},
-                    v={X: 0, y: 0},
-                    inputs={force: 0},
+                    declared()["scenarios"][0], q={X: 0.1, y: 0}, v={X: 0, y: 0}, inputs={force: 0}
                 ),
             ),
         )

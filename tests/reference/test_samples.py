@@ -156,11 +156,7 @@ def test_locked_joint_is_rejected_by_name() -> None:
 def test_empty_limits_are_ignored() -> None:
     limits = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.5]])
     ranges = within(limits, np.array([0.0, 0.5, 0.1]))
-    assert ranges.tolist() == [
-        [-1.0, 1.0],
-        [0.5 - 1.0, 0.5 + 1.0],
-        [0, 0.5],
-    ]
+    assert ranges.tolist() == [[-1.0, 1.0], [0.5 - 1.0, 0.5 + 1.0], [0, 0.5]]
 
 
 def test_joint_without_any_inertia_is_refused() -> None:

@@ -104,9 +104,7 @@ def test_slopes_match_the_formulas(written: Equations, recursive: TreeEquations)
 
 
 @pytest.mark.slow
-def test_motion_matches_the_formulas_within_both_bounds(
-    written: Equations,
-) -> None:
+def test_motion_matches_the_formulas_within_both_bounds(written: Equations) -> None:
     torque = sp.Rational(1, 5) * sp.sin(3 * t)
     given = written.system.scenarios[0]
     scenario = Scenario(

@@ -131,9 +131,7 @@ def series(random: np.random.Generator, coordinates: int) -> Series:
             h=(0.002, 0.001, 0.004), error=(0.0091, 0.0045, 0.019), seconds=(0.11, 0.23, 0.06)
         ),
         energy=EnergySeries(
-            held=row(np.sin(t), 5),
-            supplied=row(np.sin(t) + 0.01, 5),
-            dissipated=row(0.01 * t, 5),
+            held=row(np.sin(t), 5), supplied=row(np.sin(t) + 0.01, 5), dissipated=row(0.01 * t, 5)
         ),
     )
 

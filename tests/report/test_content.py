@@ -137,9 +137,7 @@ def test_every_chart_has_a_summary_with_numbers_and_units(packs: dict[str, Any])
     assert "slope 1.00 (observed)" in labels
 
 
-def test_linear_charts_compare_engine_and_transfer_function(
-    packs: dict[str, Any],
-) -> None:
+def test_linear_charts_compare_engine_and_transfer_function(packs: dict[str, Any]) -> None:
     response = curves(packs, "pack-case-9", "Frequency response")
     for role in ("transfer", "response"):
         for place in (0, 1):

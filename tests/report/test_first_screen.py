@@ -11,11 +11,7 @@ from physics_crosscheck.harness.render.html.view import Report
 from physics_crosscheck.records import Results
 from tests.report.chromium import Browser, Tab
 from tests.report.page import Page
-from tests.report.samples import (
-    STIFFNESS,
-    planted,
-    results,
-)
+from tests.report.samples import STIFFNESS, planted, results
 from tests.report.steps import needs_browser, sound
 from tests.report.test_looks import CHECK
 
@@ -120,9 +116,7 @@ def test_patch_is_accessible(planted_tab: Tab, scheme: str) -> None:
     assert planted_tab.run(CHECK.replace("(document,", "('#act, .titled',")) == []
 
 
-def test_cause_is_one_issue_for_all_engines_and_scenarios(
-    eight: Results,
-) -> None:
+def test_cause_is_one_issue_for_all_engines_and_scenarios(eight: Results) -> None:
     (issue,) = Report(eight).issues
     assert (issue.count, len(issue.cases)) == ("24 cases", 24)
     assert render(eight).count("and 18 more") == 1

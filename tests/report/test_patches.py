@@ -57,9 +57,7 @@ def test_patch_changes_only_the_number() -> None:
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
-def test_git_applies_patch_of_file_and_sidecar_without_final_newline(
-    tmp_path: Path,
-) -> None:
+def test_git_applies_patch_of_file_and_sidecar_without_final_newline(tmp_path: Path) -> None:
     folder = tmp_path / "models" / "disc"
     folder.mkdir(parents=True)
     (folder / "robot.urdf").write_text(URDF)

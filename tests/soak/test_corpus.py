@@ -92,10 +92,7 @@ def test_wrong_entry_is_counted() -> None:
 
 
 FAULTS = {fault.name: fault for fault in all_faults(seeds=1)}
-SOME = (
-    "signals/SIGKILL to the run, seed 0",
-    "streams/into head",
-)
+SOME = ("signals/SIGKILL to the run, seed 0", "streams/into head")
 
 
 @pytest.fixture(scope="module")

@@ -18,20 +18,10 @@ from physics_crosscheck.harness.render.terminal.console import STYLES, terminal,
 from physics_crosscheck.harness.render.terminal.models_table import print_models
 from physics_crosscheck.harness.render.terminal.progress import Progress
 from physics_crosscheck.harness.render.terminal.sweep import print_sweep
-from physics_crosscheck.harness.render.terminal.table import (
-    case_line,
-    print_results,
-)
+from physics_crosscheck.harness.render.terminal.table import case_line, print_results
 from physics_crosscheck.harness.results.status import duration, percent
 from physics_crosscheck.records import Case, Outcome
-from tests.records.made import (
-    case,
-    full_run,
-    model,
-    printed,
-    results,
-    verdict,
-)
+from tests.records.made import case, full_run, model, printed, results, verdict
 
 
 def test_record_text_is_not_parsed_as_markup_or_emoji() -> None:
@@ -155,9 +145,7 @@ def test_total_appears_once_all_cases_are_counted(capsys: pytest.CaptureFixture[
     assert lines[-1] == "checking coverage"
 
 
-def test_log_has_one_line_per_case_on_request(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_log_has_one_line_per_case_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     lines = logged(capsys, 5.0, every=True)
     assert len(lines) == 41
     assert lines[6].startswith("[7/40] FAIL ")

@@ -126,9 +126,7 @@ def run_two_seconds(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRu
     return case.outcome, case.full_run
 
 
-def test_default_that_changes_steps_agrees_with_another_global_error(
-    copy_model: CopyModel,
-) -> None:
+def test_default_that_changes_steps_agrees_with_another_global_error(copy_model: CopyModel) -> None:
     outcome_before, before = run_two_seconds(OTHER_STEP, copy_model(OTHER_STEP, ()))
     outcome_after, after = run_two_seconds(OTHER_STEP, copy_model(OTHER_STEP, OTHER_STEP.edits))
     assert (outcome_before, outcome_after) == (Outcome.AGREES, Outcome.AGREES)

@@ -136,12 +136,7 @@ def test_fixed_bodies_merge_and_several_joints_form_a_chain() -> None:
     last = RigidBody(name="last", parent="tip", joints=two, mass=1.0)
     built = assembled([base, ROD, tip, last], DOWN)
     links = {name: link for name, (link, _) in built.tree.frames.items()}
-    assert links == {
-        "base": WORLD,
-        "rod": 0,
-        "tip": 0,
-        "last": 2,
-    }
+    assert links == {"base": WORLD, "rod": 0, "tip": 0, "last": 2}
     assert [link.mass for link in built.tree.links] == [4.0, 0.0, 1.0]
     assert built.tree.links[0].center.tolist() == [0, 0, -0.5]
     assert built.tree.links[0].inertia.tolist() == np.diag([2.0, 3.0, 3.0]).tolist()
