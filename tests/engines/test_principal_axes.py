@@ -1,7 +1,5 @@
 """PyBullet's rounding of principal axes: its size, its setting, and its distinction from faults."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace
