@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
@@ -26,27 +26,13 @@ SOLVED_RUNS = 24
 """Runs over which the equations are solved."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Explained:
-    """Comparison of the engines with the equations of both files.
-
-    Attributes:
-        share: of the discrepancy that the equations reproduce; 1 is all of it.
-        off: deviation of the source's engine from the equations of its file, and of the target's,
-            relative to how far components move.
-    """
-
-    share: float
-    off: tuple[float, float]
-
-
 def explained(
     sides: tuple[ModelSide, ModelSide],
     match: Match,
     recorded: Recorded,
     followed: Ends,
     signs: Array,
-) -> Explained | None:
+) -> tuple[float, tuple[float, float]] | None:
     """Solve both files' equations over the runs.
 
     Args:
@@ -55,8 +41,10 @@ def explained(
         recorded: runs of the source.
         followed: the target's end states, with joints reversed by `signs`, (m,).
 
-    Return None if that is impossible, with forces that depend on the state, or moving
-    actuator states.
+    Returns:
+        The share of the discrepancy that the equations reproduce, and the deviation of both
+        engines from the equations of their files, relative to how far components move. None if
+        forces depend on the state, actuator states move, or the equations can't be solved.
     """
     source, other = sides
     if not match.constant:
@@ -77,13 +65,9 @@ def explained(
     ends, seen, scale = compared.end, reached[some], compared.unit
     discrepancy = (seen - ends) / scale
     remaining = discrepancy - (target_ends - source_ends) / scale
-    return Explained(
-        share=1 - _size(remaining) / _size(discrepancy) if _size(discrepancy) else 0.0,
-        off=(
-            float(np.max(np.abs(source_ends - ends) / scale)),
-            float(np.max(np.abs(target_ends - seen) / scale)),
-        ),
-    )
+    share = 1 - _size(remaining) / _size(discrepancy) if _size(discrepancy) else 0.0
+    off_source = float(np.max(np.abs(source_ends - ends) / scale))
+    return share, (off_source, float(np.max(np.abs(target_ends - seen) / scale)))
 
 
 def judged_by_equations(

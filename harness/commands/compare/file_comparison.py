@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from msgspec import structs
@@ -120,28 +121,24 @@ def _compare_frames(
     if not places[0] or prepared.models[0] == prepared.models[1]:
         return ()
     frames_a, frames_b = (
-        ask(executor, candidate, frames, FramesTask(candidate, its, at))
+        ask(executor, candidate, partial(frames, places=its, z=at), candidate)
         for candidate, its, at in zip(prepared.models, places, z, strict=True)
     )
     return frame_properties(places[0], frames_a, frames_b, size)
 
 
-@dataclass(frozen=True)
-class FramesTask:
-    """Input of a worker: frames of a model, as `kind:name`, and positions, (nz,)."""
+def frames(candidate: Candidate, places: tuple[str, ...], z: Array) -> tuple[Array, Array]:
+    """Return origins (F, 3), m, and rotations (F, 3, 3) of frames in the engine's world.
 
-    candidate: Candidate
-    places: tuple[str, ...]
-    z: Array
-
-
-def frames(task: FramesTask) -> tuple[Array, Array]:
-    """Return origins (F, 3), m, and rotations (F, 3, 3) in the engine's world.
+    Args:
+        candidate: the model.
+        places: the frames, as `kind:name`.
+        z: positions, (nz,).
 
     Raises:
         EngineError: with file, place and remedy.
     """
-    origins, turns = task.candidate.load().poses(task.places, task.z[None])
+    origins, turns = candidate.load().poses(places, z[None])
     return origins[0], turns[0]
 
 

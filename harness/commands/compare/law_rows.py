@@ -207,23 +207,6 @@ def with_row(laws: L, table: str, index: int, row: Row | None) -> L:
     return replace(laws, **changed)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Names:
-    """Names by which the other file calls what this file has.
-
-    Attributes:
-        joints: of joints; others have no partner.
-        shapes: names that both files have.
-        drives: by index, of the paired ones.
-        same_bodies: whether both files have as many bodies.
-    """
-
-    joints: Mapping[str, str]
-    shapes: frozenset[str]
-    drives: Mapping[int, int]
-    same_bodies: bool
-
-
 def shape_names(compiled: CompiledTree) -> list[str]:
     """Return the names of all shapes; some are empty."""
     return [one.name.partition(":")[2] for one in compiled.placed if one.name.startswith("geom:")]
@@ -242,13 +225,19 @@ class SoftRows:
         file: its path.
         compiled: the file.
         model: its laws.
-        names: of the other file.
+        joints: names by which the other file calls joints; others have no partner.
+        shapes: names of shapes that both files have.
+        drives: paired drives, by index in the other file.
+        same_bodies: whether both files have as many bodies.
     """
 
     file: Path
     compiled: CompiledTree
     model: LawModel
-    names: Names
+    joints: Mapping[str, str]
+    shapes: frozenset[str]
+    drives: Mapping[int, int]
+    same_bodies: bool
 
     def rows(self) -> Iterator[LawRow]:
         """Yield all rows that may have a partner."""
@@ -279,9 +268,9 @@ class SoftRows:
             yield self._row((*key, *same), subject, i, equality, ("equality", i))
         yield from self._contacts(laws)
         for i, drive in enumerate(laws.drives):
-            if i in self.names.drives:
+            if i in self.drives:
                 subject = self._drive(i)
-                pair = ("drives", str(self.names.drives[i]))
+                pair = ("drives", str(self.drives[i]))
                 yield self._row(pair, subject, i, drive, ("drive", i))
 
     def _contacts(self, laws: Laws) -> Iterator[LawRow]:
@@ -315,13 +304,13 @@ class SoftRows:
         count = Counter[str]()
         names = shape_names(self.compiled)
         for name, surface in zip(names, self.model.laws.surfaces, strict=True):
-            if name in self.names.shapes:
+            if name in self.shapes:
                 keys.append((name,))
                 continue
             body = "ground"
             if surface.body:
                 body = self.compiled.bodies[surface.body - 1].name
-            if self.names.same_bodies and surface.body:
+            if self.same_bodies and surface.body:
                 body = body or f"#{surface.body}"
             count[body] += 1
             keys.append((body, f"#{count[body]}"))
@@ -329,7 +318,7 @@ class SoftRows:
 
     def _joint(self, index: int) -> str | None:
         """Return the name by which the other file calls a joint, or None."""
-        return self.names.joints.get(joint_names(self.compiled)[index])
+        return self.joints.get(joint_names(self.compiled)[index])
 
     def _tendon(self, index: int) -> str:
         stated = () if self._stated is None else self._stated.names("tendon")
@@ -469,7 +458,7 @@ def _forces_on(
     if row is not None and isinstance(row.row, JointForceLimit):
         yield row.key, row.row
         return
-    joint = {there: here for here, there in soft.names.joints.items()}[name]
+    joint = {there: here for here, there in soft.joints.items()}[name]
     on = [i for i, one in enumerate(soft.compiled.actuators) if one.on == joint]
     if len(on) == 1 and on[0] < len(soft.model.laws.drives):
         drive = soft.model.laws.drives[on[0]]

@@ -58,7 +58,6 @@ from .law_rows import (
     Key,
     L,
     LawRow,
-    Names,
     Row,
     SoftRows,
     convex_rows,
@@ -84,24 +83,22 @@ SPREADS, OUTWARD = (0.0, 0.3, 1.0, 1.0, 1.0), 5.0
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class LawsTask:
-    """Input of a worker: both models, A first, and their pairs of joints."""
-
-    facts: tuple[Facts, Facts]
-    pairs: tuple[JointPair, ...]
-
-
-def compare_laws(task: LawsTask) -> tuple[ComparedProperty, ...] | None:
+def compare_laws(
+    models: tuple[Facts, Facts], pairs: tuple[JointPair, ...]
+) -> tuple[ComparedProperty, ...] | None:
     """Return the numbers of the laws that differ, largest effect on a step of A first.
 
     Return None unless both engines act by a documented law.
+
+    Args:
+        models: A and B.
+        pairs: of their joints.
     """
     try:
-        b, a = (_load_laws(facts) for facts in reversed(task.facts))  # A stays loaded
+        b, a = (_load_laws(facts) for facts in reversed(models))  # A stays loaded
         if a is None or b is None or not _have_common_rows(a, b):
             return None
-        rows = _rows(a, b, task.pairs)
+        rows = _rows(a, b, pairs)
         differences = tuple(_differences(*rows))
         return tuple(_weighed(a, differences)) if differences else ()
     except (TreeError, EngineError):
@@ -207,7 +204,7 @@ def _soft_sides(
         same_bodies = len(first.bodies) == len(other.bodies)
         joints = {pair.a: pair.b for pair in pairs}
         drive_pairs = pair_actuators(first.actuators, other.actuators, joints).pairs
-        drives = {i: i for i, _ in drive_pairs}, {j: i for i, j in drive_pairs}
+        drives = {i: i for i in drive_pairs}, {j: i for i, j in drive_pairs.items()}
     else:
         every = [{i: i for i in range(len(one.actuators))} if one else {} for one in both]
         drives = every[0], every[1]
@@ -219,14 +216,16 @@ def _soft_sides(
             sides.append(None)
             continue
         alike = len(compiled_tree.actuators) == len(model_laws.model.laws.drives)
-        its = Names(
+        rows = SoftRows(
+            file=model_laws.facts.candidate.sidecar.model,
+            compiled=compiled_tree,
+            model=model_laws.model,
             joints=names,
             shapes=shapes,
             drives=paired if alike else {},
             same_bodies=same_bodies,
         )
-        file = model_laws.facts.candidate.sidecar.model
-        sides.append(SoftRows(file=file, compiled=compiled_tree, model=model_laws.model, names=its))
+        sides.append(rows)
     return sides[0], sides[1]
 
 

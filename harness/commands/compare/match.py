@@ -20,7 +20,7 @@ from physics_crosscheck.harness.modelfiles.expressions import parse
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from .candidate import CompareError
-from .partners import JointPairs, pair_joints
+from .partners import Pairs, pair_joints
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +113,7 @@ def match(
     b: Sequence[str],
     given: tuple[Mapping[str, str], Mapping[str, str]],
     readback: tuple[Mapping[str, str], Mapping[str, str]],
-    joint_pairs: JointPairs | None = None,
+    joint_pairs: Pairs[str] | None = None,
 ) -> Match:
     """Match coordinates by the user's map, the readback of a sidecar, or partners.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -25,19 +26,23 @@ TIE_WEIGHT = 1e-3
 """Weight of body positions and depth, which distinguish joints on one line."""
 
 
+K = TypeVar("K", str, int)
+"""Name of a coordinate, or index of an actuator."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class JointPairs:
-    """Pairs of corresponding joints.
+class Pairs(Generic[K]):
+    """Pairs of corresponding joints or actuators.
 
     Attributes:
-        pairs: names of A's coordinates -> names of B's.
+        pairs: those of A -> those of B.
         notes: a phrase for each pair whose names differ.
-        unpaired: names without a partner, of A and of B.
+        unpaired: those without a partner, of A and of B.
     """
 
-    pairs: Mapping[str, str]
+    pairs: Mapping[K, K]
     notes: tuple[str, ...]
-    unpaired: tuple[tuple[str, ...], tuple[str, ...]]
+    unpaired: tuple[tuple[K, ...], tuple[K, ...]]
 
 
 def pair_joints(
@@ -45,7 +50,7 @@ def pair_joints(
     b: Sequence[str],
     spoken_for: tuple[set[str], set[str]],
     placed: tuple[PlacedTree, PlacedTree] | None,
-) -> JointPairs:
+) -> Pairs[str]:
     """Pair coordinates.
 
     Args:
@@ -70,7 +75,7 @@ def pair_joints(
         tuple(name for name in unpaired_a if name not in pairs),
         tuple(name for name in unpaired_b if name not in pairs.values()),
     )
-    return JointPairs(pairs=pairs, notes=tuple(phrases), unpaired=unpaired)
+    return Pairs(pairs=pairs, notes=tuple(phrases), unpaired=unpaired)
 
 
 def _whole(placed: PlacedTree, names: Sequence[str]) -> list[str]:

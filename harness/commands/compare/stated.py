@@ -43,10 +43,10 @@ def stated_properties(
         rows: pairs of links.
         pairs: of joints, by the names of A's.
     """
-    shapes = _matched(a, b, rows)
-    yield from shapes.differences()
+    size, shapes, single = _matched(a, b, rows)
+    yield from _shapes(size, shapes, single)
     if a.facts.compiled is not None and b.facts.compiled is not None:
-        yield from _contacts(a, b, shapes.pairs)
+        yield from _contacts(a, b, shapes)
         yield from _texts(a, b)
     yield from _joint_numbers(a, b, pairs)
 
@@ -91,39 +91,35 @@ class _Shape:
         return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Matched:
-    """Shapes of both files that can touch.
+def _shapes(
+    size: float,
+    pairs: Sequence[tuple[_Shape, _Shape]],
+    single: Sequence[tuple[str, _Shape, _Shape | None]],
+) -> Iterator[Difference]:
+    """Yield shapes that differ, or that one file lacks; arguments as of `_matched`."""
+    for x, y in pairs:
+        for what, share, text in _unlike(x, y, size):
+            lines = x.line(size=what == "size"), y.line(size=what == "size")
+            message = f"{what} of shape {x.label}: {text}"
+            yield make_stated("shape", x.label, message, relative=share, lines=lines)
+    for label, shape, other in single:
+        has = ("some", "none") if label == "A" else ("none", "some")
+        what = "contacts of shape" if other else "shape"
+        message = f"{what} {shape.label}: {has[0]} in A, {has[1]} in B"
+        both = [shape.line(), other.line() if other else None]
+        first, last = both if label == "A" else both[::-1]
+        yield make_stated("shape", shape.label, message, lines=(first, last))
 
-    Attributes:
-        size: of the mechanism, m.
-        pairs: corresponding shapes.
-        single: others, each with the file that has it, and whether the other one has it without
-            contacts.
+
+def _matched(
+    a: ModelSide, b: ModelSide, rows: Sequence[Aligned]
+) -> tuple[float, list[tuple[_Shape, _Shape]], list[tuple[str, _Shape, _Shape | None]]]:
+    """Pair shapes on paired links: alike ones, then by name, then those of one form in order.
+
+    Returns:
+        The size of the mechanism, m; pairs of shapes that can touch; and others, each with the
+        file that has it, and the shape without contacts that the other one has there.
     """
-
-    size: float
-    pairs: Sequence[tuple[_Shape, _Shape]]
-    single: Sequence[tuple[str, _Shape, _Shape | None]]
-
-    def differences(self) -> Iterator[Difference]:
-        """Yield shapes that differ, or that one file lacks."""
-        for x, y in self.pairs:
-            for what, share, text in _unlike(x, y, self.size):
-                lines = x.line(size=what == "size"), y.line(size=what == "size")
-                message = f"{what} of shape {x.label}: {text}"
-                yield make_stated("shape", x.label, message, relative=share, lines=lines)
-        for label, shape, other in self.single:
-            has = ("some", "none") if label == "A" else ("none", "some")
-            what = "contacts of shape" if other else "shape"
-            message = f"{what} {shape.label}: {has[0]} in A, {has[1]} in B"
-            both = [shape.line(), other.line() if other else None]
-            first, last = both if label == "A" else both[::-1]
-            yield make_stated("shape", shape.label, message, lines=(first, last))
-
-
-def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
-    """Pair shapes on paired links: alike ones, then by name, then those of one form in order."""
     links = {row.b: (row.a, row.moved) for row in rows}
     of_a = _placed(a, {row.a: (row.a, IDENTITY) for row in rows})
     of_b = _placed(b, links)
@@ -150,7 +146,7 @@ def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
             still = (y for y in others if not _touches(y) and y.link == x.link)
             other = next((y for y in still if tests[0](x, y)), None)
             single.append((label, x, other))
-    return _Matched(size=size, pairs=pairs, single=single)
+    return size, pairs, single
 
 
 def _placed(model: ModelSide, links: Mapping[int, tuple[int, Place]]) -> list[_Shape]:
