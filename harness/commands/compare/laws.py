@@ -30,6 +30,13 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeState,
 )
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.law_attributes import (
+    ATTRIBUTES,
+    ContactOptions,
+    JointForceLimit,
+    Row,
+    with_attribute,
+)
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
@@ -51,21 +58,16 @@ from physics_crosscheck.reference.mechanism.tree import TreeError
 from .actuators import pair_actuators
 from .candidate import Candidate, Facts
 from .law_rows import (
-    ATTRIBUTES,
     LEADING,
-    ContactOptions,
-    JointForceLimit,
     Key,
     L,
     LawRow,
-    Row,
     SoftRows,
     convex_rows,
     hard_as_soft,
     hard_rows,
     shape_names,
     soft_as_hard,
-    with_attribute,
     with_row,
 )
 from .property import apart, make_property
