@@ -16,9 +16,11 @@ from physics_crosscheck.harness.commands.compare.compare import (
     compare,
 )
 from physics_crosscheck.harness.commands.compare.laws import compare_laws
-from physics_crosscheck.harness.commands.compare.match import declared
+from physics_crosscheck.harness.commands.compare.match import (
+    declared,
+    pairs_of,
+)
 from physics_crosscheck.harness.commands.compare.prepared import prepare
-from physics_crosscheck.harness.commands.compare.side import pairs_of
 from physics_crosscheck.harness.commands.compare.states import (
     SampledStates,
     sampled_states,

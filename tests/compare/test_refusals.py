@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from physics_crosscheck import CompareError
-from physics_crosscheck.harness.commands.compare.candidate import NotInstalledError, candidate
-from physics_crosscheck.harness.commands.compare.execute import FailureError
+from physics_crosscheck.harness.commands.compare.candidate import (
+    FailureError,
+    NotInstalledError,
+    candidate,
+)
 from physics_crosscheck.harness.commands.compare.match import declared, match
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
 from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
-from .partners import Pairs
-from .property import Difference, make_property
+from .match import Pairs
+from .side import Difference, make_property
 
 Held = tuple[list[float], list[float]]
 """Constant controls of a file's actuators, and initial values of their activation states."""

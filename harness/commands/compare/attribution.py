@@ -21,9 +21,8 @@ from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outl
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
-from .candidate import Candidate, CompareError
+from .candidate import Candidate, CompareError, FailureError, ask, ask_each
 from .diff import SourceEdit, applied, edits
-from .execute import FailureError, ask, ask_each
 from .judge import Recorded
 from .match import Match
 from .prepared import PreparedComparison

@@ -54,17 +54,17 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.segments import Segments
 from .acting import compare_acting
 from .attribution import Attribution, attributed
-from .candidate import Candidate, CompareError, Facts, fallbacks
-from .execute import FailureError, ask, ask_each
-from .explained import explained, judged_by_equations
-from .file_comparison import FileComparison, compare_files
-from .judge import Judgement, Recorded, judge, recorded_runs
+from .candidate import Candidate, CompareError, Facts, FailureError, ask, ask_each, fallbacks
+from .judge import Judgement, Recorded, explained, judge, judged_by_equations, recorded_runs
 from .laws import compare_laws
-from .match import Match
+from .match import (
+    Match,
+    pairs_of,
+)
 from .prepared import PreparedComparison, omission_notes, prepare
-from .property import make_property
+from .properties import FileComparison, compare_files
 from .segments import Ends, own_forces, run_source, run_target
-from .side import pairs_of
+from .side import make_property
 from .states import StartRange, range_notes, sampled_states, start_range
 from .terms import measured_terms
 
@@ -503,7 +503,7 @@ def _sought(judged: _Judge, names: Sequence[str], resolution: float, best: _Turn
 
 
 _Share = tuple[float, tuple[float, float]]
-"""What `explained` returns."""
+"""Share of a discrepancy, and two deviations, as `explained` returns them."""
 
 
 def _causes(

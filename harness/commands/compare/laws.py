@@ -70,8 +70,10 @@ from .law_rows import (
     soft_as_hard,
     with_row,
 )
-from .property import apart, make_property
-from .side import JointPair
+from .match import (
+    JointPair,
+)
+from .side import apart, make_property
 
 SAME = 8 * float(np.finfo(float).eps)
 """Relative difference of equal numbers."""

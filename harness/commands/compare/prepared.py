@@ -14,14 +14,10 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import locked_joints
 from .actuators import held_alike, pair_actuators
-from .candidate import COUPLED, Candidate, CompareError, Facts, facts, smooth
-from .equations import FileEquations
-from .execute import ask
-from .match import Match, match, spoken_for
-from .partners import Pairs, pair_joints
-from .placed import PlacedTree, placed, positions
-from .property import make_property, shown
-from .side import lines_of, model_side
+from .alignment import PlacedTree, placed, positions
+from .candidate import COUPLED, Candidate, CompareError, Facts, ask, facts, smooth
+from .match import Match, Pairs, match, pair_joints, spoken_for
+from .side import FileEquations, lines_of, make_property, model_side, shown
 
 T = TypeVar("T")
 

@@ -24,8 +24,16 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .alignment import SAME, Aligned
-from .property import Difference, make_property
-from .side import KEYS, JointPair, ModelSide, lines_of
+from .match import (
+    JointPair,
+)
+from .side import (
+    KEYS,
+    Difference,
+    ModelSide,
+    lines_of,
+    make_property,
+)
 
 make_stated = partial(make_property, moves=False)
 

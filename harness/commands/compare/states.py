@@ -25,10 +25,12 @@ from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import rate_of, samples, within
 from physics_crosscheck.reference.solving.segments import Segments
 from .candidate import CompareError, Facts
-from .equations import FileEquations
-from .match import Match
+from .match import (
+    Match,
+    pairs_of,
+)
 from .segments import quick
-from .side import pairs_of
+from .side import FileEquations
 
 SEED = 20260101
 SAMPLED = 40
@@ -362,8 +364,8 @@ def _pushed(source: Facts, match: Match, given: list[Array]) -> SampledStates:
     runs = _chained(model, first, match)
     if rank > len(independent):
         away = np.abs(runs.start[:, : len(drawn)] - drawn).max(axis=0) > 1e-9 * unit
-        left = [one for one in match.left_out if away[source.coordinates.index(one)]]
-        _refuse_left_out(match, left)
+        free = [one for one in match.left_out if away[source.coordinates.index(one)]]
+        _refuse_left_out(match, free)
     return SampledStates(
         runs=runs, fastest=fastest, unit=size, typical=typical, independent=independent
     )

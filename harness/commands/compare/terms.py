@@ -21,13 +21,12 @@ from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedTerm
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.solving.segments import even_indices
-from .candidate import Candidate
-from .execute import ask
+from .candidate import Candidate, ask
 from .judge import Recorded
 from .match import Match, halves
 from .prepared import PreparedComparison
-from .property import apart, percent
 from .segments import reversed_segments
+from .side import apart, percent
 from .states import SampledStates, free_directions
 
 SPEEDS = (0.3, 0.6)
