@@ -223,7 +223,7 @@ class Acting:
                     continue
                 if (parameters := stated.get(frozenset((i, j)))) is not None:
                     yield (i, j), parameters, "stated for the pair"
-                elif _touch(first, other):
+                elif first.touches(other):
                     yield (i, j), mix_surfaces(first, other), _rule(first, other)
 
     def _moves(self, surface: Surface) -> bool:
@@ -336,11 +336,6 @@ class Acting:
             load=load,
             step=laws.step,
         )
-
-
-def _touch(first: Surface, other: Surface) -> bool:
-    """Return whether two surfaces touch by their masks."""
-    return bool(first.masks[0] & other.masks[1] or other.masks[0] & first.masks[1])
 
 
 def _rule(first: Surface, other: Surface) -> str:

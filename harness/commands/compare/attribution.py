@@ -87,7 +87,8 @@ def attributed(
         for edit in differences
         if not edit.changes and not edit.settings
     ]
-    engine, root = engines()[prepared.models[0].engine], _root(prepared.models[0].sidecar.model)
+    engine, file = engines()[prepared.models[0].engine], prepared.models[0].sidecar.model
+    root = outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
     visual = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
     quiet = [edit.record for edit in differences if _is_ineffective(edit, root, visual)]
     if not can:
@@ -130,11 +131,6 @@ def _silent(trials: Sequence[FileDifference], quiet: Sequence[FileEdit]) -> tupl
 
 NO_PHYSICS = ("looks", "step and solver")
 """Categories of numbers without physical effect."""
-
-
-def _root(file: Path) -> str:
-    """Return the tag of an XML file's root element, or "" for other files."""
-    return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
 
 
 def _is_ineffective(edit: SourceEdit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:

@@ -325,17 +325,12 @@ def _wanted(label: str, path: Path, requested: str | None, sidecar: Sidecar | No
             )
         return [requested]
     declared = () if sidecar is None else sidecar.engines
-    wanted = [name for name in declared if _reads(all_engines, name, path)] or [
-        engine.name for engine in engines_reading(path.suffix)
-    ]
+    reading = [engine.name for engine in engines_reading(path.suffix)]
+    wanted = [name for name in declared if name in reading] or reading
     if not wanted:
         formats = sorted({suffix for engine in all_engines.values() for suffix in engine.formats})
         raise CompareError(f"{path}: no engine reads it; they read {', '.join(formats)} files")
     return wanted
-
-
-def _reads(all_engines: dict[str, Engine], name: str, path: Path) -> bool:
-    return name in all_engines and path.suffix in all_engines[name].formats
 
 
 def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:

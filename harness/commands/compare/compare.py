@@ -256,7 +256,8 @@ def deciding(
     stated = [
         one
         for one in compared.properties
-        if (not one.moves or _is_still(one)) and (one.relative is None or one.relative > resolution)
+        if not (one.moves and (one.kind not in PLACES or one.effect is None or one.effect > STILL))
+        and (one.relative is None or one.relative > resolution)
     ]
     weighed_rows = [row for row in laws if row.effect is not None]
     rest = [row for row in laws if row.effect is None]
@@ -267,10 +268,8 @@ STILL = 1e-12
 """Largest effect on motions that is rounding."""
 
 
-def _is_still(row: ComparedProperty) -> bool:
-    """Return whether a joint is elsewhere, which no motion shows, but contacts and poses may."""
-    return row.kind in ("anchor", "axis") and row.effect is not None and row.effect <= STILL
-
+PLACES = ("anchor", "axis")
+"""Kinds of differences of places of joints; if no motion shows one, contacts and poses may."""
 
 SIX_DIGITS = 5e-6
 """Largest relative rounding of a number written with six digits."""

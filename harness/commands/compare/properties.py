@@ -512,7 +512,9 @@ def compare_files(
     if opposite:
         of_a = dict(zip(prepared.facts[0].coordinates, z[0].tolist(), strict=True))
         # Compare again in corresponding positions.
-        pairs = tuple(_turned(p) if p.a in opposite else p for p in pairs)
+        pairs = tuple(
+            replace(p, slope=-p.slope, offset=-p.offset) if p.a in opposite else p for p in pairs
+        )
         z = z[0], _posed(z[1], prepared.facts, pairs, of_a)
         again = _sides(prepared, z)
         assert again is not None
@@ -536,10 +538,6 @@ def _sides(
     side_a = model_side(prepared.facts[0], z[0])
     side_b = model_side(prepared.facts[1], z[1])
     return None if side_a is None or side_b is None else (side_a, side_b)
-
-
-def _turned(pair: JointPair) -> JointPair:
-    return replace(pair, slope=-pair.slope, offset=-pair.offset)
 
 
 def _posed(

@@ -19,7 +19,6 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.reference.mechanism.laws import Surface
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
@@ -280,12 +279,8 @@ def _touching(model: ModelSide, shapes: Sequence[_Shape]) -> set[frozenset[int]]
         frozenset((i, j))
         for i, first in enumerate(surfaces)
         for j, other in enumerate(surfaces[:i])
-        if _meet(first, other) and frozenset((first.body, other.body)) not in excluded
+        if first.touches(other) and frozenset((first.body, other.body)) not in excluded
     }
-
-
-def _meet(first: Surface, other: Surface) -> bool:
-    return bool(first.masks[0] & other.masks[1] or other.masks[0] & first.masks[1])
 
 
 def _exclude_line(model: ModelSide, bodies: set[str | None]) -> SourceLine | None:
@@ -373,6 +368,7 @@ def _joint_numbers(
 ) -> Iterator[Difference]:
     """Yield dry friction, efforts, velocities and couplings of joints that differ."""
     is_mixed = ".xml" in (a.file.suffix, b.file.suffix)
+    driven = {one.on for model in (a, b) for one in model.facts.actuators}
     both = [_by_joint(model, drives=a.file.suffix != b.file.suffix) for model in (a, b)]
     names = {name: pair.b for name, pair in pairs.items()}
     back = {its: name for name, its in names.items()}
@@ -380,7 +376,8 @@ def _joint_numbers(
     for name in dict.fromkeys(every):
         here, there = both[0].get(name, {}), both[1].get(names.get(name, name), {})
         for what in dict.fromkeys([*here, *there]):
-            values = here.get(what, ()), tuple(_renamed(there.get(what, ()), back))
+            renamed = (back.get(x, x) if isinstance(x, str) else x for x in there.get(what, ()))
+            values: tuple[_Values, _Values] = here.get(what, ()), tuple(renamed)
             if not _equal(*values):
                 shown = [_shown(one) for one in values]
                 message = f"{what} of joint {name}: {shown[0]} in A, {shown[1]} in B"
@@ -388,22 +385,12 @@ def _joint_numbers(
                 share = _share(*(" ".join(map(str, one)) or "none" for one in values))
                 if is_mixed and what == "velocity":
                     share, message = 0.0, f"velocity of joint {name}: no MJCF states one"
-                if is_mixed and what == "effort" and not (all(values) or _is_driven(a, b, name)):
+                if is_mixed and what == "effort" and not (all(values) or name in driven):
                     share, message = 0.0, f"{message}; it limits no drive"
                 yield make_stated(what, name, message, lines=lines, relative=share)
 
 
-def _is_driven(a: ModelSide, b: ModelSide, joint: str) -> bool:
-    """Return whether a drive acts on a joint of one of the files."""
-    return any(one.on == joint for model in (a, b) for one in model.facts.actuators)
-
-
 _Values = tuple[float | str, ...]
-
-
-def _renamed(values: Sequence[float | str], names: Mapping[str, str]) -> Iterator[float | str]:
-    for value in values:
-        yield names.get(value, value) if isinstance(value, str) else value
 
 
 def _equal(here: _Values, there: _Values) -> bool:

@@ -216,11 +216,8 @@ def measured_terms(
     else:
         every += comparison.springs(a.rest, b.rest, "force")
     # Round to six digits, so that last digits do not change the order of like legs.
-    return tuple(sorted(every, key=_rounded_effect, reverse=True))
-
-
-def _rounded_effect(term: ComparedTerm) -> float:
-    return float("inf") if term.effect is None else float(f"{term.effect:.5e}")
+    sizes = [np.inf if term.effect is None else float(f"{term.effect:.5e}") for term in every]
+    return tuple(every[i] for i in sorted(range(len(every)), key=lambda i: -sizes[i]))
 
 
 def _constraint(rank_a: int, rank_b: int) -> ComparedTerm:
