@@ -213,9 +213,9 @@ class TrialModel:
         return values
 
     def _nominal_signs(self, address: str) -> Iterator[float]:
-        for one in self.hypotheses:
-            if address in one.repair.literals and one.expected is not None:
-                yield float(np.sign(one.expected))
+        for hypothesis in self.hypotheses:
+            if address in hypothesis.repair.literals and hypothesis.expected is not None:
+                yield float(np.sign(hypothesis.expected))
 
 
 @dataclass
