@@ -1,7 +1,5 @@
 """`crosscheck sweep` from its arguments to its page."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil
@@ -11,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from physics_crosscheck.harness.extras.sweep.main import summary
 from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
-from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.render.html.sweep import render_sweep
 from physics_crosscheck.harness.results.status import percent
@@ -114,7 +112,6 @@ Rows = list[dict[str, Any]]
 
 
 def in_row(number: int, **fields: object) -> Callable[[Rows], None]:
-    """Return damage to one row."""
     return lambda rows: rows[number - 1].update(fields)
 
 

@@ -1,7 +1,5 @@
 """Physical quantities computed from a URDF's numbers match PyBullet's motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import ModelSpec
-from physics_crosscheck.harness.checks.acting_impulses import merged, urdf_quantities
+from physics_crosscheck.harness.checks.acting import merged, urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.engines.protocol import WholeState
 from physics_crosscheck.harness.engines.registry import engines
@@ -30,7 +28,6 @@ def spec_of(tmp_path: Path, text: str, *, floating: bool = False) -> ModelSpec:
 
 
 def quantities(spec: ModelSpec) -> dict[tuple[str, str], float]:
-    """Return the quantities by subject and name."""
     rows = urdf_quantities(spec, "pybullet")
     return {(row.subject, row.quantity): float(row.value or 0.0) for row in rows}
 

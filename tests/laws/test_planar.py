@@ -1,7 +1,5 @@
 """Steps of pymunk against the law of its impulses, and planted faults."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import Array, ModelSpec
-from physics_crosscheck.harness.checks.acting_impulses import planar_quantities
+from physics_crosscheck.harness.checks.acting import planar_quantities
 from physics_crosscheck.harness.checks.planar_step import (
     PlanarSample,
     check_planar_step,

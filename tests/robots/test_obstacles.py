@@ -1,7 +1,5 @@
 """Problems that prevent a tree: all are reported together, with their lines and remedies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -137,11 +135,7 @@ def test_ambiguous_numbers_are_refused(tmp_path: Path, text: str) -> None:
         ("", 1, "not XML: the file has no element"),
         (b"<robot>\0<link/>\n</robot>", 1, "not XML at column 8: the file is binary"),
         ('<!DOCTYPE r [<!ENTITY x "1">]>\n<robot/>', 1, "refused: it declares entities or a DTD"),
-        (
-            "<robot/>".encode("utf-16"),
-            1,
-            "its encoding is UTF-16",
-        ),
+        ("<robot/>".encode("utf-16"), 1, "its encoding is UTF-16"),
         ("<sdf/>", 1, "the root is <sdf>, not <robot>"),
         (b"\x89PNG\r\n\x1a\n", 1, "not XML at column 1: not well-formed (invalid token)"),
     ],
@@ -181,7 +175,7 @@ def test_joints_that_move_no_inertia_are_held_still(tmp_path: Path) -> None:
     follower = joint("k", "base", "b", '<mimic joint="pan"/>')
     led = read(tmp_path, *lines, link("b"), follower)
     assert problems(led) == [
-        (6, "joint 'pan' moves nothing with inertia, so its acceleration is undefined"),
+        (6, "joint 'pan' moves nothing with inertia, so its acceleration is undefined")
     ]
 
 
