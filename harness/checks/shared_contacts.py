@@ -114,10 +114,10 @@ def with_shared_contacts(cases: Sequence[Case]) -> list[Case]:
 
 def _compared(steps: Mapping[str, WholeStep]) -> Iterator[str]:
     """Yield how two engines agree on their contacts at the postures of both."""
-    (first, other), (one, two) = steps, steps.values()
+    (first, other), (before, after) = steps, steps.values()
     mine, theirs = (
         {(touch.posture, touch.shapes): touch for touch in here.touches if touch.posture in there}
-        for here, there in ((one, two.postures), (two, one.postures))
+        for here, there in ((before, after.postures), (after, before.postures))
     )
     pairs = [(mine[key], theirs[key]) for key in mine if key in theirs]
     rows = np.array([_apart(*pair) for pair in pairs]).reshape(-1, 3)

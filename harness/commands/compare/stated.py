@@ -310,13 +310,13 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
                 if key == EQUALITY[1]:
                     message = f"inactive equality {subject}: other numbers in B"
                 lines = _text_line(a, subject, key), _text_line(b, subject, key)
-                medium = bool(a.tree.fluid or b.tree.fluid)
-                moves, idle = key in FLUID and medium, key == "wind" and not medium
-                if idle:
+                immersed = bool(a.tree.fluid or b.tree.fluid)
+                moves, calm = key in FLUID and immersed, key == "wind" and not immersed
+                if calm:
                     message = f"{message}; it moves nothing without density and viscosity"
                 yield make_property(
                     kind, subject or key, message, lines=lines, moves=moves,
-                    relative=0.0 if idle else _share(*values),
+                    relative=0.0 if calm else _share(*values),
                     changed=_immersed(a, b, key) if moves else None,
                 )  # fmt: skip
 
