@@ -15,9 +15,9 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.scene import inertia_difference
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -81,7 +81,7 @@ class RobotProblem:
         compiled: inertia that the engine compiled, by link; empty if unknown.
     """
 
-    numbers: Numbers
+    numbers: ModelFile
     flow: Flow
     suspicions: tuple[FileHypothesis, ...]
     apart: Array
@@ -312,7 +312,7 @@ _MOMENTS = re.compile(r".*/inertia@\w+")
 _PRODUCTS = re.compile(r".*/inertia@(ixy|ixz|iyz)")
 
 
-def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothesis]:
+def suspicions(numbers: ModelFile, *, is_reference: bool) -> Iterator[FileHypothesis]:
     """Yield all hypotheses.
 
     Args:
@@ -336,7 +336,7 @@ def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothes
         yield from _dropped(numbers)
 
 
-def _reversed(numbers: Numbers) -> Iterator[FileHypothesis]:
+def _reversed(numbers: ModelFile) -> Iterator[FileHypothesis]:
     axes: dict[str, dict[int, float]] = {}
     relevant = set(numbers.relevant_numbers)
     for i, number in enumerate(numbers.numerals):
@@ -356,7 +356,7 @@ def joint_of(element: XmlElement | None) -> str:
     return "" if element is None else element.identity or ""
 
 
-def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
+def _exchanged(numbers: ModelFile) -> Iterator[FileHypothesis]:
     tensors: dict[str, list[int]] = {}
     for i in numbers.relevant_numbers:
         if match := _MOMENT.fullmatch(numbers.numerals[i].address):
@@ -371,14 +371,14 @@ def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
 
 
 def _switch(
-    numbers: Numbers, cause: CauseId, units: Mapping[int, float], order: int
+    numbers: ModelFile, cause: CauseId, units: Mapping[int, float], order: int
 ) -> FileHypothesis:
     places = tuple(dict.fromkeys(source_line(numbers.numerals[i]) for i in units))
     hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True)
     return FileHypothesis(hypothesis=hypothesis, units=units)
 
 
-def _dropped(numbers: Numbers) -> Iterator[FileHypothesis]:
+def _dropped(numbers: ModelFile) -> Iterator[FileHypothesis]:
     """Yield groups of numbers that an engine may ignore, each as if it were zero."""
     numerals = numbers.numerals
     groups: dict[tuple[int, ...], str] = {}
@@ -399,7 +399,7 @@ def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:
     return tuple(f"{name} of {element}" for element in elements)
 
 
-def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
+def _groups(numbers: ModelFile) -> Iterator[tuple[str, list[int]]]:
     """Yield named groups of numbers that may be ignored together; groups may be equal."""
     kinds: dict[str, list[int]] = {}
     links: dict[int, list[int]] = {}

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
-from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
+from physics_crosscheck.harness.modelfiles.mjcf.read import SPREAD, held_controls
 from .property import Difference, make_property
 
 

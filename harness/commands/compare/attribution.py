@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
+from physics_crosscheck.harness.modelfiles.locations import MARKUP, read_source
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
@@ -134,7 +135,7 @@ NO_PHYSICS = ("looks", "step and solver")
 
 def _root(file: Path) -> str:
     """Return the tag of an XML file's root element, or "" for other files."""
-    return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
+    return read_elements(read_source(file))[0].tag if file.suffix in MARKUP else ""
 
 
 def _is_ineffective(edit: SourceEdit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
