@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from decimal import Decimal
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
@@ -50,9 +52,7 @@ def build_robot(
     path, still = document.path, tuple[str, ...]()
     elements = {name: one.element for name, one in links.items()}
     moving = {name: one.element for name, one in joints.items()}
-    parts = tuple(
-        LinkPart(link=one.body, line=document.line(one.element)) for one in links.values()
-    )
+    parts = tuple(_part_of(document, link) for link in links.values())
     while not document.obstacles:
         bodies = bodies_with(still)
         followers = couplings({name: one for name, one in mimics.items() if name not in still})
@@ -194,3 +194,23 @@ def couplings(mimics: Mapping[str, Mimic]) -> tuple[Coupling, ...]:
         Coupling(follower=name, leader=one.leader, multiplier=one.multiplier)
         for name, one in mimics.items()
     )
+
+
+def _part_of(document: Document, link: FileLink) -> LinkPart:
+    """Return a link as a separate part."""
+    line, stated = document.line(link.element), link.element.find("inertial/inertia")
+    return LinkPart(link=link.body, line=line, rounding=_rounding(stated))
+
+
+def _rounding(stated: XmlElement | None) -> float:
+    """Return half units of the last digits of a tensor, in sum; zeros are exact."""
+    total = 0.0
+    if stated is None:
+        return total
+    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+        with suppress(ArithmeticError):  # its reader reports it
+            number = Decimal((stated.get(key) or stated.findtext(key)).strip())
+            if number.is_finite() and number:
+                half = Decimal(5 if key[1] == key[2] else 10)
+                total += float(half.scaleb(int(number.as_tuple().exponent) - 1))
+    return total

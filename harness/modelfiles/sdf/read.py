@@ -100,6 +100,11 @@ def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
 def _of_joint(joint: SdfJoint, mimics: Collection[str]) -> Iterator[Note]:
     if joint.joint is None:
         return
+    if joint.joint.kind == "ball":
+        for path in ("xyz", "limit", "dynamics/friction", "dynamics/spring_stiffness", "mimic"):
+            if joint.element.find(f"axis/{path}") is not None:
+                yield f"<{path.rpartition('/')[2]}> of a ball joint", joint.name
+        return
     if joint.friction:
         yield "dry friction", joint.name
     if joint.name in mimics:
@@ -160,7 +165,7 @@ def read_document(document: Document, chosen: str = "") -> Robot:
     path, file = document.path, read_sdf(document, chosen)
     if file is None:
         return refused(path, path.stem, document.obstacles)
-    single = {one.name for one in file.joints.values() if one.joint is not None}
+    single = {one.name for one in file.joints.values() if one.joint and one.joint.single}
     mimics = enforceable(file.mimics, single)
     return build_robot(
         document,
