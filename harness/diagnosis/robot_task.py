@@ -373,7 +373,7 @@ def problem_of(
     return RobotProblem(
         numbers=numbers,
         flow=Flow(tree, some.start, some.start_inputs, some.length),
-        suspicions=tuple(suspicions(numbers, is_reference=is_reference)),
+        hypotheses=tuple(suspicions(numbers, is_reference=is_reference)),
         apart=np.zeros((len(some.start), len(scale))) if apart is None else apart,
         scale=scale,
         way=1 if is_reference else -1,

@@ -33,6 +33,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     cross,
     to_quaternion,
 )
+from ..law_attributes import attributes
 from .stated_drives import (
     KINDS,
     PARAMETER_KEYS,
@@ -569,17 +570,8 @@ def _plain(values: Values) -> tuple[float, ...]:
 
 def surface_values(surface: Surface) -> Mapping[str, Values]:
     """Return the numbers of a surface by attribute."""
-    return {
-        "contype": (surface.masks[0],),
-        "conaffinity": (surface.masks[1],),
-        "condim": (surface.dimension,),
-        "friction": surface.friction,
-        "priority": (surface.priority,),
-        "solmix": (surface.mix,),
-        "margin": (surface.margin,),
-        "solref": surface.softness.reference,
-        "solimp": surface.softness.impedance,
-    }
+    first, second = surface.masks
+    return {"contype": (first,), "conaffinity": (second,), **attributes(surface)}
 
 
 def _pair(chain: Chain) -> Mapping[str, Values]:
