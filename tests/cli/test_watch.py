@@ -136,10 +136,15 @@ def test_files_of_other_suffixes_are_read_below_folders_and_watched(tmp_path: Pa
         "</worldbody></mujoco>"
     )
     (tmp_path / "part.xml").write_text("<mujocoinclude/>")
-    (copy,) = targets_under(str(tmp_path), ())
-    assert copy.suffix == ".xml"
+    hung = tmp_path / "hung.urdf"  # no link has the name of its parent
+    hung.write_text(
+        '<robot name="r"><link name="a"/><joint name="j" type="revolute"><parent link="world"/>'
+        '<child link="a"/></joint></robot>'
+    )
+    copy, completed = targets_under(str(tmp_path), ())
+    assert (copy.suffix, completed == hung) == (".xml", False)
     wanted = resolve_targets([str(tmp_path)], standalone=False)
-    assert wanted.robots == [copy]
+    assert wanted.robots == [copy, completed]
     watched = _watched(wanted, {})
     assert {str(file), str(tmp_path / "part.xml")} <= watched
     assert str(copy) not in watched  # each run writes it

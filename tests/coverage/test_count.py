@@ -205,9 +205,11 @@ def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:
 def test_what_no_engine_reads_is_one_line() -> None:
     """Catch the ratio of a transmission that is lost among the numbers without effect."""
     ratios = Untested(reason="transmissions", count=2, examples=("motorInertia", "reduction"))
-    parts = ("<contact> of <link>", "<mu1> of <gazebo>", "<static> of <gazebo> (2)", "dry friction")
+    parts = ("<contact> of <link>", "<mu1> of <gazebo>", "<static> of <gazebo> (2)", "dry friction",
+             "<kp> of <surface>", "<dampin> of <axis>", "<plugin> of <model>")  # fmt: skip
     models = [model(coverage=Coverage(numbers=2, untested=(ratios,), left_out=parts))] * 2
     assert unread_line(models) == (
-        "no engine reads <motorInertia> of <transmission>; <mu1>, <static> of <gazebo>"
+        "no engine reads <motorInertia> of <transmission>; <mu1>, <static> of <gazebo>;"
+        " <kp> of <surface>; <dampin> of <axis>"
     )
     assert unread_line([model(coverage=Coverage(left_out=parts[:1]))]) == ""

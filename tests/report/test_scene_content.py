@@ -1,5 +1,6 @@
 """Meshes, inertia and forces in the picture of bodies."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -182,11 +183,13 @@ def test_reduced_mesh_keeps_its_size_and_is_closed(tmp_path: Path) -> None:
     assert len(decimated_mesh(tmp_path / "part.obj", 92).faces) == len(whole.faces) == 92
 
 
-@pytest.mark.parametrize("problem", ["missing", "empty", "unreadable"])
+@pytest.mark.parametrize("problem", ["missing", "empty", "unreadable", "not a regular file"])
 def test_empty_mesh_is_named_and_replaced_by_ellipsoid(tmp_path: Path, problem: str) -> None:
     file = tmp_path / "two.urdf"
     file.write_text(PLAIN_URDF)
-    if problem != "missing":
+    if problem == "not a regular file":
+        os.mkfifo(tmp_path / "gone.stl")
+    elif problem != "missing":
         (tmp_path / "gone.stl").write_text("solid" if problem == "unreadable" else "")
     note = next(one for one in plausibility_findings(read_robot(file)) if one.severity == "note")
     assert f"gone.stl is {problem}" in note.message

@@ -307,11 +307,17 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
                 message = f"{about}: {shown[0]} in A, {shown[1]} in B"
                 if key == "elevation" and "none" not in values:
                     message = f"{about}: other heights in B"
+                if key == EQUALITY[1]:
+                    message = f"inactive equality {subject}: other numbers in B"
                 lines = _text_line(a, subject, key), _text_line(b, subject, key)
-                moves = key in FLUID and bool(a.tree.fluid or b.tree.fluid)
+                medium = bool(a.tree.fluid or b.tree.fluid)
+                moves, idle = key in FLUID and medium, key == "wind" and not medium
+                if idle:
+                    message = f"{message}; it moves nothing without density and viscosity"
                 yield make_property(
                     kind, subject or key, message, lines=lines, moves=moves,
-                    relative=_share(*values), changed=_immersed(a, b, key) if moves else None,
+                    relative=0.0 if idle else _share(*values),
+                    changed=_immersed(a, b, key) if moves else None,
                 )  # fmt: skip
 
 

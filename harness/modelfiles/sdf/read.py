@@ -77,6 +77,8 @@ def _all(file: SdfFile) -> Iterator[Note]:
             yield "collision geometry", name
         yield from _of_automatic(element, name)
     yield from _unread(model, "")
+    numbers = [one for surface in document.root.iter("surface") for one in surface.iter()]
+    yield from ((f"<{one.tag}> of <surface>", "") for one in numbers if _is_ignored(one))
     for element in (*document.root.children, *(world.children if world is not None else ())):
         name = element.attributes.get("name", "")
         if element.tag == "model" and element is not model:
@@ -86,6 +88,11 @@ def _all(file: SdfFile) -> Iterator[Note]:
             yield "<include> of another file", name
     if world is not None:
         yield from _unread(world, world.attributes.get("name", ""))
+
+
+def _is_ignored(number: XmlElement) -> bool:
+    """Return whether a number of a surface is not one of friction, which some engine reads."""
+    return bool(number.text.strip()) and number.tag not in ("mu", "mu2")
 
 
 def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
