@@ -32,23 +32,8 @@ from physics_crosscheck.records import (
     read_results,
 )
 from tests.records.examples import example, paths, replaced
-from tests.records.made import case, verdict
+from tests.records.made import case, results, verdict
 from tests.report.samples import model
-
-
-def some(*cases: Case) -> Results:
-    return Results(
-        created="now",
-        versions={"e": "1.0"},
-        resolution=1e-9,
-        seconds=0.1,
-        systems=(),
-        models=(),
-        cases=cases,
-    )
-
-
-CASE = Case(system="s", folder="f", model="m", engine="e", scenario="a", outcome=Outcome.FAILED)
 
 
 def test_nan_and_infinity_never_reach_json() -> None:
@@ -71,9 +56,9 @@ def test_numpy_numbers_become_plain_ones() -> None:
 
 
 def test_written_results_are_read_back(tmp_path: Path) -> None:
-    results = some(CASE)
-    write_whole(tmp_path / "deep" / "r.json", encoded(results))
-    assert read_results(tmp_path / "deep" / "r.json") == results
+    run = results(case(Outcome.FAILED))
+    write_whole(tmp_path / "deep" / "r.json", encoded(run))
+    assert read_results(tmp_path / "deep" / "r.json") == run
 
 
 def test_failed_write_leaves_only_the_old_file(
@@ -134,7 +119,7 @@ CONTRADICTORY = {
 @pytest.mark.parametrize("name", CONTRADICTORY)
 def test_contradictory_case_is_rejected_with_its_place(tmp_path: Path, name: str) -> None:
     path = tmp_path / "r.json"
-    write_whole(path, encoded(some(case(), CONTRADICTORY[name])))
+    write_whole(path, encoded(results(case(), CONTRADICTORY[name])))
     with pytest.raises(ResultsError) as refused:
         read_results(path)
     message = str(refused.value)
@@ -160,7 +145,7 @@ def test_contradictory_case_is_rejected_with_its_place(tmp_path: Path, name: str
 ])  # fmt: skip
 def test_consistent_case_is_read(tmp_path: Path, sound: Case) -> None:
     path = tmp_path / "r.json"
-    write_whole(path, encoded(some(sound)))
+    write_whole(path, encoded(results(sound)))
     assert read_results(path).cases == (sound,)
 
 
