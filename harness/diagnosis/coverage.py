@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from physics_crosscheck.harness.checks.whole_step import compares_steps
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import replace_numbers
-from physics_crosscheck.harness.engines.protocol import Engine, EngineError, LoadedModel
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_texts
 from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
@@ -41,81 +40,6 @@ from .robot_task import problem_of
 
 POSE_STATES = 8
 """States at which poses of frames are evaluated; extremes of the motions are among the first."""
-
-
-@dataclass(frozen=True, eq=False)
-class Probe:
-    """Positions and velocities at which a model is evaluated, (S, nz) each, and its frames.
-
-    Attributes:
-        h: step of the unmodified model, s; a number of the file may be the step.
-        resolution: smallest relative change that counts.
-    """
-
-    z: Array
-    w: Array
-    h: float
-    engine: Engine
-    frames: SidecarFrames
-    resolution: float
-
-    def loaded(self, sidecar: Sidecar) -> LoadedModel | None:
-        """Return the loaded model, or None if the engine rejects it."""
-        try:
-            model = self.engine.load(sidecar.spec(self.engine.name))
-        except (EngineError, SidecarError):
-            return None
-        return model if len(model.coordinates) == self.z.shape[1] else None
-
-    def evaluate(self, model: LoadedModel) -> Behaviour:
-        """Evaluate a model; its poses are evaluated on demand, while it is still loaded."""
-        q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
-        return Behaviour(
-            moved=(q[:, 0] - self.z) / self.h,
-            pushed=(v[:, 0] - self.w) / self.h,
-            evaluate_poses=partial(self._evaluate_poses, model),
-        )
-
-    def _evaluate_poses(self, model: LoadedModel) -> tuple[Array, Array]:
-        there = frozenset(model.places) if self.frames.targets else frozenset()
-        places = [target.place for target in self.frames.targets if target.place in there]
-        if not places:
-            return np.zeros(0), np.zeros(0)
-        return model.poses(places, self.z[:POSE_STATES])
-
-
-@dataclass(frozen=True, eq=False)
-class Behaviour:
-    """Behaviour of a model at some states.
-
-    Attributes:
-        moved, pushed: rates of change of positions and velocities over a step, (S, nz).
-        evaluate_poses: returns origins of the frames and their rotations.
-    """
-
-    moved: Array
-    pushed: Array
-    evaluate_poses: Callable[[], tuple[Array, Array]]
-
-    @cached_property
-    def posed(self) -> tuple[Array, Array]:
-        """Origins of the frames, and their rotations."""
-        return self.evaluate_poses()
-
-    def moves_as(self, other: Behaviour, resolution: float) -> bool:
-        """Return whether the motions agree, within a share of the largest rate."""
-        pairs = ((self.moved, other.moved), (self.pushed, other.pushed))
-        return all(_alike(one, two, resolution) for one, two in pairs)
-
-    def poses_as(self, other: Behaviour, resolution: float) -> bool:
-        """Return whether the frames agree, within a share of the largest distance."""
-        pairs = zip(self.posed, other.posed, strict=True)
-        return all(one.shape == two.shape and _alike(one, two, resolution) for one, two in pairs)
-
-
-def _alike(values: Array, reference: Array, resolution: float) -> bool:
-    size = float(np.max(np.abs(reference), initial=0.0))
-    return bool(np.all(np.abs(values - reference) <= resolution * size))
 
 
 NUDGE = 1e-3
@@ -144,32 +68,57 @@ class NumberEffect(Enum):
 
 
 class Trials:
-    """Copies of a model with changed numbers.
+    """Copies of a model with changed numbers, each evaluated at the states of its motions.
 
     Args:
-        numbers: of the model's files.
-        base: behaviour of the unmodified model.
+        task: the unmodified model.
+        numbers: of its files.
         folder: for the copies.
 
     Attributes:
         effects: effect of each tried number, by its index.
+
+    Raises:
+        EngineError, SidecarError: with file, place and remedy.
     """
 
-    def __init__(
-        self,
-        sidecar: Sidecar,
-        numbers: Sequence[Literal],
-        probe: Probe,
-        base: Behaviour,
-        folder: Path,
-    ) -> None:
+    def __init__(self, task: SystemTask, numbers: Sequence[Literal], folder: Path) -> None:
         self.effects: dict[int, NumberEffect] = {}
-        self._sidecar, self._numbers, self._probe = sidecar, numbers, probe
-        self._base, self._folder = base, folder
+        self._task, self._sidecar = task, task.declared
+        self._numbers, self._folder = numbers, folder
         parts = (one.location.file for one in numbers)
-        files = dict.fromkeys((sidecar.model, Path(f"{sidecar.model}.toml"), *parts))
+        files = dict.fromkeys((self._sidecar.model, Path(f"{self._sidecar.model}.toml"), *parts))
         self._texts = {file: file.read_bytes() for file in files}
+        model, coordinates = task.load()
+        self._z, self._w = coordinates.to_engine(_some(task.target.visited))
+        self._frames = _frames(task.target.system, self._sidecar)
+        self._step = model.step  # a number of the file may be the step
+        # Evaluate poses before some engines unload this model.
+        self._base = self._rates(model), self._poses(model)
         self._end = time.process_time() + PATIENCE
+
+    def _rates(self, model: LoadedModel) -> tuple[Array, Array]:
+        """Return rates of change of positions and velocities over a step, (S, nz) each."""
+        q, v = model.rollout(self._z, self._w, self._step, 1, None, 1)
+        return (q[:, 0] - self._z) / self._step, (v[:, 0] - self._w) / self._step
+
+    def _poses(self, model: LoadedModel) -> tuple[Array, Array]:
+        """Return origins of the frames and their rotations at some states."""
+        there = frozenset(model.places) if self._frames.targets else frozenset()
+        places = [target.place for target in self._frames.targets if target.place in there]
+        if not places:
+            return np.zeros(0), np.zeros(0)
+        return model.poses(places, self._z[:POSE_STATES])
+
+    def _alike(self, pair: tuple[Array, Array], base: tuple[Array, Array]) -> bool:
+        """Return whether values agree, within a share of the largest one."""
+        for values, reference in zip(pair, base, strict=True):
+            size = float(np.max(np.abs(reference), initial=0.0))
+            if values.shape != reference.shape:
+                return False
+            if not np.all(np.abs(values - reference) <= self._task.resolution * size):
+                return False
+        return True
 
     def nudge(self, groups: Iterable[Sequence[int]]) -> None:
         """Nudge each group's numbers in one copy, and if that has an effect, in smaller groups.
@@ -215,19 +164,17 @@ class Trials:
         places = ((self._numbers[i].location, word) for i, word in words.items())
         texts = replace_numbers(self._texts, places)
         try:
-            model = self._probe.loaded(with_texts(self._sidecar, texts, self._folder))
-        except SidecarError:
-            model = None
-        if model is None:
+            copy = with_texts(self._sidecar, texts, self._folder)
+            model = engines()[self._task.engine].load(copy.spec(self._task.engine))
+        except (EngineError, SidecarError):
             return NumberEffect.REFUSED
-        done = self._probe.evaluate(model)
-        if not done.moves_as(self._base, self._probe.resolution):
+        if len(model.coordinates) != self._z.shape[1]:
+            return NumberEffect.REFUSED
+        rates, poses = self._base
+        if not self._alike(self._rates(model), rates):
             return NumberEffect.MOTION
-        return (
-            NumberEffect.NONE
-            if done.poses_as(self._base, self._probe.resolution)
-            else NumberEffect.FRAMES
-        )
+        same = self._alike(self._poses(model), poses)
+        return NumberEffect.NONE if same else NumberEffect.FRAMES
 
 
 def _moved(literal: Literal, i: int) -> tuple[str, ...]:
@@ -272,17 +219,11 @@ def count_numbers(task: SystemTask) -> Coverage:
         EngineError, SidecarError, LocationError: with file, place and remedy.
     """
     engine = engines()[task.engine]
-    model, coordinates = task.load()
-    z, w = coordinates.to_engine(_some(task.target.visited))
-    frames = _frames(task.target.system, task.declared)
-    probe = Probe(z, w, model.step, engine, frames, task.resolution)
     numbers, bound = _numbers(task.declared, task.engine), _bound(task.declared)
     purposes = {**_STEP, **engine.non_physical}
     reasons = [reason_of(one.path, purposes) for one in numbers]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        base = probe.evaluate(model)
-        _ = base.posed  # before some engines unload this model
-        trials = Trials(task.declared, numbers, probe, base, Path(folder))
+        trials = Trials(task, numbers, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
         tried = [i for i, choice in enumerate(chosen) if not choice]
         trials.nudge([[i for i in tried if reasons[i]]])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import Array, ModelSpec
-from physics_crosscheck.harness.checks.acting_impulses import planar_quantities
+from physics_crosscheck.harness.checks.acting import planar_quantities
 from physics_crosscheck.harness.checks.planar_step import (
     PlanarSample,
     check_planar_step,

@@ -202,6 +202,7 @@ _LOCKED = {
         "<xyz>0 0 1</xyz></axis></joint></model></sdf>"
     ),
 }
+_LOCKED["spring.xml"] = _LOCKED["robot.xml"].replace('damping="1e11"', 'stiffness="1e20"')
 
 
 @pytest.mark.parametrize("name", _LOCKED)
@@ -210,13 +211,13 @@ def test_joint_that_damping_locks_is_held_and_listed(tmp_path: Path, name: str) 
     file.write_text(_LOCKED[name])
     prepared = prepare_tree(file, states=4)
     assert (prepared.names, prepared.settings["held"]) == (("j",), ["lift"])
-    assert "joints that their damping locks (held still)" in prepared.left_out
+    assert "joints that their damping or spring locks (held still)" in prepared.left_out
     (advice,) = [one for one in prepared.findings if one.subject == ("lift",)]
     assert advice.message.startswith("joint 'lift' is locked by its damping")
     numbers = robot_numbers(file, prepared.settings).tree({})
     assert numbers is not None
     assert numbers.nv == 1
-    if name == "robot.xml":  # a drive of a joint that is held has no control
+    if name.endswith(".xml"):  # a drive of a joint that is held has no control
         assert engines()["mujoco"].load(ModelSpec(file, settings=prepared.settings)).coordinates
 
 

@@ -20,9 +20,9 @@ from physics_crosscheck.reference.mechanism.laws import (
     SoftEquality,
     SoftFriction,
     SoftLimit,
-    Softness,
 )
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from ..law_attributes import JointForceLimit, attributes
 from .classes import StatedPlace, Value, Values
 from .stated import Key, StatedLaws, StatedRow, surface_values, trimmed
 from .stated_drives import drive_values
@@ -191,10 +191,7 @@ def _compiled_rows(
     pairs = stated.pairs
     for first, other, touch in () if stated.overrides else laws.pairs:
         shapes = frozenset((first, other))
-        yield ("pair", pairs.index(shapes) if shapes in pairs else -1), {
-            "condim": (touch.dimension,), "friction": touch.friction, "margin": (touch.margin,),
-            **_softness(touch.softness), "solreffriction": touch.sliding,
-        }  # fmt: skip
+        yield ("pair", pairs.index(shapes) if shapes in pairs else -1), attributes(touch)
     for i, drive in enumerate(laws.drives):
         yield ("drive", i), _drive(drive, compiled.paths[drive.path].joints)
 
@@ -232,15 +229,11 @@ def _bodies_and_joints(compiled: CompiledTree) -> Iterator[tuple[Key, Mapping[st
 def _resistances(laws: Laws) -> Iterator[tuple[Key, Mapping[str, Values]]]:
     """Yield limits and dry friction, and the force ranges of joints."""
     for limit in laws.limits:
-        values = {"range": (limit.lower, limit.upper), "margin": (limit.margin,)}
-        yield _place("limit", limit), {**values, **_softness(limit.softness, "limit")}
+        yield _place("limit", limit), attributes(limit)
     for friction in laws.frictions:
-        values = {"frictionloss": (friction.force,)}
-        yield _place("friction", friction), {**values, **_softness(friction.softness, "friction")}
-    for joint, (limits, lifts) in laws.joint_ranges.items():
-        yield ("force of joint", joint), {
-            "actuatorfrcrange": limits, "actuatorgravcomp": (float(lifts),)
-        }  # fmt: skip
+        yield _place("friction", friction), attributes(friction)
+    for joint, (force, lifts) in laws.joint_ranges.items():
+        yield ("force of joint", joint), attributes(JointForceLimit(force=force, lifts=lifts))
 
 
 def _place(table: str, row: SoftLimit | SoftFriction) -> Key:
@@ -248,19 +241,11 @@ def _place(table: str, row: SoftLimit | SoftFriction) -> Key:
     return f"{table} of {kind}", index
 
 
-def _softness(softness: Softness, suffix: str = "") -> Mapping[str, Values]:
-    return {f"solref{suffix}": softness.reference, f"solimp{suffix}": softness.impedance}
-
-
 def _equality(equality: SoftEquality) -> Mapping[str, Values]:
-    values = dict(_softness(equality.softness))
-    if equality.polynomial:
-        values["polycoef"] = equality.polynomial
+    values: dict[str, Values] = {**attributes(equality)}
     if equality.anchors is not None:
         weld = equality.turn_scale is not None
         values["anchor"] = equality.anchors[weld].position
-    if equality.turn_scale is not None:
-        values["torquescale"] = (equality.turn_scale,)
     return values
 
 

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, read_so
 from physics_crosscheck.reference.mechanism.bodies import ZERO
 from physics_crosscheck.reference.mechanism.laws import Softness, Surface
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
+from ..law_attributes import attributes
 from .classes import Chain, StatedClasses, StatedPlace, Values, orientation, radians, to_axis
 from .stated_drives import (
     KINDS,
@@ -558,17 +559,8 @@ def _plain(values: Values) -> tuple[float, ...]:
 
 def surface_values(surface: Surface) -> Mapping[str, Values]:
     """Return the numbers of a surface by attribute."""
-    return {
-        "contype": (surface.masks[0],),
-        "conaffinity": (surface.masks[1],),
-        "condim": (surface.dimension,),
-        "friction": surface.friction,
-        "priority": (surface.priority,),
-        "solmix": (surface.mix,),
-        "margin": (surface.margin,),
-        "solref": surface.softness.reference,
-        "solimp": surface.softness.impedance,
-    }
+    first, second = surface.masks
+    return {"contype": (first,), "conaffinity": (second,), **attributes(surface)}
 
 
 def _pair(chain: Chain) -> Mapping[str, Values]:
