@@ -1,7 +1,5 @@
 """Contacts against the shapes of a file: right files agree, faults after loading differ."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path
