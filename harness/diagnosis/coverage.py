@@ -17,16 +17,16 @@ from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.checks.whole_step import compares_steps
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import replace_numbers
+from physics_crosscheck.harness.documents.number import Number, replace_numbers
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_texts
 from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
-from physics_crosscheck.harness.modelfiles.locations import Literal, literals
+from physics_crosscheck.harness.modelfiles.locations import literals
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
-from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers, read_as_it_runs, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import ModelFile
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
@@ -82,11 +82,11 @@ class Trials:
         EngineError, SidecarError: with file, place and remedy.
     """
 
-    def __init__(self, task: SystemTask, numbers: Sequence[Literal], folder: Path) -> None:
+    def __init__(self, task: SystemTask, numbers: Sequence[Number], folder: Path) -> None:
         self.effects: dict[int, NumberEffect] = {}
         self._task, self._sidecar = task, task.declared
         self._numbers, self._folder = numbers, folder
-        parts = (one.location.file for one in numbers)
+        parts = (one.file for one in numbers)
         files = dict.fromkeys((self._sidecar.model, Path(f"{self._sidecar.model}.toml"), *parts))
         self._texts = {file: file.read_bytes() for file in files}
         model, coordinates = task.load()
@@ -131,7 +131,7 @@ class Trials:
     def flip(self, group: Iterable[int]) -> None:
         """Change the signs of numbers whose nudge had no effect."""
         quiet = [i for i in group if self.effects.get(i) is NumberEffect.NONE]
-        self._halve(quiet, lambda i: (repr(-self._numbers[i].location.value),))
+        self._halve(quiet, lambda i: (repr(-self._numbers[i].value),))
 
     def _halve(
         self, group: Sequence[int], words: Callable[[int], Sequence[str]], acts: bool = False
@@ -161,7 +161,7 @@ class Trials:
 
     def _tried(self, words: Mapping[int, str]) -> NumberEffect:
         """Return the effect of some numbers with new text."""
-        places = ((self._numbers[i].location, word) for i, word in words.items())
+        places = ((self._numbers[i], word) for i, word in words.items())
         texts = replace_numbers(self._texts, places)
         try:
             copy = with_texts(self._sidecar, texts, self._folder)
@@ -177,13 +177,13 @@ class Trials:
         return NumberEffect.NONE if same else NumberEffect.FRAMES
 
 
-def _moved(literal: Literal, i: int) -> tuple[str, ...]:
+def _moved(literal: Number, i: int) -> tuple[str, ...]:
     """Return new texts for a number, in the order of trials."""
-    value = literal.location.value
+    value = literal.value
     step = NUDGE * (1 + (i * _GOLDEN) % 1)
     up, down = (value * (1 + step), value * (1 - step)) if value else (step, -step)
     whole: tuple[str, ...] = () if value else ("1e-15",)
-    if literal.location.text.lstrip("+-").isdigit():
+    if literal.text.lstrip("+-").isdigit():
         whole = (*whole, str(int(value) + 1), str(int(value) - 1))
     return (repr(up), repr(down), *whole)
 
@@ -244,7 +244,7 @@ def count_numbers(task: SystemTask) -> Coverage:
             CountedNumber(
                 path=one.path,
                 address="",
-                line=f"{one.location.file.name}:{one.location.line}",
+                line=f"{one.file.name}:{one.line}",
                 effect=effects[i],
                 bound=_place(one) in bound,
             )
@@ -268,7 +268,7 @@ def _frames(system: System, sidecar: Sidecar) -> SidecarFrames:
         return SidecarFrames(targets=(), axes=np.eye(3), origin=np.zeros(3))
 
 
-def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
+def _numbers(sidecar: Sidecar, engine: str) -> tuple[Number, ...]:
     """Return numbers of the model file and its includes, and of the sidecar for this engine.
 
     Of the sidecar, return only settings and springs.
@@ -293,8 +293,8 @@ def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:
     return frozenset((str(place.file), place.start) for place in places.values())
 
 
-def _place(literal: Literal) -> tuple[str, int]:
-    return str(literal.location.file), literal.location.start
+def _place(literal: Number) -> tuple[str, int]:
+    return str(literal.file), literal.start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -388,7 +388,7 @@ def count_robot(task: TreeTask) -> Coverage:
     return replace_fields(coverage, engine=task.engine)
 
 
-def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
+def counted_numbers(task: TreeTask, numbers: ModelFile) -> list[CountedNumber]:
     """Return each number of a file with its effect; errors as in `count_robot`."""
     problem = problem_of(task, numbers, is_reference=True)
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
@@ -417,7 +417,7 @@ def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
 
 
 def _in_steps(
-    task: TreeTask, numbers: Numbers, says: Mapping[int, NumberEffect]
+    task: TreeTask, numbers: ModelFile, says: Mapping[int, NumberEffect]
 ) -> dict[int, NumberEffect]:
     """Return the effects on whole steps of the numbers that no smooth motion depends on."""
     problem = law_problem(task, numbers)
@@ -476,13 +476,13 @@ SMOOTH = (NumberEffect.MOTION, NumberEffect.FRAMES)
 _UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
 
 
-def _small_changes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
+def _small_changes(numbers: ModelFile, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
     """Return a small change of each number that moves nothing in time."""
     unmoved = [i for i, effect in says.items() if effect in _UNMOVED]
     return {i: SLOPE_NUDGE * numbers.numerals[i].scale for i in unmoved}
 
 
-def _reversed_axes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
+def _reversed_axes(numbers: ModelFile, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
     """Return a change of sign of each number of an axis whose length has no effect."""
     return {
         i: -2 * one.value
@@ -492,7 +492,7 @@ def _reversed_axes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mappin
 
 
 def _in_frames(
-    task: TreeTask, numbers: Numbers, changes: Mapping[int, float]
+    task: TreeTask, numbers: ModelFile, changes: Mapping[int, float]
 ) -> dict[int, NumberEffect]:
     """Return those of the changed numbers that move nothing in time, but where a body is."""
     target, here = task.target, numbers.tree({})
@@ -518,7 +518,7 @@ def _in_frames(
 
 
 def _in_shapes(
-    task: TreeTask, numbers: Numbers, says: Mapping[int, NumberEffect]
+    task: TreeTask, numbers: ModelFile, says: Mapping[int, NumberEffect]
 ) -> dict[int, NumberEffect]:
     """Return those of the other numbers that shapes and sites depend on, if the engine shows it."""
     engine = engines()[task.engine]

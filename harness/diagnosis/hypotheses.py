@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Location
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
@@ -158,10 +158,8 @@ def _literal(kind: CauseKind, moved: Sequence[Binding], *, from_bound: bool) -> 
     )
 
 
-def _line(place: Location) -> SourceLine:
-    return SourceLine(
-        file=place.file.name, line=place.line, span=(place.start, place.end), text=place.text
-    )
+def _line(place: Number) -> SourceLine:
+    return SourceLine(file=place.file.name, line=place.line, span=place.span, text=place.text)
 
 
 def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:

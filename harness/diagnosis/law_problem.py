@@ -26,11 +26,12 @@ from physics_crosscheck.harness.checks.law_comparison import (
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, WholeModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.urdf.laws import convex_numbers, impulse_numbers
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
@@ -397,7 +398,7 @@ def _faults(problem: AnyLawProblem, slope: Array) -> tuple[float, ...]:
     return tuple(multiple * fault for fault in single for multiple in MULTIPLES)
 
 
-def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem | None:
+def law_problem(task: TreeTask, numbers: ModelFile | None = None) -> AnyLawProblem | None:
     """Compare whole steps of a file with its law; None without one, or if nothing is comparable.
 
     Args:

@@ -15,9 +15,9 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.scene import inertia_difference
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -68,7 +68,7 @@ class RobotProblem:
         compiled: inertia that the engine compiled, by link; empty if unknown.
     """
 
-    numbers: Numbers
+    numbers: ModelFile
     flow: Flow
     hypotheses: tuple[Hypothesis, ...]
     apart: Array
@@ -294,7 +294,7 @@ _MOMENTS = re.compile(r".*/inertia@\w+")
 _PRODUCTS = re.compile(r".*/inertia@(ixy|ixz|iyz)")
 
 
-def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[Hypothesis]:
+def suspicions(numbers: ModelFile, *, is_reference: bool) -> Iterator[Hypothesis]:
     """Yield all hypotheses.
 
     Args:
@@ -319,7 +319,7 @@ def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[Hypothesis]:
         yield from _dropped(numbers)
 
 
-def _reversed(numbers: Numbers) -> Iterator[Hypothesis]:
+def _reversed(numbers: ModelFile) -> Iterator[Hypothesis]:
     axes: dict[str, dict[int, float]] = {}
     relevant = set(numbers.relevant_numbers)
     for i, number in enumerate(numbers.numerals):
@@ -339,7 +339,7 @@ def joint_of(element: XmlElement | None) -> str:
     return "" if element is None else element.identity or ""
 
 
-def _exchanged(numbers: Numbers) -> Iterator[Hypothesis]:
+def _exchanged(numbers: ModelFile) -> Iterator[Hypothesis]:
     tensors: dict[str, list[int]] = {}
     for i in numbers.relevant_numbers:
         if match := _MOMENT.fullmatch(numbers.numerals[i].address):
@@ -353,7 +353,9 @@ def _exchanged(numbers: Numbers) -> Iterator[Hypothesis]:
                 yield _switch(numbers, cause, {i: change, j: -change}, rank("exchange"))
 
 
-def _switch(numbers: Numbers, cause: CauseId, units: Mapping[int, float], order: int) -> Hypothesis:
+def _switch(
+    numbers: ModelFile, cause: CauseId, units: Mapping[int, float], order: int
+) -> Hypothesis:
     places = tuple(dict.fromkeys(source_line(numbers.numerals[i]) for i in units))
     repair = Perturbation(numbers=units)
     return Hypothesis(
@@ -361,7 +363,7 @@ def _switch(numbers: Numbers, cause: CauseId, units: Mapping[int, float], order:
     )
 
 
-def _dropped(numbers: Numbers) -> Iterator[Hypothesis]:
+def _dropped(numbers: ModelFile) -> Iterator[Hypothesis]:
     """Yield groups of numbers that an engine may ignore, each as if it were zero."""
     numerals = numbers.numerals
     groups: dict[tuple[int, ...], str] = {}
@@ -382,7 +384,7 @@ def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:
     return tuple(f"{name} of {element}" for element in elements)
 
 
-def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
+def _groups(numbers: ModelFile) -> Iterator[tuple[str, list[int]]]:
     """Yield named groups of numbers that may be ignored together; groups may be equal."""
     kinds: dict[str, list[int]] = {}
     links: dict[int, list[int]] = {}

@@ -139,7 +139,7 @@ def test_every_number_of_each_format_is_listed(tmp_path: Path) -> None:
     numbers = {}
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
-        numbers[name] = [(one.path, one.location.text) for one in literals(tmp_path / name)]
+        numbers[name] = [(one.path, one.text) for one in literals(tmp_path / name)]
     assert numbers == {
         "a.xml": [("a@b", "1"), ("a@b", "2"), ("a/d", "4"), ("a/e@f", "1.5")],
         "a.py": [("A", "1"), ("", "2.5")],

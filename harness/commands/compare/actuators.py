@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
-from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
+from physics_crosscheck.harness.modelfiles.mjcf.read import SPREAD, held_controls
 from .match import Pairs
 from .side import Difference, make_property
 

@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
+from physics_crosscheck.harness.modelfiles.locations import MARKUP, read_source
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
@@ -88,7 +89,7 @@ def attributed(
         if not edit.changes and not edit.settings
     ]
     engine, file = engines()[prepared.models[0].engine], prepared.models[0].sidecar.model
-    root = outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
+    root = read_elements(read_source(file))[0].tag if file.suffix in MARKUP else ""
     visual = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
     quiet = [edit.record for edit in differences if _is_ineffective(edit, root, visual)]
     if not can:

@@ -31,7 +31,6 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated import (
     StatedRow,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.stated import Key as StatedKey
-from physics_crosscheck.harness.modelfiles.mjcf.tree import compiled_bodies
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
@@ -117,11 +116,6 @@ def shape_names(compiled: CompiledTree) -> list[str]:
     return [one.name.partition(":")[2] for one in compiled.placed if one.name.startswith("geom:")]
 
 
-def joint_names(compiled: CompiledTree) -> list[str]:
-    """Return the names of all joints."""
-    return [joint.name for body in compiled.bodies for joint in body.joints]
-
-
 @dataclass(frozen=True, kw_only=True)
 class SoftRows:
     """Rows of a compiled file.
@@ -192,7 +186,7 @@ class SoftRows:
     def _equality(self, equality: SoftEquality) -> tuple[Key, str]:
         """Return the key of an equality, what it holds, and its name for people."""
         if equality.anchors is not None:
-            bodies = ["the world", *(one.name for one in compiled_bodies(self.compiled))]
+            bodies = ["the world", *(one.name for one in self.compiled.bodies)]
             names = [bodies[anchor.body] for anchor in equality.anchors]
             kind = "connect" if equality.turn_scale is None else "weld"
         else:
@@ -223,7 +217,7 @@ class SoftRows:
 
     def _joint(self, index: int) -> str | None:
         """Return the name by which the other file calls a joint, or None."""
-        return self.joints.get(joint_names(self.compiled)[index])
+        return self.joints.get(self.compiled.joints[index])
 
     def _tendon(self, index: int) -> str:
         stated = () if self._stated is None else self._stated.names("tendon")
@@ -351,7 +345,7 @@ def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
 def _default_limit(a: SoftRows, name: str) -> SoftLimit:
     """Return a limit with default softness."""
     softness = Softness(reference=REFERENCE, impedance=IMPEDANCE)
-    joint = joint_names(a.compiled).index(name)
+    joint = a.compiled.joints.index(name)
     return SoftLimit(joint=joint, lower=0.0, upper=0.0, margin=0.0, softness=softness)
 
 

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.comparison import ComparedProperty
-from physics_crosscheck.reference.mechanism.bodies import RigidBody
+from physics_crosscheck.reference.mechanism.bodies import RigidBody, powers
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments
@@ -426,7 +426,7 @@ def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
     if a.facts.compiled is None or b.facts.compiled is None:
         return
     tendons_a, tendons_b = (
-        {pull.name: pull for pull in own.facts.compiled.pulls if pull.control < 0}
+        {pull.name: pull for pull in own.facts.compiled.passive}
         for own in (a, b)
         if own.facts.compiled is not None
     )
@@ -437,8 +437,8 @@ def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
             continue
         here, there = tendons_a[name], tendons_b[name]
         for what, x, y in (
-            ("stiffness", here.stiffness, there.stiffness),
-            ("damping", here.damping, there.damping),
+            ("stiffness", powers(here.stiffness), powers(there.stiffness)),
+            ("damping", powers(here.damping), powers(there.damping)),
             ("rest", here.rest, there.rest),
             ("armature", (here.armature,), (there.armature,)),
         ):

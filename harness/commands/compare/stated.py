@@ -431,12 +431,12 @@ def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]
                 if (value := _stated_number(element, what)) is not None:
                     stated[what] = (value,)
         return rows
-    joints = [joint for body in compiled.bodies for joint in body.joints]
-    ranges = {} if compiled.laws is None else compiled.laws.joint_ranges
-    for j, joint in enumerate(joints):
-        name = joint.name or f"joint_{j}"
-        if joint.friction:
-            rows.setdefault(name, {})["friction"] = (joint.friction,)
+    laws = compiled.laws
+    ranges = {} if laws is None else laws.joint_ranges
+    frictions = {} if laws is None else {one.joint: one.force for one in laws.frictions}
+    for j, name in enumerate(compiled.joints):
+        if frictions.get(j):
+            rows.setdefault(name, {})["friction"] = (frictions[j],)
         on = [one for one in compiled.actuators if drives and one.on == name]
         force: tuple[float, ...] | None = ranges[j][0] if j in ranges else None
         if force is None and len(on) == 1 and abs(dict(on[0].numbers)["gear"][0]) == 1:

@@ -20,8 +20,7 @@ from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint, is_
 from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
-from ..build_tree import build_tree, elements_of, enforceable, part_of, robot_of
-from ..link_shapes import placed_in
+from ..build_tree import build_robot, enforceable
 from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
@@ -173,28 +172,20 @@ def read_document(document: Document, chosen: str = "") -> Robot:
     path, file = document.path, read_sdf(document, chosen)
     if file is None:
         return refused(path, path.stem, document.obstacles)
-    name = file.model.get("name") or path.stem
-    parts = tuple(part_of(document, link.element, link.body) for link in file.links.values())
     single = {one.name for one in file.joints.values() if one.joint and one.joint.single}
     mimics = enforceable(file.mimics, single)
-    left_out = sdf_left_out(file, mimics)
-    if document.obstacles:
-        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
-    build = build_tree(
+    return build_robot(
         document,
-        elements_of(file.links),
-        elements_of(file.joints),
-        mimics,
-        lambda still: tuple(_bodies(file, still)),
-        file.gravity,
+        name=file.model.get("name") or path.stem,
+        links=file.links,
+        joints=file.joints,
+        mimics=mimics,
+        bodies_with=lambda still: tuple(_bodies(file, still)),
+        left_out=sdf_left_out(file, mimics),
+        gravity=file.gravity,
+        floats=file.floats,
+        stated={**file.stated, **({"model": chosen} if chosen else {})},
     )
-    if document.obstacles:
-        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
-    stated = {**file.stated, **({"model": chosen} if chosen else {})}
-    return robot_of(
-        build, name=name, file=path, parts=parts, left_out=left_out, gravity=file.gravity,
-        placed=placed_in(file.links, path), floats=file.floats, stated=stated,
-    )  # fmt: skip
 
 
 def _bodies(file: SdfFile, still: Collection[str]) -> Iterator[RigidBody]:
