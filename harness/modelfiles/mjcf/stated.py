@@ -24,7 +24,7 @@ from physics_crosscheck.harness.engines.mjcf_source import (
     MjcfSource,
     read_source_mjcf,
 )
-from physics_crosscheck.reference.mechanism.bodies import ZERO
+from physics_crosscheck.reference.mechanism.bodies import ZERO, powers
 from physics_crosscheck.reference.mechanism.laws import Softness, Surface
 from physics_crosscheck.reference.mechanism.rotations import (
     DOUBLES,
@@ -497,19 +497,13 @@ def _between(chain: Chain) -> dict[str, Values]:
 def _coefficients(chain: Chain, *, spring: bool, damper: bool) -> Mapping[str, Values]:
     """Return stiffness and damping without the zeros at their ends; nothing if switched off."""
     return {
-        key: () if off else trimmed(chain.numbers(key, (0.0,) * POWERS))
+        key: () if off else powers(chain.numbers(key, (0.0,) * POWERS))
         for key, off in (("stiffness", spring), ("damping", damper))
     }
 
 
 POWERS = 3
 """Most coefficients of a stiffness or damping."""
-
-
-def trimmed(values: Sequence[float]) -> Values:
-    """Return coefficients without the zeros at their end."""
-    count = max((i + 1 for i, value in enumerate(values) if value), default=0)
-    return tuple(values[:count])
 
 
 def _is_in_body(element: XmlElement) -> bool:
