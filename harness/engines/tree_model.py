@@ -277,7 +277,8 @@ class TreeModel(LoadedModel):
         self.layout, names = JointLayout(sizes), list[str]()
         for joint, size in zip(joints, sizes, strict=True):
             names += place_names(joint) if size == FREE else ()
-            names += rotation_names(joint) if size >= BALL else (joint,)
+            each = (joint,) if size == 1 else (f"{joint}:1", f"{joint}:2")
+            names += rotation_names(joint) if size >= BALL else each
         self.coordinates = tuple(names)
         if not self.coordinates:
             raise EngineError(f"{self.path}: it has no moving joint")

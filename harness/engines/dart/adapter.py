@@ -81,6 +81,9 @@ from physics_crosscheck.reference.mechanism.rotations import (
     unit_quaternion,
 )
 
+TYPES = ("BallJoint", "FreeJoint", "UniversalJoint")
+"""DART's types of joints with several degrees of freedom that are covered."""
+
 INSTANT = 1e-200
 """Seconds."""
 
@@ -344,7 +347,7 @@ class DartModel(UrdfModel):
         moving = [self._body.getJoint(i) for i in range(self._body.getNumJoints())]
         joints = [joint for joint in moving if joint.getNumDofs()]
         for joint in joints:
-            if joint.getNumDofs() != 1 and joint.getType() not in ("BallJoint", "FreeJoint"):
+            if joint.getNumDofs() != 1 and joint.getType() not in TYPES:
                 raise EngineError(
                     f"{spec.path}: joint {joint.getName()!r} is neither a slide nor a hinge"
                 )
