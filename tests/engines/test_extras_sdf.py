@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.command import AGREE, DIFFER
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_system, prepare_tree
@@ -16,7 +17,6 @@ from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar

@@ -148,6 +148,11 @@ class DrakeWhole(UndrivenWhole):
             return state._replace(m=np.full_like(state.m, np.nan))
         return self._read(state)
 
+    def contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
+        """Return the contacts at a state, without solving for their forces."""
+        self._set(state)
+        return tuple(self._contacts())
+
     def evaluate(self, state: WholeState) -> EngineStep:
         """Return the mean acceleration of a step, its contacts, and the next state."""
         x, plant = self._set(state), self._drake
