@@ -86,8 +86,8 @@ def test_joints_of_several_axes_match_the_equations_unless_a_number_differs(
     prepared = prepare_tree(path, states=8)
     assert prepared.tree.nv == {BALLS: 6, LOOSE: 9, UNIVERSAL: 4}[sdf]
     path.write_text(sdf.replace(old, new, 1))
-    own = {"exact_turns": True, "ball_damping": True} if name == "dart" else {}
-    task = model_task(prepared, name).with_settings(**own)
+    settings = {"exact_turns": True, "ball_damping": True} if name == "dart" else {}
+    task = model_task(prepared, name).with_settings(**settings)
     assert judge(task).outcome is (Outcome.DIFFERS if old else Outcome.AGREES)
 
 

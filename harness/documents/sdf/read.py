@@ -97,7 +97,7 @@ class SdfJoint:
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """Those in series."""
+        """The moving joints in series."""
         return tuple(one for one in (self.joint, self.second) if one is not None)
 
 
@@ -293,10 +293,10 @@ def _moving(
 
     The `<axis>` of a ball joint has no direction: its damping opposes the angular velocity.
     """
-    own = element.get("name")
-    what, axis = f"joint {quote(own)}", document.child(element, tag)
+    frame = element.get("name")
+    what, axis = f"joint {quote(frame)}", document.child(element, tag)
     inward = inverse(frames.place(child))
-    anchor = _triple(inward.compose(frames.place(own)).origin)
+    anchor = _triple(inward.compose(frames.place(frame)).origin)
     damping = document.text_numbers(document.child(axis, "dynamics/damping"), (0.0,), what)[0]
     if kind == "ball":
         armature = document.armatures.get(name, 0.0)
@@ -305,7 +305,7 @@ def _moving(
         document.add_problem(element, f"{what} has no <{tag}>", f"write one: <{tag}><xyz>...")
     xyz = document.child(axis, "xyz")
     direction = np.array(document.text_numbers(xyz, (0.0, 0.0, 1.0), what))
-    frame = _expressed_in(document, axis, xyz) or own
+    frame = _expressed_in(document, axis, xyz) or frame
     direction = inward.rotation @ frames.place(frame).rotation @ direction
     if not direction.any():
         document.add_problem(

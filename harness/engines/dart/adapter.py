@@ -355,8 +355,9 @@ class DartModel(UrdfModel):
             if mimic and self.settings["couplers"]:
                 joint.setUseCouplerConstraint(True)
         sizes = [joint.getNumDofs() for joint in joints]
-        named = [self.root if size == FREE else joint.getName()
-                 for joint, size in zip(joints, sizes, strict=True)]  # fmt: skip
+        named = [joint.getName() for joint in joints]
+        if self.floats:
+            named[0] = self.root
         springs = self.name(named, sizes=sizes)
         each = [(joint, i) for joint in joints for i in range(joint.getNumDofs())]
         self._stiffness = np.diag([joint.getSpringStiffness(i) for joint, i in each])

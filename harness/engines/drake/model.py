@@ -127,7 +127,7 @@ class DrakeModel(TreeModel):
             name = joint.name()
             if joint.num_velocities() != size:
                 raise EngineError(f"{self.path}: joint {name!r} is neither a slide nor a hinge")
-            names.append(self.free_name(joint.child_body().name()) if size == FREE else name)
+            names.append(self.free_name(joint) if size == FREE else name)
         self._springs = self.name(names, sizes=sizes)
         damping = [one for joint in joints for one in joint.default_damping_vector()]
         self._damping = np.diag(damping)
@@ -141,9 +141,9 @@ class DrakeModel(TreeModel):
             self.stepper = RungeKutta(forward, self.layout)
         self.forward = forward
 
-    def free_name(self, body: str) -> str:
-        """Return the name of the free joint of a body."""
-        return self.root
+    @abstractmethod
+    def free_name(self, joint: Any) -> str:
+        """Return the file's name of one of Drake's free joints."""
 
     @abstractmethod
     def complete(self, plant: Any) -> None:
