@@ -37,8 +37,8 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     chosen_engines,
     model_files,
 )
-from physics_crosscheck.harness.modelfiles.numbers import SMALL
-from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case
 
@@ -135,7 +135,7 @@ def mechanism(seed: int, faults: int, index: int) -> list[ModeComparison]:
 
 
 @lru_cache(maxsize=1)
-def _robot(file: Path, engine: str, floating: bool) -> tuple[TreeTask, Numbers]:
+def _robot(file: Path, engine: str, floating: bool) -> tuple[TreeTask, ModelFile]:
     task = model_task(prepare_tree(file, floating=floating), engine)
     return task, robot_numbers(file, task.spec.settings)
 

@@ -15,9 +15,9 @@ from unittest.mock import patch
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.numbers import Number
 
 Plant = Callable[[Any], None]
 """Changes a loaded model."""

@@ -11,11 +11,14 @@ from campaigns.planted.fates import (
     RobotFault,
     judge_fault,
 )
-from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidate
+from physics_crosscheck.harness.commands.compare.candidate import (
+    CompareError,
+    FailureError,
+    candidate,
+)
 from physics_crosscheck.harness.commands.compare.compare import CompareOptions, compare
-from physics_crosscheck.harness.commands.compare.execute import FailureError
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.jobs.executor import InThisProcess
-from physics_crosscheck.harness.modelfiles.numbers import Number
 from physics_crosscheck.harness.records.comparison import Compared
 from physics_crosscheck.harness.records.outcome import Outcome
 

@@ -137,7 +137,7 @@ def element_changes(file: Path, old: str, new: str) -> list[ChangedLine]:
     except LocationError:
         return []
     addresses, changes = ElementAddresses(after), list[ChangedLine]()
-    last = after.line_at(len(after.data.rstrip()))
+    last = after.source.line(len(after.data.rstrip()))
     for was, now in _pairs(before.elements, after.elements):
         if was is not None and now is not None:
             changes += _attribute_changes(after, addresses, was, now)
@@ -194,7 +194,7 @@ def _attribute_changes(
         line = document.line(now)
         if key in new:
             span = attribute_span(now, key, source) if key else text_span(now, source)
-            line = document.line_at(span[0])
+            line = document.source.line(span[0])
         address = addresses.address(now, key) + (f"@{key}" if key else "")
         texts = [
             (one.attributes.get(key, "") if key else one.text).replace(",", " ").split()

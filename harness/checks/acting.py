@@ -1,33 +1,56 @@
-"""Quantities that the numbers of a robot file act as, without a motion."""
+"""Quantities that the numbers of a file act as in an engine, without a motion."""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import sympy as sp
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, PlanarWhole
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
+from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.status import listed
-from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, rest_on
+from physics_crosscheck.reference.laws.acting import (
+    SLOPE,
+    Servo,
+    pressed,
+    recovery_time,
+    rest_on,
+)
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, mix_compliant
+from physics_crosscheck.reference.laws.planar import LIMITS, SPRINGS, PlanarModel
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.interactions import Drive
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
     ContactParameters,
+    HardSurface,
+    ImpulseRules,
     SoftLimit,
+    SoftRules,
     Surface,
 )
+from physics_crosscheck.reference.mechanism.planar import PlanarJoint
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import TreeError
+from .law_comparison import ImpulseComparison
 
 NAMED = 3
 """Largest number of subjects that a line names."""
@@ -36,6 +59,9 @@ LARGEST = "largest force"
 """Quantity whose rule states what is clamped, and where."""
 
 FORCE_UNITS = {"hinge": "N m", "slide": "N"}
+
+DRAG = "default damping"
+"""Damping of links that an engine adds by itself, relative to their inertia."""
 
 DRIVE_CLAMPED = "the drive is clamped, before forces add up"
 
@@ -64,6 +90,56 @@ def acting_quantities(
     named = shapes if by_shape or not apart else ()
     acting = Acting(model=model, bodies=bodies, shapes=named, apart=apart)
     return tuple(acting.quantities())
+
+
+def urdf_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
+    """Return what the numbers of a URDF act as in an engine, by its settings and its law.
+
+    Each joint and body has its rows. Engines without such a law have no rows.
+
+    Raises:
+        EngineError: if the file cannot be loaded.
+    """
+    model = engines()[engine].load_whole(spec)
+    if model is None or model.rules is None:
+        return ()
+    try:
+        robot = read_as_it_runs(spec.path, {**spec.settings, "couplings": False})
+        laws = ruled_model(robot, model.rules)
+        if laws is None:
+            return ()
+        if isinstance(laws, NearRigidModel):
+            return tuple(_of_near_rigid(laws))
+        if isinstance(laws, LawModel):
+            assert isinstance(model.rules, SoftRules)
+            acting = Acting(model=laws, bodies=model.rules.bodies, apart=True)
+            return tuple(acting.quantities())
+        # A fixed root meets the floor of a setting only.
+        floor = laws.laws.root is not None or bool(spec.settings.get("floor"))
+        links = read_urdf(Document(robot.file)).links.items() if floor else ()
+        grounded = frozenset(name for name, one in links if one.element.find("collision"))
+        return tuple(_of_impulses(ImpulseComparison(laws, model), grounded))
+    except TreeError:
+        return ()
+
+
+def planar_quantities(
+    spec: ModelSpec, engine: str, model: LoadedModel | None = None
+) -> tuple[ActingQuantity, ...]:
+    """Return what the numbers of bodies in a plane act as; nothing in engines without their law.
+
+    Args:
+        spec: the file.
+        engine: name of the engine.
+        model: the file, if it is loaded.
+
+    Raises:
+        EngineError: if the file cannot be loaded.
+    """
+    whole = engines()[engine].load_planar(spec, model)
+    if whole is None or not whole.acts:
+        return ()
+    return tuple(merged(dict.fromkeys(_of_plane(whole))))
 
 
 def declared_quantities(system: System) -> Iterator[ActingQuantity]:
@@ -147,7 +223,7 @@ class Acting:
                     continue
                 if (parameters := stated.get(frozenset((i, j)))) is not None:
                     yield (i, j), parameters, "stated for the pair"
-                elif _touch(first, other):
+                elif first.touches(other):
                     yield (i, j), mix_surfaces(first, other), _rule(first, other)
 
     def _moves(self, surface: Surface) -> bool:
@@ -262,11 +338,6 @@ class Acting:
         )
 
 
-def _touch(first: Surface, other: Surface) -> bool:
-    """Return whether two surfaces touch by their masks."""
-    return bool(first.masks[0] & other.masks[1] or other.masks[0] & first.masks[1])
-
-
 def _rule(first: Surface, other: Surface) -> str:
     values = f"{first.friction[0]:g} and {other.friction[0]:g}"
     if first.priority != other.priority:
@@ -278,9 +349,157 @@ def _listed(names: Iterable[str]) -> str:
     return listed(list(dict.fromkeys(names)), NAMED)
 
 
+def _of_near_rigid(model: NearRigidModel) -> Iterator[ActingQuantity]:
+    """Yield the quantities of compliant contacts with the ground, and of near-rigid limits."""
+    rules, tree = model.rules, model.tree.tree
+    weight = sum(link.mass for link in tree.links) * float(np.linalg.norm(tree.gravity))
+    count = Counter(link for link, _ in rules.shapes)
+    ground, *surfaces = model.laws.compliant
+    grounded = tree.links[0].kind == "free"  # a fixed root meets no floor
+    for (link, index), surface in zip(rules.shapes, surfaces, strict=True) if grounded else ():
+        subject = f"ground with {link}" if count[link] == 1 else f"ground with {link}#{index + 1}"
+        parts = ground.friction, surface.friction
+        pair = mix_compliant(ground, surface, model.laws.mixing)
+        rule = f"harmonic mean of {parts[0]:g} and {parts[1]:g}"
+        yield replace(_quantity(subject, "friction", pair.friction, rule=rule), parts=parts)
+        if pair.stiffness:
+            rule = "the whole weight on one contact"
+            yield _quantity(subject, "rest depth", weight / pair.stiffness, "m", rule)
+        if pair.friction > (slope := math.tan(SLOPE)):
+            creep = rules.slowest * slope / math.sqrt(pair.friction**2 - slope**2)
+            rule = f"at least, on a slope of {math.degrees(SLOPE):g} degrees"
+            yield _quantity(subject, "creep", creep, "m/s", rule)
+    share = rules.step / (rules.step + rules.dissipation)
+    for limit in model.laws.limits:
+        subject = f"limits of {tree.links[limit.joint].name}"
+        yield _recovery(subject, share, rules.step, "a violation")
+
+
+def _of_impulses(
+    comparison: ImpulseComparison, grounded: frozenset[str]
+) -> Iterator[ActingQuantity]:
+    """Yield quantities of contacts with the ground, joint limits and drives, as drawn, at rest.
+
+    Args:
+        comparison: the file in the engine, and by its laws.
+        grounded: links whose shapes meet the floor.
+    """
+    laws, tree = comparison.laws.laws, comparison.laws.tree.tree
+    rules, (floor, *surfaces) = laws.rules, laws.surfaces
+    for name, surface in zip(rules.bodies[1:], surfaces, strict=True):
+        if name in grounded:
+            yield from _hard_contact(f"ground with {name}", floor, surface, rules)
+    rule = "unless linearDamping and angularDamping are set to 0, as here"
+    yield _quantity("all links", DRAG, rules.drag, "1/s", rule)
+    posture: Posture | None = None
+    if any(joint.effort for joint in laws.joints):
+        start = next(iter(comparison.model.starts))
+        posture = next(comparison.postures([start._replace(m=0 * start.m)]))
+    for joint in laws.joints:
+        link = tree.links[joint.joint]
+        if joint.lower <= joint.upper:
+            share, subject = rules.limit_recovery, f"limits of {link.name}"
+            yield _quantity(subject, "rebound", share, rule="at most, by the phase of the step")
+            yield _recovery(subject, share, rules.step, "a violation")
+        if posture is not None and joint.effort:
+            subject, unit = f"drive of {link.name}", FORCE_UNITS[link.kind]
+            yield _quantity(subject, LARGEST, joint.effort, unit, DRIVE_CLAMPED)
+            if load := float(posture.smooth[tree.velocities[joint.joint].start]):
+                share = abs(load) / joint.effort
+                yield _quantity(subject, "share of force for weight", share, rule="as drawn")
+            yield _recovery(subject, rules.gain, rules.step, "an error")
+
+
+def _hard_contact(
+    subject: str, floor: HardSurface, surface: HardSurface, rules: ImpulseRules
+) -> Iterator[ActingQuantity]:
+    parts = floor.friction, surface.friction
+    rule = f"product of {parts[0]:g} and {parts[1]:g}"
+    friction = _quantity(subject, "friction", parts[0] * parts[1], rule=rule)
+    yield replace(friction, parts=parts)
+    bounce = floor.restitution * surface.restitution
+    rule = f"product of {floor.restitution:g} and {surface.restitution:g}"
+    rule = f"{rule}, above {rules.bounce:g} m/s; less with a smaller step"
+    yield _quantity(subject, "restitution", bounce, rule=rule)
+    if surface.spring is None:
+        yield _quantity(subject, "rest depth", rules.slop, "m", "slop of the solver")
+        yield _quantity(subject, "creep", 0.0, "m/s", "friction is an impulse")
+
+
+def _recovery(subject: str, share: float, step: float, what: str) -> ActingQuantity:
+    """Return the time constant of a share that each step removes."""
+    rule = f"each step of {step:.3g} s removes {share:g} of {what}"
+    return _quantity(subject, "time constant", recovery_time(share, step), "s", rule)
+
+
+def _of_plane(whole: PlanarWhole) -> Iterator[ActingQuantity]:
+    """Yield quantities of bodies in a plane as built: contacts, joints, damping of all bodies."""
+    laws = whole.laws
+
+    def subject_of(bodies: tuple[int, int], word: str) -> str:
+        """Return the names of two bodies, the one that stands still first."""
+        first, other = (laws.bodies[i] for i in bodies)
+        names = (first.name, other.name) if other.weighed else (other.name, first.name)
+        return f" {word} ".join(names)
+
+    def recovery(subject: str, remains: float, what: str) -> ActingQuantity:
+        """Return the time constant of which a share remains after a second."""
+        time = recovery_time(1 - remains**laws.step, laws.step)
+        rule = f"{what}: {remains:.3g} remains after a second"
+        return _quantity(subject, "time constant", time, "s", rule)
+
+    for pair in whole.pairs:
+        first, other = (laws.shapes[i] for i in pair)
+        subject = subject_of((first.body, other.body), "with")
+        parts, bounces = (first.friction, other.friction), (first.elasticity, other.elasticity)
+        rule = "product of {:g} and {:g}".format(*parts)
+        friction = _quantity(subject, "friction", parts[0] * parts[1], rule=rule)
+        yield replace(friction, parts=parts)
+        rule = "product of {:g} and {:g}, of the speed before gravity acts".format(*bounces)
+        yield _quantity(subject, "restitution", bounces[0] * bounces[1], rule=rule)
+        yield _quantity(subject, "rest depth", laws.slop, "m", "at most: the slop of the solver")
+        yield recovery(subject, laws.error_bias, "of a deeper overlap")
+        yield _quantity(subject, "creep", 0.0, "m/s", "friction is an impulse")
+    for joint in laws.joints:
+        subject = f"{joint.kind} of {subject_of(joint.bodies, 'and')}"
+        if joint.kind in SPRINGS:
+            yield from _spring(subject, joint, whole)
+        elif joint.kind != "motor":
+            if joint.kind in LIMITS:
+                share, rule = 1 - joint.error_bias**laws.step, "at most, by the phase of the step"
+                yield _quantity(subject, "rebound", share, rule=rule)
+            yield recovery(subject, joint.error_bias, "of an error")
+    if laws.damping < 1:
+        yield recovery("damping of all bodies", laws.damping, "of each velocity")
+
+
+def _spring(subject: str, joint: PlanarJoint, whole: PlanarWhole) -> Iterator[ActingQuantity]:
+    """Yield the motion of two bodies on a spring, without other forces."""
+    model = PlanarModel(laws=whole.laws)
+    inverse = model.spring_mobility(joint, model.at_rest(whole.home, whole.speeds))
+    if rate := (joint.numbers["stiffness"] * inverse) ** 0.5:
+        rule = "as built, without other joints"
+        yield _quantity(subject, "natural frequency", rate / (2 * math.pi), "Hz", rule)
+        yield _quantity(subject, "damping ratio", joint.numbers["damping"] * inverse / (2 * rate))
+
+
 def _quantity(
     subject: str, quantity: str, value: float, unit: str = "", rule: str = ""
 ) -> ActingQuantity:
     return ActingQuantity(
         subject=subject, quantity=quantity, value=number(value), unit=unit, rule=rule
     )
+
+
+R = TypeVar("R", ActingQuantity, ComparedActing)
+"""A quantity of one file, or of two."""
+
+
+def merged(rows: Iterable[R]) -> Iterator[R]:
+    """Merge rows that differ only in the last word of the subject, such as a joint."""
+    alike: dict[tuple[str, R], list[str]] = {}
+    for row in rows:
+        kind, _, name = row.subject.rpartition(" ")
+        alike.setdefault((kind, replace(row, subject="")), []).append(name)
+    for (kind, row), names in alike.items():
+        yield replace(row, subject=f"{kind} {listed(names, NAMED)}")

@@ -22,8 +22,14 @@ from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.survey import ActingQuantity, Audit
 from physics_crosscheck.reference.mechanism.system import System
-from .acting import acting_quantities, declared_quantities
-from .acting_impulses import DRAG, merged, planar_quantities, urdf_quantities
+from .acting import (
+    DRAG,
+    acting_quantities,
+    declared_quantities,
+    merged,
+    planar_quantities,
+    urdf_quantities,
+)
 from .compiled_terms import Compiled
 from .findings import finding, format_omission, negative_findings, robot_findings, source_line
 from .plausibility.survey import plausibility_findings

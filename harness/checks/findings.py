@@ -10,15 +10,14 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Location
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
-from physics_crosscheck.harness.modelfiles.locations import line_of
-from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP
+from physics_crosscheck.harness.modelfiles.locations import MARKUP, line_of
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
-from physics_crosscheck.harness.modelfiles.numbers import Number, numerals
+from physics_crosscheck.harness.modelfiles.numbers import numerals
 from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.finding import (
@@ -54,14 +53,9 @@ def finding(
     )
 
 
-def source_line(location: Location) -> SourceLine:
+def source_line(number: Number) -> SourceLine:
     """Return the source line of a number, with its byte range."""
-    return SourceLine(
-        file=str(location.file),
-        line=location.line,
-        span=(location.start, location.end),
-        text=location.text,
-    )
+    return SourceLine(file=str(number.file), line=number.line, span=number.span, text=number.text)
 
 
 STANDALONE_SETTINGS: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
@@ -142,9 +136,7 @@ def finding_of(number: Number, what: str) -> AuditFinding:
         _NEGATIVES[word],
         (number.address,),
         f"{number.address} is {number.value:g}: negative {word} {_EFFECTS[word]}",
-        location=SourceLine(
-            file=str(number.file), line=number.line, span=number.span, text=number.text
-        ),
+        location=source_line(number),
         actual=number.value,
         severity="note" if word == "stiffness" else "finding",
     )

@@ -7,7 +7,8 @@ the depth of two shapes from above, and so may show which engine's depth is wron
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 from msgspec.structs import replace
@@ -77,10 +78,7 @@ def shared_contacts(
 def _postures(
     comparison: WholeStepComparison[M, S],
 ) -> Iterator[tuple[str, WholeState, Posture]]:
-    """Yield a digest of each posture, its state at rest, and the tree.
-
-    Joints are anywhere in their ranges, hinges without one anywhere, other joints at home.
-    """
+    """Yield postures: joints are anywhere in their ranges, hinges without one anywhere."""
     order, tree = np.array(comparison.order), comparison.laws.tree.tree
     start, ranges = next(iter(comparison.model.starts)), comparison.ranges[order]
     for link, there in zip(tree.links, tree.velocities, strict=True):
@@ -98,60 +96,61 @@ def _postures(
 
 def with_shared_contacts(cases: Sequence[Case]) -> list[Case]:
     """Add to cases how the engines of one file agree on contacts without a closed form."""
-    return [
-        replace(case, whole_step=replace(step, between=tuple(_between(case, cases))))
-        if (step := case.whole_step) is not None and step.postures
-        else case
-        for case in cases
-    ]
+    files: dict[tuple[str, str, str], dict[str, WholeStep]] = {}
+    for case in cases:
+        if case.whole_step is not None and case.whole_step.postures:
+            steps = files.setdefault((case.folder, case.model, case.scenario), {})
+            steps[case.engine] = case.whole_step
+    result = []
+    for case in cases:
+        steps = files.get((case.folder, case.model, case.scenario), {})
+        pairs = [pair for pair in combinations(sorted(steps), 2) if case.engine in pair]
+        rows = ("; ".join(_compared({one: steps[one] for one in pair})) for pair in pairs)
+        if between := tuple(filter(None, rows)):
+            case = replace(case, whole_step=replace(steps[case.engine], between=between))
+        result.append(case)
+    return result
 
 
-def _between(case: Case, cases: Sequence[Case]) -> Iterator[str]:
-    """Yield how other engines agree with a case's, one sentence each, the same on both sides."""
-    name = replace(case.id, engine="")
-    for other in cases:
-        same = other.folder == case.folder and replace(other.id, engine="") == name
-        if same and other.engine != case.engine:
-            pair = sorted((case, other), key=lambda one: one.engine)
-            steps = {one.engine: one.whole_step for one in pair if one.whole_step is not None}
-            if len(steps) == 2 and (sentence := "; ".join(_compared(steps))):
-                yield sentence
-
-
-def _compared(steps: dict[str, WholeStep]) -> Iterator[str]:
+def _compared(steps: Mapping[str, WholeStep]) -> Iterator[str]:
     """Yield how two engines agree on their contacts at the postures of both."""
-    common = frozenset[str].intersection(*(frozenset(step.postures) for step in steps.values()))
-    sides = {
-        engine: {(one.posture, one.shapes): one for one in step.touches if one.posture in common}
-        for engine, step in steps.items()
-    }
-    mine, theirs = sides.values()
-    pairs = [(one, theirs[key]) for key, one in mine.items() if key in theirs]
-    alike = [pair for pair in pairs if _off(*pair) <= 1]
+    (first, other), (one, two) = steps, steps.values()
+    mine, theirs = (
+        {(touch.posture, touch.shapes): touch for touch in here.touches if touch.posture in there}
+        for here, there in ((one, two.postures), (two, one.postures))
+    )
+    pairs = [(mine[key], theirs[key]) for key in mine if key in theirs]
+    rows = np.array([_apart(*pair) for pair in pairs]).reshape(-1, 3)
+    deep = rows[:, 0] <= 1
     if mine or theirs:
-        apart = [_turned_and_moved(*pair) for pair in alike]
-        turned, moved = (sum(one[k] <= ALIKE for one in apart) for k in range(2))
+        turned, moved = np.sum(deep[:, None] & (rows[:, 1:] <= ALIKE), axis=0)
         yield (
-            f"{' and '.join(sides)} agree on the depth of {len(alike)} of"
+            f"{first} and {other} agree on the depth of {np.sum(deep)} of"
             f" {counted(len(pairs), 'contact')} without a closed form, on the normal of {turned}"
             f" and the point of {moved}"
         )
-    if len(alike) < len(pairs):
-        yield _apart(tuple(sides), max(pairs, key=lambda pair: _off(*pair)))
-    for (engine, here), there in zip(sides.items(), (theirs, mine), strict=True):
+    if not deep.all():
+        worst = sorted(
+            zip(pairs[int(np.argmax(rows[:, 0]))], steps, strict=True),
+            key=lambda side: side[0].distance,
+        )
+        yield f"{' and '.join(worst[0][0].shapes)} are " + ", ".join(
+            f"{-touch.distance:.3g} m deep in {engine}" for touch, engine in worst
+        )
+        (large, engine), (small, right) = worst
+        if small.bound is not None and large.distance < small.bound - large.error:
+            far = f"{-small.bound:.3g} m along {right}'s normal part the shapes"
+            yield f"{far}, so that the depth in {engine} is too large"
+    for engine, here, there in ((first, mine, theirs), (other, theirs, mine)):
         # A contact that is less deep than its error may be none elsewhere.
-        rest = [one for key, one in here.items() if key not in there and -one.distance > one.error]
-        if names := list(dict.fromkeys(" and ".join(one.shapes) for one in rest)):
-            yield f"{counted(len(rest), 'contact')} in {engine} alone: {listed(names, 3)}"
+        lost = [t for key, t in here.items() if key not in there and -t.distance > t.error]
+        if names := list(dict.fromkeys(" and ".join(touch.shapes) for touch in lost)):
+            yield f"{counted(len(lost), 'contact')} in {engine} alone: {listed(names, 3)}"
 
 
-def _off(first: Touch, other: Touch) -> float:
-    """Return the difference of two depths, relative to what the engines' methods explain."""
-    return abs(first.distance - other.distance) / (first.error + other.error)
-
-
-def _turned_and_moved(first: Touch, other: Touch) -> tuple[float, float]:
-    """Return the turn of a normal, rad, and the shift of a point across it, by the shapes' size.
+def _apart(first: Touch, other: Touch) -> tuple[float, float, float]:
+    """Return differences of a contact: of depths, relative to what the engines' methods explain,
+    of normals, rad, and of points across the normal, relative to the shapes.
 
     Along it, engines choose a point by rules of their own; an edge or an area has many.
     """
@@ -161,17 +160,5 @@ def _turned_and_moved(first: Touch, other: Touch) -> tuple[float, float]:
     )
     across = moved - point - normal * float(normal @ (moved - point))
     size = max(first.error, other.error) / ROUGH
-    return float(np.linalg.norm(turned - normal)), float(np.linalg.norm(across)) / size
-
-
-def _apart(engines: tuple[str, ...], pair: tuple[Touch, Touch]) -> str:
-    """Return two depths, and which one is too large by the normal of the other engine."""
-    deep, shallow = sorted(zip(pair, engines, strict=True), key=lambda side: side[0].distance)
-    text = f"{' and '.join(deep[0].shapes)} are " + ", ".join(
-        f"{-one.distance:.3g} m deep in {engine}" for one, engine in (deep, shallow)
-    )
-    bound = shallow[0].bound
-    if bound is None or deep[0].distance > bound - deep[0].error:
-        return text
-    far = f"{-bound:.3g} m along {shallow[1]}'s normal part the shapes"
-    return f"{text}; {far}, so that the depth in {deep[1]} is too large"
+    off = abs(first.distance - other.distance) / (first.error + other.error)
+    return off, float(np.linalg.norm(turned - normal)), float(np.linalg.norm(across)) / size

@@ -30,8 +30,7 @@ from physics_crosscheck.harness.modelfiles.mjcf.misread import (
     ReadingCheck,
     check_reading,
 )
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
-from physics_crosscheck.harness.modelfiles.mjcf.tree import placed_shapes
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, placed_shapes
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model

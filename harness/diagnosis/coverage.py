@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +17,16 @@ from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.checks.whole_step import compares_steps
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import replace_numbers
-from physics_crosscheck.harness.engines.protocol import Engine, EngineError, LoadedModel
+from physics_crosscheck.harness.documents.number import Number, replace_numbers
+from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_texts
 from physics_crosscheck.harness.modelfiles.frames import SidecarFrames, sidecar_frames
-from physics_crosscheck.harness.modelfiles.locations import Literal, literals
+from physics_crosscheck.harness.modelfiles.locations import literals
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE as SLOPE_NUDGE
-from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers, read_as_it_runs, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import ModelFile
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
@@ -41,81 +40,6 @@ from .robot_task import problem_of
 
 POSE_STATES = 8
 """States at which poses of frames are evaluated; extremes of the motions are among the first."""
-
-
-@dataclass(frozen=True, eq=False)
-class Probe:
-    """Positions and velocities at which a model is evaluated, (S, nz) each, and its frames.
-
-    Attributes:
-        h: step of the unmodified model, s; a number of the file may be the step.
-        resolution: smallest relative change that counts.
-    """
-
-    z: Array
-    w: Array
-    h: float
-    engine: Engine
-    frames: SidecarFrames
-    resolution: float
-
-    def loaded(self, sidecar: Sidecar) -> LoadedModel | None:
-        """Return the loaded model, or None if the engine rejects it."""
-        try:
-            model = self.engine.load(sidecar.spec(self.engine.name))
-        except (EngineError, SidecarError):
-            return None
-        return model if len(model.coordinates) == self.z.shape[1] else None
-
-    def evaluate(self, model: LoadedModel) -> Behaviour:
-        """Evaluate a model; its poses are evaluated on demand, while it is still loaded."""
-        q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
-        return Behaviour(
-            moved=(q[:, 0] - self.z) / self.h,
-            pushed=(v[:, 0] - self.w) / self.h,
-            evaluate_poses=partial(self._evaluate_poses, model),
-        )
-
-    def _evaluate_poses(self, model: LoadedModel) -> tuple[Array, Array]:
-        there = frozenset(model.places) if self.frames.targets else frozenset()
-        places = [target.place for target in self.frames.targets if target.place in there]
-        if not places:
-            return np.zeros(0), np.zeros(0)
-        return model.poses(places, self.z[:POSE_STATES])
-
-
-@dataclass(frozen=True, eq=False)
-class Behaviour:
-    """Behaviour of a model at some states.
-
-    Attributes:
-        moved, pushed: rates of change of positions and velocities over a step, (S, nz).
-        evaluate_poses: returns origins of the frames and their rotations.
-    """
-
-    moved: Array
-    pushed: Array
-    evaluate_poses: Callable[[], tuple[Array, Array]]
-
-    @cached_property
-    def posed(self) -> tuple[Array, Array]:
-        """Origins of the frames, and their rotations."""
-        return self.evaluate_poses()
-
-    def moves_as(self, other: Behaviour, resolution: float) -> bool:
-        """Return whether the motions agree, within a share of the largest rate."""
-        pairs = ((self.moved, other.moved), (self.pushed, other.pushed))
-        return all(_alike(one, two, resolution) for one, two in pairs)
-
-    def poses_as(self, other: Behaviour, resolution: float) -> bool:
-        """Return whether the frames agree, within a share of the largest distance."""
-        pairs = zip(self.posed, other.posed, strict=True)
-        return all(one.shape == two.shape and _alike(one, two, resolution) for one, two in pairs)
-
-
-def _alike(values: Array, reference: Array, resolution: float) -> bool:
-    size = float(np.max(np.abs(reference), initial=0.0))
-    return bool(np.all(np.abs(values - reference) <= resolution * size))
 
 
 NUDGE = 1e-3
@@ -144,32 +68,57 @@ class NumberEffect(Enum):
 
 
 class Trials:
-    """Copies of a model with changed numbers.
+    """Copies of a model with changed numbers, each evaluated at the states of its motions.
 
     Args:
-        numbers: of the model's files.
-        base: behaviour of the unmodified model.
+        task: the unmodified model.
+        numbers: of its files.
         folder: for the copies.
 
     Attributes:
         effects: effect of each tried number, by its index.
+
+    Raises:
+        EngineError, SidecarError: with file, place and remedy.
     """
 
-    def __init__(
-        self,
-        sidecar: Sidecar,
-        numbers: Sequence[Literal],
-        probe: Probe,
-        base: Behaviour,
-        folder: Path,
-    ) -> None:
+    def __init__(self, task: SystemTask, numbers: Sequence[Number], folder: Path) -> None:
         self.effects: dict[int, NumberEffect] = {}
-        self._sidecar, self._numbers, self._probe = sidecar, numbers, probe
-        self._base, self._folder = base, folder
-        parts = (one.location.file for one in numbers)
-        files = dict.fromkeys((sidecar.model, Path(f"{sidecar.model}.toml"), *parts))
+        self._task, self._sidecar = task, task.declared
+        self._numbers, self._folder = numbers, folder
+        parts = (one.file for one in numbers)
+        files = dict.fromkeys((self._sidecar.model, Path(f"{self._sidecar.model}.toml"), *parts))
         self._texts = {file: file.read_bytes() for file in files}
+        model, coordinates = task.load()
+        self._z, self._w = coordinates.to_engine(_some(task.target.visited))
+        self._frames = _frames(task.target.system, self._sidecar)
+        self._step = model.step  # a number of the file may be the step
+        # Evaluate poses before some engines unload this model.
+        self._base = self._rates(model), self._poses(model)
         self._end = time.process_time() + PATIENCE
+
+    def _rates(self, model: LoadedModel) -> tuple[Array, Array]:
+        """Return rates of change of positions and velocities over a step, (S, nz) each."""
+        q, v = model.rollout(self._z, self._w, self._step, 1, None, 1)
+        return (q[:, 0] - self._z) / self._step, (v[:, 0] - self._w) / self._step
+
+    def _poses(self, model: LoadedModel) -> tuple[Array, Array]:
+        """Return origins of the frames and their rotations at some states."""
+        there = frozenset(model.places) if self._frames.targets else frozenset()
+        places = [target.place for target in self._frames.targets if target.place in there]
+        if not places:
+            return np.zeros(0), np.zeros(0)
+        return model.poses(places, self._z[:POSE_STATES])
+
+    def _alike(self, pair: tuple[Array, Array], base: tuple[Array, Array]) -> bool:
+        """Return whether values agree, within a share of the largest one."""
+        for values, reference in zip(pair, base, strict=True):
+            size = float(np.max(np.abs(reference), initial=0.0))
+            if values.shape != reference.shape:
+                return False
+            if not np.all(np.abs(values - reference) <= self._task.resolution * size):
+                return False
+        return True
 
     def nudge(self, groups: Iterable[Sequence[int]]) -> None:
         """Nudge each group's numbers in one copy, and if that has an effect, in smaller groups.
@@ -182,7 +131,7 @@ class Trials:
     def flip(self, group: Iterable[int]) -> None:
         """Change the signs of numbers whose nudge had no effect."""
         quiet = [i for i in group if self.effects.get(i) is NumberEffect.NONE]
-        self._halve(quiet, lambda i: (repr(-self._numbers[i].location.value),))
+        self._halve(quiet, lambda i: (repr(-self._numbers[i].value),))
 
     def _halve(
         self, group: Sequence[int], words: Callable[[int], Sequence[str]], acts: bool = False
@@ -212,31 +161,29 @@ class Trials:
 
     def _tried(self, words: Mapping[int, str]) -> NumberEffect:
         """Return the effect of some numbers with new text."""
-        places = ((self._numbers[i].location, word) for i, word in words.items())
+        places = ((self._numbers[i], word) for i, word in words.items())
         texts = replace_numbers(self._texts, places)
         try:
-            model = self._probe.loaded(with_texts(self._sidecar, texts, self._folder))
-        except SidecarError:
-            model = None
-        if model is None:
+            copy = with_texts(self._sidecar, texts, self._folder)
+            model = engines()[self._task.engine].load(copy.spec(self._task.engine))
+        except (EngineError, SidecarError):
             return NumberEffect.REFUSED
-        done = self._probe.evaluate(model)
-        if not done.moves_as(self._base, self._probe.resolution):
+        if len(model.coordinates) != self._z.shape[1]:
+            return NumberEffect.REFUSED
+        rates, poses = self._base
+        if not self._alike(self._rates(model), rates):
             return NumberEffect.MOTION
-        return (
-            NumberEffect.NONE
-            if done.poses_as(self._base, self._probe.resolution)
-            else NumberEffect.FRAMES
-        )
+        same = self._alike(self._poses(model), poses)
+        return NumberEffect.NONE if same else NumberEffect.FRAMES
 
 
-def _moved(literal: Literal, i: int) -> tuple[str, ...]:
+def _moved(literal: Number, i: int) -> tuple[str, ...]:
     """Return new texts for a number, in the order of trials."""
-    value = literal.location.value
+    value = literal.value
     step = NUDGE * (1 + (i * _GOLDEN) % 1)
     up, down = (value * (1 + step), value * (1 - step)) if value else (step, -step)
     whole: tuple[str, ...] = () if value else ("1e-15",)
-    if literal.location.text.lstrip("+-").isdigit():
+    if literal.text.lstrip("+-").isdigit():
         whole = (*whole, str(int(value) + 1), str(int(value) - 1))
     return (repr(up), repr(down), *whole)
 
@@ -272,17 +219,11 @@ def count_numbers(task: SystemTask) -> Coverage:
         EngineError, SidecarError, LocationError: with file, place and remedy.
     """
     engine = engines()[task.engine]
-    model, coordinates = task.load()
-    z, w = coordinates.to_engine(_some(task.target.visited))
-    frames = _frames(task.target.system, task.declared)
-    probe = Probe(z, w, model.step, engine, frames, task.resolution)
     numbers, bound = _numbers(task.declared, task.engine), _bound(task.declared)
     purposes = {**_STEP, **engine.non_physical}
     reasons = [reason_of(one.path, purposes) for one in numbers]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        base = probe.evaluate(model)
-        _ = base.posed  # before some engines unload this model
-        trials = Trials(task.declared, numbers, probe, base, Path(folder))
+        trials = Trials(task, numbers, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in numbers]
         tried = [i for i, choice in enumerate(chosen) if not choice]
         trials.nudge([[i for i in tried if reasons[i]]])
@@ -303,7 +244,7 @@ def count_numbers(task: SystemTask) -> Coverage:
             CountedNumber(
                 path=one.path,
                 address="",
-                line=f"{one.location.file.name}:{one.location.line}",
+                line=f"{one.file.name}:{one.line}",
                 effect=effects[i],
                 bound=_place(one) in bound,
             )
@@ -327,7 +268,7 @@ def _frames(system: System, sidecar: Sidecar) -> SidecarFrames:
         return SidecarFrames(targets=(), axes=np.eye(3), origin=np.zeros(3))
 
 
-def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
+def _numbers(sidecar: Sidecar, engine: str) -> tuple[Number, ...]:
     """Return numbers of the model file and its includes, and of the sidecar for this engine.
 
     Of the sidecar, return only settings and springs.
@@ -352,8 +293,8 @@ def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:
     return frozenset((str(place.file), place.start) for place in places.values())
 
 
-def _place(literal: Literal) -> tuple[str, int]:
-    return str(literal.location.file), literal.location.start
+def _place(literal: Number) -> tuple[str, int]:
+    return str(literal.file), literal.start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -447,7 +388,7 @@ def count_robot(task: TreeTask) -> Coverage:
     return replace_fields(coverage, engine=task.engine)
 
 
-def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
+def counted_numbers(task: TreeTask, numbers: ModelFile) -> list[CountedNumber]:
     """Return each number of a file with its effect; errors as in `count_robot`."""
     problem = problem_of(task, numbers, is_reference=True)
     says = {i: _effect(problem, k, task.resolution) for k, i in enumerate(numbers.relevant_numbers)}
@@ -476,7 +417,7 @@ def counted_numbers(task: TreeTask, numbers: Numbers) -> list[CountedNumber]:
 
 
 def _in_steps(
-    task: TreeTask, numbers: Numbers, says: Mapping[int, NumberEffect]
+    task: TreeTask, numbers: ModelFile, says: Mapping[int, NumberEffect]
 ) -> dict[int, NumberEffect]:
     """Return the effects on whole steps of the numbers that no smooth motion depends on."""
     problem = law_problem(task, numbers)
@@ -535,13 +476,13 @@ SMOOTH = (NumberEffect.MOTION, NumberEffect.FRAMES)
 _UNMOVED = (NumberEffect.NONE, NumberEffect.FAINT)
 
 
-def _small_changes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
+def _small_changes(numbers: ModelFile, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
     """Return a small change of each number that moves nothing in time."""
     unmoved = [i for i, effect in says.items() if effect in _UNMOVED]
     return {i: SLOPE_NUDGE * numbers.numerals[i].scale for i in unmoved}
 
 
-def _reversed_axes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
+def _reversed_axes(numbers: ModelFile, says: Mapping[int, NumberEffect]) -> Mapping[int, float]:
     """Return a change of sign of each number of an axis whose length has no effect."""
     return {
         i: -2 * one.value
@@ -551,7 +492,7 @@ def _reversed_axes(numbers: Numbers, says: Mapping[int, NumberEffect]) -> Mappin
 
 
 def _in_frames(
-    task: TreeTask, numbers: Numbers, changes: Mapping[int, float]
+    task: TreeTask, numbers: ModelFile, changes: Mapping[int, float]
 ) -> dict[int, NumberEffect]:
     """Return those of the changed numbers that move nothing in time, but where a body is."""
     target, here = task.target, numbers.tree({})
@@ -577,7 +518,7 @@ def _in_frames(
 
 
 def _in_shapes(
-    task: TreeTask, numbers: Numbers, says: Mapping[int, NumberEffect]
+    task: TreeTask, numbers: ModelFile, says: Mapping[int, NumberEffect]
 ) -> dict[int, NumberEffect]:
     """Return those of the other numbers that shapes and sites depend on, if the engine shows it."""
     engine = engines()[task.engine]

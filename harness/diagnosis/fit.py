@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -39,6 +39,29 @@ Faults = Mapping[int, float]
 """Faults by index of the hypothesis; missing ones are zero."""
 
 
+@dataclass(frozen=True)
+class Perturbation:
+    """Repair of one unit of fault, in the model or in the equations.
+
+    Attributes:
+        numbers: change of each number of a file, by its index.
+        literals: change of each literal, by address.
+        gravity: change of the engine's gravity, three components.
+        settings: new settings of the sidecar, for a switch.
+        reversed: index of the engine coordinate with reversed axis; -1: none.
+        zero: index of the engine coordinate with moved zero; -1: none.
+        parameters: change of parameters of the equations, by index.
+    """
+
+    numbers: Mapping[int, float] = field(default_factory=dict)
+    literals: Mapping[str, float] = field(default_factory=dict)
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    settings: Mapping[str, object] = field(default_factory=dict)
+    reversed: int = -1
+    zero: int = -1
+    parameters: Mapping[int, float] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
     """One number that might be wrong.
@@ -54,6 +77,7 @@ class Hypothesis:
         switch: whether its fault is either 0 or 1.
         expected: the right value by the user's bindings; None for an unbound number.
         start: initial fault of a fit.
+        repair: of one unit of its fault; empty for a mistake in laws.
     """
 
     id: CauseId
@@ -65,6 +89,7 @@ class Hypothesis:
     switch: bool = False
     expected: float | None = None
     start: float = 0.0
+    repair: Perturbation = field(default=Perturbation(), compare=False, repr=False)
 
     def is_confirmed(self, estimate: float) -> bool:
         """Return whether the number is wrong by its binding, and an estimate is the bound value."""

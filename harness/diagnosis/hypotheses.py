@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Location
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
@@ -21,7 +21,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.variants import Variants
-from .fit import Hypothesis
+from .fit import Hypothesis, Perturbation
 
 _ORDER: tuple[CauseKind, ...] = (
     "default", "law", "axis", "exchange", "literal", "literals", "unbound literal", "gravity",
@@ -34,42 +34,13 @@ and a constant than a missing term of the equations.
 """
 
 
-@dataclass(frozen=True)
-class Perturbation:
-    """Repair of one unit of fault, in the model or in the equations.
-
-    Attributes:
-        literals: change of each literal, by address.
-        gravity: change of the engine's gravity, three components.
-        settings: new settings of the sidecar, for a switch.
-        reversed: index of the engine coordinate with reversed axis; -1: none.
-        zero: index of the engine coordinate with moved zero; -1: none.
-        parameters: change of parameters of the equations, by index.
-    """
-
-    literals: Mapping[str, float] = field(default_factory=dict)
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    settings: Mapping[str, object] = field(default_factory=dict)
-    reversed: int = -1
-    zero: int = -1
-    parameters: Mapping[int, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class TrialHypothesis:
-    """A hypothesis and the perturbation that repairs one unit of its fault."""
-
-    hypothesis: Hypothesis
-    perturbation: Perturbation
-
-
 def everything(
     system: System,
     sidecar: Sidecar,
     model: LoadedModel,
     coordinates: CoordinateMap,
     variants: Variants,
-) -> tuple[TrialHypothesis, ...]:
+) -> tuple[Hypothesis, ...]:
     """Return all candidates of a model."""
     return (
         *_parameters(variants),
@@ -87,23 +58,19 @@ def rank(kind: CauseKind) -> int:
     return _ORDER.index(kind) if kind in _ORDER else len(_ORDER)
 
 
-def _parameters(variants: Variants) -> Iterator[TrialHypothesis]:
+def _parameters(variants: Variants) -> Iterator[Hypothesis]:
     for index, p in enumerate(variants.parameters):
         cause = CauseId(kind=p.kind, subject=(p.name,))
-        yield TrialHypothesis(
-            Hypothesis(id=cause, value=p.nominal, size=p.size, rank=rank(p.kind)),
-            Perturbation(parameters={index: 1.0}),
-        )
+        repair = Perturbation(parameters={index: 1.0})
+        yield Hypothesis(id=cause, value=p.nominal, size=p.size, rank=rank(p.kind), repair=repair)
 
 
-def _switch(cause: CauseId, perturbation: Perturbation) -> TrialHypothesis:
+def _switch(cause: CauseId, perturbation: Perturbation) -> Hypothesis:
     order = rank(cause.kind)
-    return TrialHypothesis(
-        Hypothesis(id=cause, value=0.0, size=1.0, rank=order, switch=True), perturbation
-    )
+    return Hypothesis(id=cause, value=0.0, size=1.0, rank=order, switch=True, repair=perturbation)
 
 
-def _exchanges(variants: Variants) -> Iterator[TrialHypothesis]:
+def _exchanges(variants: Variants) -> Iterator[Hypothesis]:
     constants = [(i, p) for i, p in enumerate(variants.parameters) if p.kind == "constant"]
     for (i, constant_a), (j, constant_b) in combinations(constants, 2):
         if constant_a.unit == constant_b.unit and constant_a.nominal != constant_b.nominal:
@@ -114,12 +81,12 @@ def _exchanges(variants: Variants) -> Iterator[TrialHypothesis]:
             )
 
 
-def _axes(model: LoadedModel) -> Iterator[TrialHypothesis]:
+def _axes(model: LoadedModel) -> Iterator[Hypothesis]:
     for index, name in enumerate(model.coordinates):
         yield _switch(CauseId(kind="axis", subject=(name,)), Perturbation(reversed=index))
 
 
-def _zeros(model: LoadedModel, coordinates: CoordinateMap) -> Iterator[TrialHypothesis]:
+def _zeros(model: LoadedModel, coordinates: CoordinateMap) -> Iterator[Hypothesis]:
     """Yield each engine coordinate with a moved zero: a `ref`, a rest offset, a rotated body.
 
     Engine coordinates that joints couple have no zero of their own.
@@ -128,11 +95,11 @@ def _zeros(model: LoadedModel, coordinates: CoordinateMap) -> Iterator[TrialHypo
         return
     for index, name in enumerate(model.coordinates):
         cause = CauseId(kind="zero", subject=(name,))
-        hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=rank("zero"))
-        yield TrialHypothesis(hypothesis, Perturbation(zero=index))
+        repair = Perturbation(zero=index)
+        yield Hypothesis(id=cause, value=0.0, size=1.0, rank=rank("zero"), repair=repair)
 
 
-def _gravity(model: LoadedModel) -> Iterator[TrialHypothesis]:
+def _gravity(model: LoadedModel) -> Iterator[Hypothesis]:
     """Yield each component of gravity, if the model reports it: its size and direction."""
     if not model.gravity:
         return
@@ -144,19 +111,19 @@ def _gravity(model: LoadedModel) -> Iterator[TrialHypothesis]:
         added = [0.0, 0.0, 0.0]
         added[axis] = -1.0
         cause = CauseId(kind="gravity", subject=("xyz"[axis],))
-        yield TrialHypothesis(
-            Hypothesis(id=cause, value=value, size=size, rank=order, correction=-1.0),
-            Perturbation(gravity=(added[0], added[1], added[2])),
+        repair = Perturbation(gravity=(added[0], added[1], added[2]))
+        yield Hypothesis(
+            id=cause, value=value, size=size, rank=order, correction=-1.0, repair=repair
         )
 
 
-def _defaults(model: LoadedModel) -> Iterator[TrialHypothesis]:
+def _defaults(model: LoadedModel) -> Iterator[Hypothesis]:
     """Yield the engine's own assumptions, which the model's `corrective_settings` switch off."""
     for cause, settings in model.corrective_settings.items():
         yield _switch(CauseId(kind="default", subject=(cause,)), Perturbation(settings=settings))
 
 
-def literals(system: System, sidecar: Sidecar) -> Iterator[TrialHypothesis]:
+def literals(system: System, sidecar: Sidecar) -> Iterator[Hypothesis]:
     """Yield literals: bound ones alone, bound ones of one expression together, and unbound ones."""
     bound = tuple(_bound(system, sidecar))
     # A number can move an event out of its segment, where slopes are wrong.
@@ -171,14 +138,14 @@ def literals(system: System, sidecar: Sidecar) -> Iterator[TrialHypothesis]:
     yield from _unbound(sidecar, bound)
 
 
-def _literal(kind: CauseKind, moved: Sequence[Binding], *, from_bound: bool) -> TrialHypothesis:
+def _literal(kind: CauseKind, moved: Sequence[Binding], *, from_bound: bool) -> Hypothesis:
     """Return a candidate that changes bound literals of one value together.
 
     Args:
         from_bound: whether its fit starts at the bound value, not at the present one.
     """
     value, expected = moved[0].value, moved[0].expected
-    hypothesis = Hypothesis(
+    return Hypothesis(
         id=CauseId(kind=kind, subject=tuple(b.address for b in moved)),
         value=value,
         size=abs(value) or abs(expected) or 1.0,
@@ -187,14 +154,12 @@ def _literal(kind: CauseKind, moved: Sequence[Binding], *, from_bound: bool) -> 
         correction=-1.0,
         expected=expected,
         start=value - expected if from_bound else 0.0,
+        repair=Perturbation(literals={b.address: -1.0 for b in moved}),
     )
-    return TrialHypothesis(hypothesis, Perturbation(literals={b.address: -1.0 for b in moved}))
 
 
-def _line(place: Location) -> SourceLine:
-    return SourceLine(
-        file=place.file.name, line=place.line, span=(place.start, place.end), text=place.text
-    )
+def _line(place: Number) -> SourceLine:
+    return SourceLine(file=place.file.name, line=place.line, span=place.span, text=place.text)
 
 
 def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:
@@ -215,14 +180,14 @@ _LAWS = r"\w+@sol(ref|imp)\w*"
 """Numbers of soft laws of contacts, limits and friction. Fits start nearby: zero is invalid."""
 
 
-def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[TrialHypothesis]:
+def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Hypothesis]:
     bound_places = {(b.place.file, b.place.start) for b in bound}
     with suppress(LocationError):
         addresses = numbers(sidecar.model, f"{_MECHANICS}|{_LAWS}" if sidecar.laws else _MECHANICS)
         for address, place in find(sidecar.model, addresses).items():
             looks = re.search(r"(^|/)(visual|collision)[/\[]", address)
             if place.value and not looks and (place.file, place.start) not in bound_places:
-                hypothesis = Hypothesis(
+                yield Hypothesis(
                     id=CauseId(kind="unbound literal", subject=(address,)),
                     value=place.value,
                     size=abs(place.value),
@@ -230,5 +195,5 @@ def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[TrialHypo
                     where=(_line(place),),
                     correction=-1.0,
                     start=0.0 if re.search("@sol(ref|imp)", address) else place.value,
+                    repair=Perturbation(literals={address: -1.0}),
                 )
-                yield TrialHypothesis(hypothesis, Perturbation(literals={address: -1.0}))

@@ -26,11 +26,12 @@ from physics_crosscheck.harness.checks.law_comparison import (
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, WholeModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.urdf.laws import convex_numbers, impulse_numbers
 from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
@@ -44,7 +45,7 @@ from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .diagnose import REFINED, Ranking, diagnose, largest_remaining
-from .fit import Faults, Fit, Hypothesis, Resolved, left_linear, refine
+from .fit import Faults, Fit, Hypothesis, Perturbation, Resolved, left_linear, refine
 from .hypotheses import rank
 from .robot_problem import NEAR_ZERO_FAULT, ROUNDING_CHANGE, source_line
 from .trial import REFUSED
@@ -76,21 +77,6 @@ class LawNumbers(Protocol[K]):
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
         """Return the files, by path, with other values of some numbers."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LawHypothesis(Generic[M]):
-    """A hypothesis on the laws that an engine acts by.
-
-    Attributes:
-        hypothesis: the number that might be taken differently, or the mistake.
-        units: change of each number per unit of fault, by its index.
-        mistake: of the laws; None for a number.
-    """
-
-    hypothesis: Hypothesis
-    units: Mapping[int, float] = field(default_factory=dict)
-    mistake: LawMistake[M] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,21 +161,16 @@ class LawProblem(Generic[M, S]):
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """Numbers of the laws that are taken differently, then mistakes."""
-        return tuple(one.hypothesis for one in self.suspects)
-
-    @cached_property
-    def suspects(self) -> tuple[LawHypothesis[M], ...]:
         """Each number of the laws, each other choice, and each typical mistake."""
-        suspects: list[LawHypothesis[M]] = [
-            self._misread(i, None) for i in self.numbers.law_numbers
-        ]
+        rows = [self._misread(i, None) for i in self.numbers.law_numbers]
         if not self.with_mistakes:
-            return tuple(suspects)
+            return tuple(rows)
         for i, values in self.numbers.law_choices.items():
-            suspects += [self._misread(i, value) for value in values]
-        suspects += [_mistaken(mistake) for mistake in self.mistakes]
-        return tuple(suspects)
+            rows += [self._misread(i, value) for value in values]
+        for mistake in self.mistakes:
+            cause = CauseId(kind="law", subject=(mistake.name,))
+            rows.append(Hypothesis(id=cause, value=0.0, size=1.0, rank=rank("law"), switch=True))
+        return tuple(rows)
 
     @cached_property
     def mistakes(self) -> tuple[LawMistake[M], ...]:
@@ -199,11 +180,11 @@ class LawProblem(Generic[M, S]):
             return tuple(soft_mistakes(laws))
         return tuple(hard_mistakes(laws))
 
-    def _misread(self, index: int, choice: int | None) -> LawHypothesis[M]:
+    def _misread(self, index: int, choice: int | None) -> Hypothesis:
         """Return a number that is taken differently: by a fault, or as one of few choices."""
         number = self.numbers.numerals[index]
         unit = 1.0 if choice is None else choice - number.value
-        hypothesis = Hypothesis(
+        return Hypothesis(
             id=CauseId(kind="taken", subject=(number.address,)),
             value=number.value,
             size=number.scale if choice is None else 1.0,
@@ -211,8 +192,8 @@ class LawProblem(Generic[M, S]):
             where=(source_line(number),),
             correction=unit,
             switch=choice is not None,
+            repair=Perturbation(numbers={index: unit}),
         )
-        return LawHypothesis(hypothesis=hypothesis, units={index: unit})
 
     def defect(self, faults: Faults) -> Array:
         """Return engine - laws after repair of these faults, scaled and flat, (N,)."""
@@ -293,18 +274,19 @@ class LawProblem(Generic[M, S]):
 
     def _changed(self, faults: Faults) -> M | None:
         """Return the laws with faults; None if they have other coordinates, states or shapes."""
-        chosen = [(self.suspects[index], fault) for index, fault in faults.items() if fault]
+        chosen = [(self.hypotheses[index], fault) for index, fault in faults.items() if fault]
         values: dict[int, float] = {}
-        for suspect, fault in chosen:
-            for i, unit in suspect.units.items():
+        for hypothesis, fault in chosen:
+            for i, unit in hypothesis.repair.numbers.items():
                 value = values.get(i, self.numbers.numerals[i].value) + fault * unit
-                values[i] = round(value) if suspect.hypothesis.switch else value
+                values[i] = round(value) if hypothesis.switch else value
         laws = self.numbers.laws(values) if values else self.comparison.laws
         if isinstance(laws, LawModel):
             laws = applied(laws, self.comparison.model)
-        for suspect, _ in chosen:
-            if laws is not None and suspect.mistake is not None:
-                laws = suspect.mistake.change(laws)
+        for hypothesis, _ in chosen:
+            if laws is not None and hypothesis.id.kind == "law":
+                (name,) = hypothesis.id.subject
+                laws = next(one for one in self.mistakes if one.name == name).change(laws)
         return laws if laws is not None and self._fits(laws) else None
 
     def _fits(self, laws: M) -> bool:
@@ -340,19 +322,6 @@ class LawProblem(Generic[M, S]):
     @cached_property
     def _expected(self) -> Array:
         return np.array([self.comparison.expected(sample) for sample in self.evaluated])
-
-
-def _mistaken(mistake: LawMistake[M]) -> LawHypothesis[M]:
-    return LawHypothesis(
-        hypothesis=Hypothesis(
-            id=CauseId(kind="law", subject=(mistake.name,)),
-            value=0.0,
-            size=1.0,
-            rank=rank("law"),
-            switch=True,
-        ),
-        mistake=mistake,
-    )
 
 
 AnyLawProblem = LawProblem[LawModel, LawSolution] | LawProblem[ImpulseModel, ImpulseStep]
@@ -429,7 +398,7 @@ def _faults(problem: AnyLawProblem, slope: Array) -> tuple[float, ...]:
     return tuple(multiple * fault for fault in single for multiple in MULTIPLES)
 
 
-def law_problem(task: TreeTask, numbers: Numbers | None = None) -> AnyLawProblem | None:
+def law_problem(task: TreeTask, numbers: ModelFile | None = None) -> AnyLawProblem | None:
     """Compare whole steps of a file with its law; None without one, or if nothing is comparable.
 
     Args:

@@ -15,9 +15,9 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.scene import inertia_difference
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE, Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -25,7 +25,7 @@ from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInerti
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from .fit import Faults, Hypothesis
+from .fit import Faults, Hypothesis, Perturbation
 from .hypotheses import rank
 from .robot_followers import Following
 from .trial import REFUSED
@@ -53,26 +53,13 @@ NEAR_ZERO_FAULT = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
-class FileHypothesis:
-    """A hypothesis on numbers of a file.
-
-    Attributes:
-        hypothesis: the number or numbers that might be wrong.
-        units: change of each number per unit of fault, by its index.
-    """
-
-    hypothesis: Hypothesis
-    units: Mapping[int, float]
-
-
-@dataclass(frozen=True, kw_only=True)
 class RobotProblem:
     """Discrepancy of a robot's file in an engine, with the equations.
 
     Attributes:
         numbers: of the file that the engine runs.
         flow: end states of that file's equations from some states.
-        suspicions: H hypotheses.
+        hypotheses: H of them that might explain the discrepancy.
         apart: engine - reference at the ends, scaled, (B, 2n); with k followers, (B, 2n + 2k).
         scale: of a defect, (2n + 2k,).
         way: 1 if the reference is the file itself, so that a fault changes the engine's apparent
@@ -81,9 +68,9 @@ class RobotProblem:
         compiled: inertia that the engine compiled, by link; empty if unknown.
     """
 
-    numbers: Numbers
+    numbers: ModelFile
     flow: Flow
-    suspicions: tuple[FileHypothesis, ...]
+    hypotheses: tuple[Hypothesis, ...]
     apart: Array
     scale: Array
     way: int
@@ -93,11 +80,6 @@ class RobotProblem:
     _flows: dict[object, Flow | None] = field(default_factory=dict, init=False, repr=False)
     _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
     _rows: dict[int, Array | None] = field(default_factory=dict, init=False, repr=False)
-
-    @cached_property
-    def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """Hypotheses that might explain the discrepancy."""
-        return tuple(one.hypothesis for one in self.suspicions)
 
     def with_discrepancy(self, apart: Array) -> RobotProblem:
         """Return the problem with another discrepancy and shared slopes."""
@@ -127,7 +109,7 @@ class RobotProblem:
         Near zero faults they are those at zero. Far from it they are those of the trajectories
         there, and of the linear problem here.
         """
-        indices = range(len(self.suspicions)) if indices is None else indices
+        indices = range(len(self.hypotheses)) if indices is None else indices
         rows = np.zeros((len(indices), self.apart.size))
         if all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items()):
             for row, index in enumerate(indices):
@@ -223,7 +205,7 @@ class RobotProblem:
     def _values(self, faults: Faults) -> dict[int, float]:
         values: dict[int, float] = {}
         for index, fault in faults.items():
-            for number, unit in self.suspicions[index].units.items():
+            for number, unit in self.hypotheses[index].repair.numbers.items():
                 if fault and unit:
                     before = values.get(number, self.numbers.numerals[number].value)
                     values[number] = before + fault * unit
@@ -312,7 +294,7 @@ _MOMENTS = re.compile(r".*/inertia@\w+")
 _PRODUCTS = re.compile(r".*/inertia@(ixy|ixz|iyz)")
 
 
-def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothesis]:
+def suspicions(numbers: ModelFile, *, is_reference: bool) -> Iterator[Hypothesis]:
     """Yield all hypotheses.
 
     Args:
@@ -321,22 +303,23 @@ def suspicions(numbers: Numbers, *, is_reference: bool) -> Iterator[FileHypothes
     """
     for i in numbers.relevant_numbers:
         number = numbers.numerals[i]
-        hypothesis = Hypothesis(
+        correction = 1.0 if is_reference else -1.0
+        yield Hypothesis(
             id=CauseId(kind="taken" if is_reference else "literal", subject=(number.address,)),
             value=number.value,
             size=number.scale,
             rank=rank("literal"),
             where=(source_line(number),),
-            correction=1.0 if is_reference else -1.0,
+            correction=correction,
+            repair=Perturbation(numbers={i: correction}),
         )
-        yield FileHypothesis(hypothesis=hypothesis, units={i: hypothesis.correction})
     yield from _reversed(numbers)
     yield from _exchanged(numbers)
     if is_reference:
         yield from _dropped(numbers)
 
 
-def _reversed(numbers: Numbers) -> Iterator[FileHypothesis]:
+def _reversed(numbers: ModelFile) -> Iterator[Hypothesis]:
     axes: dict[str, dict[int, float]] = {}
     relevant = set(numbers.relevant_numbers)
     for i, number in enumerate(numbers.numerals):
@@ -356,7 +339,7 @@ def joint_of(element: XmlElement | None) -> str:
     return "" if element is None else element.identity or ""
 
 
-def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
+def _exchanged(numbers: ModelFile) -> Iterator[Hypothesis]:
     tensors: dict[str, list[int]] = {}
     for i in numbers.relevant_numbers:
         if match := _MOMENT.fullmatch(numbers.numerals[i].address):
@@ -371,14 +354,16 @@ def _exchanged(numbers: Numbers) -> Iterator[FileHypothesis]:
 
 
 def _switch(
-    numbers: Numbers, cause: CauseId, units: Mapping[int, float], order: int
-) -> FileHypothesis:
+    numbers: ModelFile, cause: CauseId, units: Mapping[int, float], order: int
+) -> Hypothesis:
     places = tuple(dict.fromkeys(source_line(numbers.numerals[i]) for i in units))
-    hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True)
-    return FileHypothesis(hypothesis=hypothesis, units=units)
+    repair = Perturbation(numbers=units)
+    return Hypothesis(
+        id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True, repair=repair
+    )
 
 
-def _dropped(numbers: Numbers) -> Iterator[FileHypothesis]:
+def _dropped(numbers: ModelFile) -> Iterator[Hypothesis]:
     """Yield groups of numbers that an engine may ignore, each as if it were zero."""
     numerals = numbers.numerals
     groups: dict[tuple[int, ...], str] = {}
@@ -399,7 +384,7 @@ def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:
     return tuple(f"{name} of {element}" for element in elements)
 
 
-def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
+def _groups(numbers: ModelFile) -> Iterator[tuple[str, list[int]]]:
     """Yield named groups of numbers that may be ignored together; groups may be equal."""
     kinds: dict[str, list[int]] = {}
     links: dict[int, list[int]] = {}

@@ -18,7 +18,8 @@ from physics_crosscheck.harness.checks.scene import (
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import ModelFile
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError
@@ -348,7 +349,7 @@ def robot_problem(
 
 
 def problem_of(
-    task: TreeTask, numbers: Numbers, apart: Array | None = None, *, is_reference: bool
+    task: TreeTask, numbers: ModelFile, apart: Array | None = None, *, is_reference: bool
 ) -> RobotProblem:
     """Build the problem of a discrepancy, with the effects of a file's numbers.
 
@@ -372,7 +373,7 @@ def problem_of(
     return RobotProblem(
         numbers=numbers,
         flow=Flow(tree, some.start, some.start_inputs, some.length),
-        suspicions=tuple(suspicions(numbers, is_reference=is_reference)),
+        hypotheses=tuple(suspicions(numbers, is_reference=is_reference)),
         apart=np.zeros((len(some.start), len(scale))) if apart is None else apart,
         scale=scale,
         way=1 if is_reference else -1,

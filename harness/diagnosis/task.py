@@ -130,7 +130,7 @@ def trial_model(
     # Add the reference's error bound and rounding error, as in the verdict.
     bounds = [np.tile(some.bound / some.unit, len(some.t)) for some in samples]
     uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
-    candidates = everything(
+    hypotheses = everything(
         task.target.system, task.declared, model, coordinates, task.target.variants
     )
     with scratch() as folder:
@@ -140,7 +140,7 @@ def trial_model(
             coordinates=coordinates,
             samples=samples,
             ends=ends,
-            candidates=candidates,
+            hypotheses=hypotheses,
             folder=folder,
             known_slopes=known_slopes or {},
         )
@@ -204,7 +204,7 @@ def _chosen(trial_model: TrialModel, ranking: Ranking) -> tuple[Fit, bool]:
     best = ranking.fits[0]
     for fit in ranking.fits:
         alike = fit.remaining <= max(3 * best.remaining, 3 * ranking.floor)
-        if alike and all(trial_model.candidates[i].perturbation.parameters for i in fit.members):
+        if alike and all(trial_model.hypotheses[i].repair.parameters for i in fit.members):
             return fit, True
     return best, False
 

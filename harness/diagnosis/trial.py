@@ -26,8 +26,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from physics_crosscheck.reference.solving.segments import Segments
 from physics_crosscheck.reference.solving.variants import Variants
-from .fit import Faults, Hypothesis
-from .hypotheses import Perturbation, TrialHypothesis
+from .fit import Faults, Hypothesis, Perturbation
 from .samples import RUNGS_OF_SLOPES, RUNGS_USED, quick_ends, reference_ends, variant_ends
 
 NUDGE = 1e-4
@@ -46,7 +45,7 @@ class TrialModel:
         model, coordinates: the model in its engine.
         samples: the segments.
         ends: the model's end states, scaled and flat, (N,).
-        candidates: H hypotheses.
+        hypotheses: H hypotheses.
         folder: for copies of the model.
         known_slopes: slopes of the literals, if known from a similar model.
     """
@@ -56,7 +55,7 @@ class TrialModel:
     coordinates: CoordinateMap
     samples: Sequence[Segments]
     ends: Array
-    candidates: tuple[TrialHypothesis, ...]
+    hypotheses: tuple[Hypothesis, ...]
     folder: Path
     known_slopes: Mapping[CauseId, Array] = field(default_factory=dict)
     _engine_ends: dict[object, Array] = field(default_factory=dict, repr=False)
@@ -67,23 +66,18 @@ class TrialModel:
         """The equations with free parameters."""
         return self.task.target.variants
 
-    @property
-    def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """Hypotheses, in the order of the candidates."""
-        return tuple(candidate.hypothesis for candidate in self.candidates)
-
     def defect(self, faults: Faults) -> Array:
         """Return engine - reference at the ends with repaired faults, scaled and flat, (N,)."""
         return self._repaired(faults, RUNGS_USED) - self._moved(self.point(faults))
 
     def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
         """Return the defect per unit of each fault, near these faults, (len(indices), N)."""
-        indices = range(len(self.candidates)) if indices is None else indices
+        indices = range(len(self.hypotheses)) if indices is None else indices
         rows = np.zeros((len(indices), len(self.ends)))
         free: dict[int, int] = {}
         for row, index in enumerate(indices):
-            candidate = self.candidates[index]
-            hypothesis, parameters = candidate.hypothesis, candidate.perturbation.parameters
+            hypothesis = self.hypotheses[index]
+            parameters = hypothesis.repair.parameters
             if not hypothesis.switch and parameters:
                 (free[row],) = parameters
             elif hypothesis.switch:
@@ -100,7 +94,7 @@ class TrialModel:
     def _slope(self, faults: Faults, index: int) -> Array:
         """Return the slope by a difference, downwards if the engine rejects the larger number."""
         base = self._repaired(faults, RUNGS_OF_SLOPES)
-        step = NUDGE * self.candidates[index].hypothesis.size
+        step = NUDGE * self.hypotheses[index].size
         for delta in (step, -step):
             moved = {**faults, index: faults.get(index, 0.0) + delta}
             change = base - self._repaired(moved, RUNGS_OF_SLOPES)
@@ -130,7 +124,7 @@ class TrialModel:
         """Return parameters of the equations with repaired faults, (P,)."""
         point = self.variants.nominal.copy()
         for row, fault in faults.items():
-            for index, unit in self.candidates[row].perturbation.parameters.items():
+            for index, unit in self.hypotheses[row].repair.parameters.items():
                 point[index] += fault * unit
         return point
 
@@ -170,7 +164,7 @@ class TrialModel:
         count = len(self.model.coordinates)
         repair = _Repair(sign=np.ones(count), offset=np.zeros(count))
         for row, fault in faults.items():
-            repair.take(self.candidates[row].perturbation, fault)
+            repair.take(self.hypotheses[row].repair, fault)
         return repair
 
     def _run(self, repair: _Repair, rungs: tuple[int, ...]) -> Array:
@@ -219,10 +213,9 @@ class TrialModel:
         return values
 
     def _nominal_signs(self, address: str) -> Iterator[float]:
-        for candidate in self.candidates:
-            expected = candidate.hypothesis.expected
-            if address in candidate.perturbation.literals and expected is not None:
-                yield float(np.sign(expected))
+        for hypothesis in self.hypotheses:
+            if address in hypothesis.repair.literals and hypothesis.expected is not None:
+                yield float(np.sign(hypothesis.expected))
 
 
 @dataclass

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from bisect import bisect_right
 from codecs import BOM_UTF8
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 from .elements import XmlElement, read_repaired
@@ -28,7 +27,7 @@ class Document:
 
     Attributes:
         path: of the file.
-        data: its bytes; if these are not XML, repaired ones, as UTF-8 with unchanged lines.
+        source, data: its bytes; if these are not XML, repaired ones, as UTF-8 with unchanged lines.
         omitted: number of bytes of the file before these: those of a byte order mark.
         elements: all of them, in order; change only copies of them.
         obstacles: problems so far.
@@ -46,8 +45,8 @@ class Document:
             written = read_regular(path, MAX_MODEL_BYTES) if written is None else written
         except OSError as error:
             raise LocationError(f"can't be read: {error.strerror or error}", file=path) from None
-        source, self.elements = read_repaired(SourceFile(path, written))
-        self.data = source.data
+        self.source, self.elements = read_repaired(SourceFile(path, written))
+        self.data = self.source.data
         repaired = self.data is not written
         self.omitted = len(BOM_UTF8) if repaired and written.startswith(BOM_UTF8) else 0
 
@@ -56,17 +55,9 @@ class Document:
         """The first element."""
         return self.elements[0]
 
-    @cached_property
-    def _ends(self) -> list[int]:
-        return [m.start() for m in re.finditer(rb"\r\n|\r|\n", self.data)]
-
     def line(self, element: XmlElement) -> int:
         """Return the line of an element, from 1."""
-        return self.line_at(element.start)
-
-    def line_at(self, offset: int) -> int:
-        """Return the line of a byte, from 1."""
-        return bisect_right(self._ends, offset) + 1
+        return self.source.line(element.start)
 
     def add_problem(
         self, element: XmlElement, sentence: str, remedy: str, kind: ReadKind = "robot"

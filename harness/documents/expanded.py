@@ -291,6 +291,11 @@ def locate_file(model: Path, name: str) -> Path | None:
     return next((path for path in _places(model, name) if path.is_file()), None)
 
 
+def is_irregular(model: Path, name: str) -> bool:
+    """Return whether a name that `locate_file` rejects means a pipe, a device or a folder."""
+    return any(path.exists() for path in _places(model, name))
+
+
 def _places(model: Path, name: str) -> Iterator[Path]:
     scheme, _, rest = name.partition("://")
     if not rest:

@@ -1,46 +1,16 @@
-"""A number in a file, and the shared parts of every search."""
+"""The bytes of a file, and the shared parts of every search in it."""
 
 from __future__ import annotations
 
 import difflib
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from .errors import LocationError, quote, truncate
-
-
-@dataclass(frozen=True, kw_only=True)
-class Location:
-    """A number in a file.
-
-    Attributes:
-        file: path of the file.
-        start: offset of its first byte.
-        end: offset after its last byte.
-        line: its line, counted from 1.
-        column: its first character in that line, counted from 1.
-        text: the number as written, including its sign.
-    """
-
-    file: Path
-    start: int
-    end: int
-    line: int
-    column: int
-    text: str
-
-    @property
-    def value(self) -> float:
-        """The number."""
-        return float(self.text)
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}"
-
 
 Span = tuple[int, int]
 """First byte of a number, and the one after its last."""
@@ -51,8 +21,6 @@ Resolve = Callable[[str], tuple[Span, float]]
 
 DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 """A finite number, as model files write it."""
-
-_NUMBER = re.compile(r"[+-]?(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -71,6 +39,15 @@ class SourceFile:
         """Offsets of the first byte of each line."""
         return [0, *(match.end() for match in re.finditer(rb"\r\n|\r|\n", self.data))]
 
+    def column(self, offset: int) -> int:
+        """Return the column of a character's first byte, counted from 1."""
+        start = self._starts[self.line(offset) - 1]
+        return len(self.data[start:offset].decode("utf-8").removeprefix("\ufeff")) + 1
+
+    def text(self, span: Span) -> str:
+        """Return the text between two bytes."""
+        return self.data[slice(*span)].decode("utf-8")
+
     def lines(self, offsets: Iterable[int]) -> str:
         """Return the lines of some bytes, in words."""
         numbers = [str(self.line(offset)) for offset in offsets]
@@ -80,20 +57,6 @@ class SourceFile:
         """Return an error about an address, because of the byte at `offset`."""
         line = None if offset is None else self.line(offset)
         return LocationError(f"{quote(address)} {sentence}", file=self.file, line=line)
-
-    def place(self, number: tuple[Span, float], address: str) -> Location:
-        """Return the place of a number if its bytes equal the parser's value."""
-        (start, end), read = number
-        text = self.data[start:end].decode("utf-8")
-        if not _NUMBER.fullmatch(text):
-            raise self.error(address, f"is {quote(text)}; expected a decimal number", start)
-        if float(text) != read:
-            raise self.error(address, f"is written {quote(text)} but read as {read!r}", start)
-        line = self.line(start)
-        before = self.data[self._starts[line - 1] : start].decode("utf-8").removeprefix("\ufeff")
-        return Location(
-            file=self.file, start=start, end=end, line=line, column=len(before) + 1, text=text
-        )
 
 
 def nearest(wanted: str, candidates: Iterable[str]) -> str:
@@ -112,13 +75,3 @@ def apply_edits(data: bytes, changes: Iterable[tuple[int, int, bytes]]) -> bytes
             pieces += (data[done:start], new)
             done = end
     return b"".join((*pieces, data[done:]))
-
-
-def replace_numbers(
-    texts: Mapping[Path, bytes], words: Iterable[tuple[Location, str]]
-) -> dict[Path, bytes]:
-    """Return files' bytes with numbers replaced by other words."""
-    changes: dict[Path, list[tuple[int, int, bytes]]] = {}
-    for place, word in words:
-        changes.setdefault(place.file, []).append((place.start, place.end, word.encode()))
-    return {file: apply_edits(data, changes.get(file, ())) for file, data in texts.items()}

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from .document import Document
 from .elements import XmlElement
 from .errors import quote
@@ -24,6 +25,14 @@ class Mimic:
     leader: str
     multiplier: float
     offset: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FileLink:
+    """A link of a file: its element, and its body, which has no parent yet."""
+
+    element: XmlElement
+    body: RigidBody
 
 
 def free_name(root: str, joints: Iterable[str]) -> str:

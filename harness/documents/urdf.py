@@ -12,12 +12,18 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from physics_crosscheck.reference.mechanism.bodies import ZERO, RigidBody, Triple
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Kind
 from .document import EXPAND, Document
 from .elements import XmlElement
 from .errors import quote
-from .tree import Mimic, add_loop_problems, attach_child, free_name, named_elements
+from .tree import (
+    FileLink,
+    Mimic,
+    add_loop_problems,
+    attach_child,
+    free_name,
+    named_elements,
+)
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {
@@ -46,20 +52,6 @@ _COUNTS = {
     ("mass", "value"): 1,
 }
 """How many numbers an attribute has."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class UrdfLink:
-    """A link: its element, and its body, which has no parent yet."""
-
-    name: str
-    element: XmlElement
-    body: RigidBody
-
-    @property
-    def spatial_inertia(self) -> SpatialInertia:
-        """Its mass and inertia in its own frame."""
-        return self.body.spatial_inertia
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,7 +92,7 @@ class UrdfFile:
     """
 
     document: Document
-    links: Mapping[str, UrdfLink]
+    links: Mapping[str, FileLink]
     joints: Mapping[str, UrdfJoint]
     springs: Mapping[str, tuple[float, float]]
     mimics: Mapping[str, Mimic]
@@ -178,9 +170,9 @@ def _check_numbers(document: Document, element: XmlElement) -> None:
                 document.numbers(part, key, (0.0,) * count, f"<{part.tag}> of {what}")
 
 
-def read_link(document: Document, element: XmlElement, name: str) -> UrdfLink:
+def read_link(document: Document, element: XmlElement, name: str) -> FileLink:
     """Read a link."""
-    return UrdfLink(name=name, element=element, body=_body(document, element, name))
+    return FileLink(element=element, body=_body(document, element, name))
 
 
 def read_joint(document: Document, element: XmlElement, name: str) -> UrdfJoint:

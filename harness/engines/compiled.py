@@ -1,93 +1,24 @@
-"""A model file as the numbers that an engine compiles it to: a tree of bodies on slides and hinges.
+"""A model file as the numbers that an engine compiles it to: a tree of bodies with joints.
 
 This shows how an engine reads defaults, frames, units and shapes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
+from physics_crosscheck.reference.mechanism.bodies import (
+    ZERO,
+    BodyModel,
+    ForceElement,
+    RigidBody,
+    Site,
+)
 from physics_crosscheck.reference.mechanism.laws import Laws
 
 Numbers = tuple[float, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompiledJoint:
-    """A joint.
-
-    Attributes:
-        name: as in the file; empty if it has no name.
-        kind: "hinge", "slide", or the engine's own word.
-        position, axis: position (m) and unit vector in the body's frame.
-        zero: its position in the file's drawn configuration; 0 for a ball or free joint.
-        rest: the position at which its spring is relaxed, likewise.
-        stiffness, damping: coefficients of force, (first, second, ...) power.
-        armature: inertia added to its own motion.
-        friction: dry friction.
-        limits: lower and upper, or None.
-        rest_place, rest_turn: position (m) and quaternion at which the spring of a ball or free
-            joint is relaxed.
-    """
-
-    name: str
-    kind: str
-    position: Numbers
-    axis: Numbers
-    zero: float
-    rest: float
-    stiffness: Numbers
-    damping: Numbers
-    armature: float
-    friction: float
-    limits: tuple[float, float] | None
-    rest_place: Numbers = (0.0, 0.0, 0.0)
-    rest_turn: Numbers = (1.0, 0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompiledBody:
-    """A body.
-
-    Attributes:
-        name: as in the file; empty if it has no name.
-        parent: index of its parent, counted from 1; 0 for the ground.
-        position, turn: its frame in its parent's: metres and a unit quaternion (w, x, y, z).
-        mass, centre: kg, and metres in its frame.
-        principal: orientation of its principal axes, a quaternion in its frame.
-        moments: principal moments of inertia, kg*m^2.
-        joints: between its parent and it.
-        lift: the share of its weight that gravity compensation cancels.
-        ordinary: whether only forces move it and its weight is mass times gravity.
-        dragged: whether a fluid acts on it as on a box.
-    """
-
-    name: str
-    parent: int
-    position: Numbers
-    turn: Numbers
-    mass: float
-    centre: Numbers
-    principal: Numbers
-    moments: Numbers
-    joints: tuple[CompiledJoint, ...]
-    ordinary: bool
-    lift: float = 0.0
-    dragged: bool = True
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompiledFrame:
-    """A frame on a body.
-
-    Attributes:
-        body: its index, counted from 1; 0 for the ground.
-        position, turn: metres and a unit quaternion, in the body's frame.
-    """
-
-    body: int
-    position: Numbers
-    turn: Numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,69 +36,12 @@ class CompiledShape:
     """
 
     name: str
-    frame: CompiledFrame
+    frame: Site
     size: Numbers
     kind: str
     visual: bool = False
     mesh: str = ""
     scale: Numbers = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompiledLength:
-    """A length that is not a linear combination of hinge and slide positions, of one of these
-    kinds.
-
-    Attributes:
-        branches: a cable of straight segments: shares, each with the frames that the segments join.
-        frame: the frame on which `gear` is a force and a moment, along its own axes or those of
-            `against`, which receives the opposite.
-        against: the other frame, or None.
-        joint: index of a ball or free joint on which `gear` is a moment, or a force and a moment;
-            -1 without one.
-        gear: force and moment per unit of F.
-        in_parent: whether moments on a joint are along the axes of its parent body.
-    """
-
-    branches: tuple[tuple[float, tuple[CompiledFrame, ...]], ...] = ()
-    frame: CompiledFrame | None = None
-    against: CompiledFrame | None = None
-    joint: int = -1
-    gear: Numbers = ()
-    in_parent: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompiledForce:
-    """A force along a length s, which is a combination of hinge and slide positions or another
-    length.
-
-    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where w
-    = ds/dt and x is the distance of s outside `rest`. Each joint receives F times its coefficient.
-
-    Attributes:
-        name: of the tendon or actuator.
-        joints: coefficients by the index of the joint among all, in the bodies' order.
-        along: the other length, or None.
-        bias, gain: (b0, b1, b2) and (g0, g1, g2).
-        control: index of its input u, or of the state that replaces it; -1 without one.
-        range: of its input, or None.
-        stiffness, damping: (k_1, k_2, ...), (d_1, d_2, ...).
-        rest: the range of lengths in which springs exert no force.
-        armature: mass that moves as s does.
-    """
-
-    name: str
-    joints: tuple[tuple[int, float], ...] = ()
-    along: CompiledLength | None = None
-    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    gain: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    control: int = -1
-    range: tuple[float, float] | None = None
-    stiffness: Numbers = ()
-    damping: Numbers = ()
-    rest: tuple[float, float] = (0.0, 0.0)
-    armature: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,47 +71,14 @@ class CompiledActuator:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompiledCoupling:
-    """A hinge or slide whose position is multiplier * leader + offset.
-
-    Attributes:
-        follower, leader: indices of the joints among all; without a leader the position is the
-            offset.
-        multiplier, offset: in the units of both.
-        others: further leaders, each with its multiplier.
-    """
-
-    follower: int
-    leader: int | None
-    multiplier: float
-    offset: float
-    others: tuple[tuple[int, float], ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompiledFluid:
-    """A fluid in which the bodies move, each as the box of its mass and moments of inertia.
-
-    Attributes:
-        density, viscosity: kg/m^3, Pa s.
-        wind: m/s.
-    """
-
-    density: float
-    viscosity: float
-    wind: tuple[float, float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompiledTree:
+class CompiledTree(BodyModel):
     """All bodies except the ground, parents first, in the order of the file.
 
+    Bodies and joints without a name have one by their index. `inertia` is along principal axes. A
+    body with a free joint is where the file draws it.
+
     Attributes:
-        gravity: m/s^2.
-        pulls: tendons and actuators.
-        couplings: joints that follow others.
         controls: number of actuator inputs.
-        fluid: the fluid around the bodies, or None.
         name: of the model; empty if it has no name.
         besides: elements that the settings `smooth` and `couplings` leave out, each with its count.
         uncovered: other effects on the bodies that have no formula.
@@ -254,11 +95,6 @@ class CompiledTree:
         others: effects in no other field: subject, attribute and value, in words.
     """
 
-    bodies: tuple[CompiledBody, ...]
-    gravity: tuple[float, float, float]
-    fluid: CompiledFluid | None
-    pulls: tuple[CompiledForce, ...] = ()
-    couplings: tuple[CompiledCoupling, ...] = ()
     controls: int = 0
     name: str = ""
     besides: tuple[tuple[str, int], ...] = ()
@@ -266,10 +102,45 @@ class CompiledTree:
     actuators: tuple[CompiledActuator, ...] = ()
     states: int = 0
     shapes: tuple[str, ...] = ()
-    engine_variants: tuple[tuple[str, tuple[CompiledForce, ...]], ...] = ()
+    engine_variants: tuple[tuple[str, tuple[ForceElement, ...]], ...] = ()
     laws: Laws | None = None
-    paths: tuple[CompiledForce, ...] = ()
+    paths: tuple[ForceElement, ...] = ()
     placed: tuple[CompiledShape, ...] = ()
     options: tuple[tuple[str, str], ...] = ()
     excluded: tuple[tuple[int, int], ...] = ()
     others: tuple[tuple[str, str, str], ...] = ()
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the bodies' order."""
+        return tuple(joint.name for body in self.bodies for joint in body.joints)
+
+    @property
+    def passive(self) -> tuple[ForceElement, ...]:
+        """Forces without an input."""
+        return tuple(pull for pull in self.pulls if pull.input < 0)
+
+    def held(self, controls: Sequence[float]) -> BodyModel:
+        """Return bodies and forces with these inputs; free bodies count from the world."""
+        pulls = (_held(one, controls[one.input] if one.input >= 0 else 0.0) for one in self.pulls)
+        return BodyModel(
+            bodies=tuple(map(_from_world, self.bodies)),
+            gravity=self.gravity,
+            pulls=tuple(pulls),
+            couplings=self.couplings,
+            fluid=self.fluid,
+        )
+
+
+# A file is compiled once for each of its numbers, with mostly equal bodies and forces.
+@lru_cache(maxsize=1024)
+def _held(force: ForceElement, control: float) -> ForceElement:
+    return replace(force, control=control, input=-1, range=None)
+
+
+@lru_cache(maxsize=1024)
+def _from_world(body: RigidBody) -> RigidBody:
+    """Return a body, at the world's origin if it has a free joint; equal ones are one object."""
+    if any(joint.kind == "free" for joint in body.joints):
+        return replace(body, position=ZERO, quaternion=None)
+    return body

@@ -10,16 +10,16 @@ earlier ones, so they are written into each element.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, has_shape_inertia
 from physics_crosscheck.harness.engines.mjcf_inertias import is_aligned
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
 from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
+from physics_crosscheck.reference.mechanism.bodies import Quaternion, RigidBody, Triple
 
 POSE = ("pos", *ORIENTATIONS)
 
@@ -111,7 +111,7 @@ class _Copy:
             weighing = ""
             _state_inertia(copy, compiled)
             if body in self._aligned:
-                _place(copy, compiled.position, compiled.turn)
+                _place(copy, compiled.position, compiled.quaternion)
         if inherited and self._defaults is None:
             copy.set("childclass", inherited)
         for child in body:
@@ -142,22 +142,22 @@ class _Copy:
             copy.set("limited", "false")
 
 
-def _state_inertia(body: XmlElement, compiled: CompiledBody) -> None:
+def _state_inertia(body: XmlElement, compiled: RigidBody) -> None:
     """Write the inertia that another engine has compiled."""
     if compiled.mass:
         inertial = body.add("inertial", {"mass": repr(compiled.mass)})
-        inertial.set("diaginertia", _words(compiled.moments))
-        _place(inertial, compiled.centre, compiled.principal)
+        inertial.set("diaginertia", _words(compiled.inertia[:3]))
+        _place(inertial, compiled.center, compiled.inertia_quaternion)
 
 
-def _place(element: XmlElement, position: Numbers, turn: Numbers) -> None:
+def _place(element: XmlElement, position: Triple, turn: Quaternion | None) -> None:
     for key in POSE:
         element.attributes.pop(key, None)
     element.set("pos", _words(position))
-    element.set("quat", _words(turn))
+    element.set("quat", _words(turn or ORIENTATIONS["quat"]))
 
 
-def _words(numbers: Numbers) -> str:
+def _words(numbers: Sequence[float]) -> str:
     return " ".join(map(repr, numbers))
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.tree import Mimic
-from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledBody, Numbers
+from physics_crosscheck.harness.engines.compiled import CompiledActuator, Numbers
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     Attributes,
     Defaults,
@@ -34,6 +34,7 @@ from physics_crosscheck.harness.engines.protocol import (
     held_joints,
 )
 from physics_crosscheck.harness.engines.urdf_copy import followers_of
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 
 _PARAMETERS = 10
 """Numbers of a compiled gain, and of a bias."""
@@ -220,7 +221,7 @@ class DeclaredMjcf:
     tendons: tuple[Spring, ...]
     actuators: tuple[HeldActuator, ...]
     mimics: tuple[Mimic, ...]
-    inertias: Mapping[XmlElement, CompiledBody]
+    inertias: Mapping[XmlElement, RigidBody]
     lifts: tuple[GravityCompensation, ...]
 
     @property

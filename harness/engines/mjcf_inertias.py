@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
+from physics_crosscheck.harness.engines.compiled import Numbers
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     Attributes,
     Defaults,
@@ -20,6 +20,7 @@ from physics_crosscheck.harness.engines.mjcf_defaults import (
 from physics_crosscheck.harness.engines.mjcf_joints import FREE, MjcfJoint
 from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 
 SHAPES = ("sphere", "capsule", "cylinder", "box", "ellipsoid")
 """Shapes whose mass follows from numbers of the file."""
@@ -75,7 +76,7 @@ def left_to_compiler(
 
 def compiled_bodies(
     source: MjcfSource, needed: Mapping[XmlElement, Reason], compiler: Engine | None, title: str
-) -> dict[XmlElement, CompiledBody]:
+) -> dict[XmlElement, RigidBody]:
     """Return these bodies as an engine compiles them.
 
     Args:
@@ -95,8 +96,8 @@ def compiled_bodies(
         raise source.unsupported(element, f"{sentence}: {title}'s adapter needs {lacking} for it")
     bodies = [body for body, _ in bodies_of(source)]
     compiled = compiler.compiled(source.path).bodies
-    names = [body.get("name", "") for body in bodies]
-    if names != [one.name for one in compiled]:
+    pairs = zip(bodies, compiled, strict=len(bodies) == len(compiled))
+    if len(bodies) != len(compiled) or any(a.get("name", b.name) != b.name for a, b in pairs):
         raise source.unsupported(element, f"{sentence}, and {compiler.title} makes other bodies")
     return {body: one for body, one in zip(bodies, compiled, strict=True) if body in needed}
 
@@ -120,7 +121,7 @@ def aligns(source: MjcfSource, body: XmlElement, joint: XmlElement) -> bool:
 
 
 def lifts_of(
-    source: MjcfSource, compiled: Mapping[XmlElement, CompiledBody]
+    source: MjcfSource, compiled: Mapping[XmlElement, RigidBody]
 ) -> Iterator[GravityCompensation]:
     """Yield the gravity compensation of each body.
 
@@ -139,7 +140,7 @@ def lifts_of(
             continue
         if body in compiled:
             yield GravityCompensation(
-                body=body, centre=compiled[body].centre, mass=share * compiled[body].mass
+                body=body, centre=compiled[body].center, mass=share * compiled[body].mass
             )
         elif inertial is not None:
             mass = number_of(source, inertial, inertial.attributes, "mass")

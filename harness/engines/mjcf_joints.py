@@ -82,7 +82,7 @@ def _joint(
     free = element.tag == "freejoint"
     attributes = element.attributes if free else defaults.attributes(element, inherited)
     kind = FREE if free else attributes.get("type", HINGE)
-    turn = 1.0 if kind != HINGE or _radians(source) else math.pi / 180
+    turn = 1.0 if kind != HINGE else source.angle_unit
     if "springdamper" in attributes and any(
         numbers_of(source, element, attributes, "springdamper", "0 0")
     ):
@@ -106,10 +106,6 @@ def _joint(
         armature=number("armature"),
         friction=number("frictionloss"),
     )
-
-
-def _radians(source: MjcfSource) -> bool:
-    return source.stated("compiler", "angle") == "radian"
 
 
 def _limits(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -49,6 +50,11 @@ class MjcfSource:
         """Return an error about a valid element that an adapter does not support."""
         file, line = element.place
         return UnsupportedError(sentence, file=file, line=line)
+
+    @property
+    def angle_unit(self) -> float:
+        """The unit of angles, rad."""
+        return 1.0 if self.stated("compiler", "angle") == "radian" else math.pi / 180
 
     def stating(self, tag: str, attribute: str) -> XmlElement | None:
         """Return the last `<option>`, `<compiler>` or the like with an attribute: it counts."""

@@ -19,7 +19,8 @@ from pathlib import Path
 import sympy as sp
 
 from physics_crosscheck.harness.documents.errors import LocationError, quote
-from physics_crosscheck.harness.documents.location import Location, apply_edits
+from physics_crosscheck.harness.documents.location import apply_edits
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.system import System
 from .expressions import parse
@@ -52,7 +53,7 @@ class Binding:
 
     address: str
     expression: str
-    place: Location
+    place: Number
     expected: float
     rounding: float
 
@@ -127,13 +128,13 @@ def mismatches(bound: Iterable[Binding]) -> tuple[Binding, ...]:
     return tuple(b for b in bound if not b.exact and not b.rounded)
 
 
-def locate(sidecar: Sidecar, addresses: Iterable[str]) -> dict[str, Location]:
+def locate(sidecar: Sidecar, addresses: Iterable[str]) -> dict[str, Number]:
     """Return the literals in the model file or its sidecar at these addresses.
 
     Raises:
         LocationError: naming file, line and remedy.
     """
-    places: dict[str, Location] = {}
+    places: dict[str, Number] = {}
     for file, within in _by_file(sidecar, addresses).items():
         located = find(file, within.values())
         places |= {address: located[inner] for address, inner in within.items()}

@@ -2,74 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from decimal import Decimal
-from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.sdf.read import SdfJoint
+from physics_crosscheck.harness.documents.tree import FileLink, Mimic
+from physics_crosscheck.harness.documents.urdf import UrdfJoint
 from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
-from physics_crosscheck.reference.mechanism.bodies import Coupling, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.bodies import BodyModel, Coupling, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.tree import Tree
 from .inertias import massless_groups
-from .robot import HELD, BodyModel, LinkPart, Omission, PlacedShape, Robot, home_of
+from .link_shapes import placed_in
+from .robot import HELD, LinkPart, Omission, Robot, home_of, refused
 
 Elements = Mapping[str, XmlElement]
 """Elements by the names of links or joints."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TreeBuild:
-    """A tree with accelerations, unless the document has problems.
-
-    Attributes:
-        assembled: the tree.
-        bodies, couplings: its parts.
-        still: joints that are fixed, since they move nothing that has inertia.
-    """
-
-    assembled: Assembled
-    bodies: Sequence[RigidBody]
-    couplings: tuple[Coupling, ...]
-    still: tuple[str, ...]
-
-
-def build_tree(
+def build_robot(
     document: Document,
-    links: Elements,
-    joints: Elements,
+    *,
+    name: str,
+    links: Mapping[str, FileLink],
+    joints: Mapping[str, UrdfJoint] | Mapping[str, SdfJoint],
     mimics: Mapping[str, Mimic],
     bodies_with: Callable[[Collection[str]], tuple[RigidBody, ...]],
+    left_out: tuple[Omission, ...],
     gravity: Triple,
-) -> TreeBuild:
-    """Assemble bodies; problems with masses are noted in the document.
+    floats: bool,
+    stated: Mapping[str, object] = MappingProxyType({}),
+) -> Robot:
+    """Return the robot of a file; without a tree if the document has problems, also with masses.
 
     Args:
         document: the file.
-        links, joints: their elements.
+        name: of the robot.
+        links, joints: of the file.
         mimics: joints that follow others.
         bodies_with: a function that returns the bodies, with joints of these names fixed.
+        left_out, floats, stated: as in `Robot`.
         gravity: m/s^2.
     """
-    still: tuple[str, ...] = ()
-    while True:
+    path, still = document.path, tuple[str, ...]()
+    elements = {name: one.element for name, one in links.items()}
+    moving = {name: one.element for name, one in joints.items()}
+    parts = tuple(_part_of(document, link) for link in links.values())
+    while not document.obstacles:
         bodies = bodies_with(still)
-        held = couplings({name: one for name, one in mimics.items() if name not in still})
-        tree = assembled(bodies, gravity, couplings=held)
-        groups = _massless(document, tree, links)
-        more = _holdable(tree.tree, groups, joints, mimics)
+        followers = couplings({name: one for name, one in mimics.items() if name not in still})
+        built = assembled(bodies, gravity, couplings=followers)
+        groups = _massless(document, built, elements)
+        more = _holdable(built.tree, groups, moving, mimics)
         if not more:
+            for group in groups:
+                _add_resting_problem(document, built.tree, group, elements, moving)
             break
         still += more
-    for group in groups:
-        _add_resting_problem(document, tree.tree, group, links, joints)
-    return TreeBuild(assembled=tree, bodies=bodies, couplings=held, still=still)
+    if document.obstacles:
+        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
+    held = (Omission(what=HELD, count=len(still), where=still),) if still else ()
+    return Robot(
+        name=name,
+        file=path,
+        tree=built.tree,
+        parts=tuple(replace(part, body=built.tree.frames[part.name][0]) for part in parts),
+        limits=built.limits,
+        home=home_of(built.tree, built.limits),
+        left_out=(*left_out, *held),
+        obstacles=(),
+        body_model=BodyModel(bodies=bodies, gravity=gravity, couplings=followers),
+        held=still,
+        floats=floats,
+        placed=placed_in(links, path),
+        stated=dict(stated),  # a proxy can't be sent between processes
+    )
 
 
 def _massless(document: Document, built: Assembled, links: Elements) -> tuple[tuple[int, ...], ...]:
@@ -184,23 +196,10 @@ def couplings(mimics: Mapping[str, Mimic]) -> tuple[Coupling, ...]:
     )
 
 
-class Named(Protocol):
-    """A link or a joint that was read."""
-
-    @property
-    def element(self) -> XmlElement:
-        """Its element in the file."""
-
-
-def elements_of(named: Mapping[str, Named]) -> Elements:
-    """Return the elements of links or joints."""
-    return {name: one.element for name, one in named.items()}
-
-
-def part_of(document: Document, element: XmlElement, body: RigidBody) -> LinkPart:
+def _part_of(document: Document, link: FileLink) -> LinkPart:
     """Return a link as a separate part."""
-    stated = element.find("inertial/inertia")
-    return LinkPart(link=body, line=document.line(element), rounding=_rounding(stated))
+    line, stated = document.line(link.element), link.element.find("inertial/inertia")
+    return LinkPart(link=link.body, line=line, rounding=_rounding(stated))
 
 
 def _rounding(stated: XmlElement | None) -> float:
@@ -215,37 +214,3 @@ def _rounding(stated: XmlElement | None) -> float:
                 half = Decimal(5 if key[1] == key[2] else 10)
                 total += float(half.scaleb(int(number.as_tuple().exponent) - 1))
     return total
-
-
-def robot_of(
-    build: TreeBuild,
-    *,
-    name: str,
-    file: Path,
-    parts: tuple[LinkPart, ...],
-    left_out: tuple[Omission, ...],
-    gravity: Triple,
-    floats: bool,
-    placed: tuple[PlacedShape, ...] = (),
-    stated: Mapping[str, object] = MappingProxyType({}),
-) -> Robot:
-    """Return the robot of a tree; the arguments are its attributes."""
-    built, still = build.assembled, build.still
-    held = (Omission(what=HELD, count=len(still), where=still),) if still else ()
-    return Robot(
-        name=name,
-        file=file,
-        tree=built.tree,
-        parts=tuple(replace(part, body=built.tree.frames[part.name][0]) for part in parts),
-        limits=built.limits,
-        home=home_of(built.tree, built.limits),
-        left_out=(*left_out, *held),
-        obstacles=(),
-        body_model=BodyModel(
-            bodies=tuple(build.bodies), gravity=gravity, couplings=build.couplings
-        ),
-        held=still,
-        floats=floats,
-        placed=placed,
-        stated=dict(stated),  # a proxy can't be sent between processes
-    )

@@ -13,9 +13,9 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.tree import FileLink
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
-from .build_tree import Named
 from .robot import PlacedShape
 
 _SIZES: Mapping[str, tuple[tuple[str, int, float], ...]] = MappingProxyType(
@@ -30,7 +30,7 @@ _SIZES: Mapping[str, tuple[tuple[str, int, float], ...]] = MappingProxyType(
 """The sizes of each form: name, count of its numbers, and factor to half edges or half lengths."""
 
 
-def placed_in(links: Mapping[str, Named], file: Path) -> tuple[PlacedShape, ...]:
+def placed_in(links: Mapping[str, FileLink], file: Path) -> tuple[PlacedShape, ...]:
     """Return the shapes of all links, by their names."""
     rows = (_shapes(name, link.element, file) for name, link in links.items())
     return tuple(shape for row in rows for shape in row)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.documents.expanded import locate_file
+from physics_crosscheck.harness.documents.expanded import is_irregular, locate_file
 from physics_crosscheck.harness.records.scene import MeshProblem, UnreadMesh
 from physics_crosscheck.reference.mechanism.rotations import Array
 from .robot import PlacedShape
@@ -44,14 +44,15 @@ def unread_meshes(shapes: Iterable[PlacedShape]) -> tuple[UnreadMesh, ...]:
     problems = {
         PurePosixPath(name).name: problem
         for file, name in dict.fromkeys((one.file, one.mesh) for one in shapes if one.mesh)
-        if (problem := _problem(locate_file(file, name)))
+        if (problem := _problem(file, name))
     }
     return tuple(UnreadMesh(name=name, problem=problem) for name, problem in problems.items())
 
 
-def _problem(file: Path | None) -> MeshProblem | None:
+def _problem(model: Path, name: str) -> MeshProblem | None:
+    file = locate_file(model, name)
     if file is None:
-        return "missing"
+        return "not a regular file" if is_irregular(model, name) else "missing"
     try:
         read_mesh(file)
     except MissingReaderError:

@@ -1,4 +1,4 @@
-"""Every number in a robot's file: its place, its address, and how to change it.
+"""Every number in a robot's file: its address, and how to change it.
 
 Numbers are read as tolerantly as the file itself: commas may separate them.
 """
@@ -6,15 +6,17 @@ Numbers are read as tolerantly as the file itself: commas may separate them.
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement, attribute_span, text_span
-from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile, apply_edits
+from physics_crosscheck.harness.documents.location import DECIMAL
+from physics_crosscheck.harness.documents.number import Number, replace_numbers
+from physics_crosscheck.reference.mechanism.tree import Tree
 
 _WORD = re.compile(r"[^\s,]+")
 _IDENTITIES = ("name", "class", "file")
@@ -32,38 +34,49 @@ digits.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Number:
-    """A number as written in a file.
+class ModelFile(ABC):
+    """A robot's file with its includes: their numbers, and the tree for other values.
+
+    Args:
+        documents: the file and its includes.
 
     Attributes:
-        address: the shortest address that is unique in the file.
-        path: the tags that lead to it and its attribute, as in `robot/link/inertial/mass@value`.
-        file: that contains it.
-        line: counted from 1.
-        start, end: its first byte in the document, and the one after its last.
-        span: the same in the file itself.
-        text: the number as written.
-        value: the number.
-        scale: the size that relative changes refer to: its own, or the largest of its list.
-        element: that contains it.
-        key: the attribute; empty for text.
-        word: index in the attribute.
+        numerals: all numbers, in order.
+        unread: why numbers of some of its files are missing, one sentence each.
     """
 
-    address: str
-    path: str
-    file: Path
-    line: int
-    start: int
-    end: int
-    span: tuple[int, int]
-    text: str
-    value: float
-    scale: float
-    element: XmlElement
-    key: str
-    word: int
+    unread: tuple[str, ...] = ()
+
+    def __init__(self, documents: Sequence[Document]) -> None:
+        self._texts = {one.path: one.data for one in documents}
+        self.numerals = tuple(one for document in documents for one in numerals(document))
+
+    @property
+    @abstractmethod
+    def relevant_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that may affect the tree."""
+
+    @abstractmethod
+    def tree(self, values: Mapping[int, float]) -> Tree | None:
+        """Return the tree with other values of some numbers, by index, or None."""
+
+    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
+        """Return the files, by path, with other values of some numbers."""
+        words = ((self.numerals[i], repr(value)) for i, value in values.items())
+        return replace_numbers(self._texts, words)
+
+    @property
+    def read_numbers(self) -> frozenset[int]:
+        """Indices of the law's numbers whose compiled values are compared with the file's text."""
+        return frozenset()
+
+    def placing(self, candidates: Collection[int]) -> Collection[int]:
+        """Return those numbers that shapes and sites depend on: where they are, or their sizes."""
+        return ()
+
+    def engine_variants(self) -> Iterable[tuple[str, Tree]]:
+        """Return differences of the engine that compiles the file: causes, each with its tree."""
+        return ()
 
 
 def numerals(document: Document) -> tuple[Number, ...]:
@@ -75,34 +88,26 @@ def numerals(document: Document) -> tuple[Number, ...]:
         rows = [row for key in _keys(element) if (row := _row(document, element, key))]
         for key, spans, values in rows:
             sizes = [abs(value) for value in _related(element, key, rows, values)]
-            for word, ((start, end), value) in enumerate(zip(spans, values, strict=True)):
+            for word, (start, end) in enumerate(spans):
                 ending = (f"@{key}" if key else "") + (f"[{word}]" if len(values) > 1 else "")
-                line = document.line_at(start)
                 largest = max(sizes)
                 result.append(
                     Number(
-                        address=names.address(element, key) + ending,
-                        path=paths[id(element)] + (f"@{key}" if key else ""),
                         file=document.path,
-                        line=line,
                         start=start,
                         end=end,
-                        span=(start + document.omitted, end + document.omitted),
+                        line=document.source.line(start),
                         text=document.data[start:end].decode(),
-                        value=value,
+                        address=names.address(element, key) + ending,
+                        path=paths[id(element)] + (f"@{key}" if key else ""),
                         scale=largest if largest > SMALL else UNSIZED,
-                        element=element,
+                        within=element,
                         key=key,
                         word=word,
+                        omitted=document.omitted,
                     )
                 )
     return tuple(result)
-
-
-def with_values(data: bytes, numbers: Sequence[Number], values: Mapping[int, float]) -> bytes:
-    """Return a document's bytes with other values of some of its numbers, by index."""
-    places = ((numbers[index], value) for index, value in values.items())
-    return apply_edits(data, ((one.start, one.end, repr(value).encode()) for one, value in places))
 
 
 def replace_word(text: str, word: int, value: float) -> str:
@@ -146,7 +151,7 @@ def _row(document: Document, element: XmlElement, key: str) -> _Row | None:
     words = _WORD.findall(text)
     if not words or not all(map(DECIMAL.fullmatch, words)):
         return None
-    source = SourceFile(document.path, document.data)
+    source = document.source
     start, end = attribute_span(element, key, source) if key else text_span(element, source)
     spans = [
         (start + match.start(), start + match.end())
@@ -180,7 +185,8 @@ class ElementAddresses:
         self._counts: Counter[tuple[str, str]] = Counter()
         self._spelled: dict[int, list[str]] = {}
         for element in document.elements:
-            spelled = self._spelled[id(element)] = _spelled(element)
+            steps = range(1, element.depth + 1)
+            spelled = self._spelled[id(element)] = [element.spelled(count) for count in steps]
             self._counts.update(
                 (path, key) for path in spelled for key in (*element.attributes, "")
             )
@@ -197,14 +203,3 @@ class ElementAddresses:
         line = self._document.line(element)
         column = element.start - self._document.data.rfind(b"\n", 0, element.start)
         return f"{line}:{column} {spelled[0]}"
-
-
-def _spelled(element: XmlElement) -> list[str]:
-    """Return an element's addresses, with one step or more."""
-    step = element.tag if element.identity is None else f"{element.tag}[{element.identity}]"
-    addresses, above = [step], element.parent
-    while above is not None:
-        step = above.tag if above.identity is None else f"{above.tag}[{above.identity}]"
-        addresses.append(f"{step}/{addresses[-1]}")
-        above = above.parent
-    return addresses

@@ -16,7 +16,7 @@ from pathlib import Path
 import mpmath as mp
 import sympy as sp
 
-from physics_crosscheck.harness.documents.location import replace_numbers
+from physics_crosscheck.harness.documents.number import replace_numbers
 from physics_crosscheck.reference.mechanism.system import System
 from .bindings import Binding, bindings, with_texts
 from .expressions import parse

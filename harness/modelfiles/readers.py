@@ -2,53 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
 from physics_crosscheck.harness.engines.protocol import Spring
+from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.bodies import ForceElement
-from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+from physics_crosscheck.reference.mechanism.tree import TreeError
 from .formats import FORMATS
-from .numbers import Number
+from .numbers import ModelFile
 from .robot import LOCKED, Omission, Robot, home_of
 
 FOLLOWERS = "joints that follow others"
 """Omission of couplings that a setting releases."""
-
-
-class Numbers(Protocol):
-    """The numbers of a robot's file, and the tree for other values."""
-
-    @property
-    def numerals(self) -> tuple[Number, ...]:
-        """All numbers, in order."""
-
-    @property
-    def relevant_numbers(self) -> tuple[int, ...]:
-        """Indices of the numbers that may affect the tree."""
-
-    @property
-    def read_numbers(self) -> frozenset[int]:
-        """Indices of the law's numbers whose compiled values are compared with the file's text."""
-
-    @property
-    def unread(self) -> tuple[str, ...]:
-        """Why numbers of some of its files are missing, one sentence each."""
-
-    def tree(self, values: Mapping[int, float]) -> Tree | None:
-        """Return the tree with other values of some numbers, by index, or None."""
-
-    def placing(self, candidates: Collection[int]) -> Collection[int]:
-        """Return those numbers that shapes and sites depend on: where they are, or their sizes."""
-
-    def engine_variants(self) -> Iterable[tuple[str, Tree]]:
-        """Return differences of the engine that compiles the file: causes, each with its tree."""
-
-    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """Return the files, by path, with other values of some numbers."""
 
 
 class Reader(Protocol):
@@ -57,7 +26,7 @@ class Reader(Protocol):
     def read(self, file: Path, settings: Mapping[str, object]) -> Robot:
         """Read a robot's file."""
 
-    def numbers(self, file: Path, settings: Mapping[str, object]) -> Numbers:
+    def numbers(self, file: Path, settings: Mapping[str, object]) -> ModelFile:
         """Return the numbers of a file that has a tree.
 
         Raises:
@@ -123,7 +92,8 @@ def _changed(
         return robot
     kept = model.without(names)
     pulls = (*kept.pulls, *(_force_element(f"spring[{i}]", one) for i, one in enumerate(springs)))
-    whole = replace(kept, pulls=pulls, couplings=() if released else kept.couplings).assembled()
+    couplings = () if released else kept.couplings
+    whole = assemble(replace(kept, pulls=pulls, couplings=couplings))
     count = len(model.couplings) if released else 0
     free = (Omission(what=FOLLOWERS, count=count, where=()),) if count else ()
     return replace(
@@ -146,7 +116,7 @@ def _force_element(name: str, spring: Spring) -> ForceElement:
     )
 
 
-def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
+def robot_numbers(file: Path, settings: Mapping[str, object]) -> ModelFile:
     """Return the numbers of a robot's file that has a tree, by its suffix.
 
     Args:

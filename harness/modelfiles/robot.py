@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -11,11 +11,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.harness.engines.protocol import ARMATURES
-from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
-from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.bodies import BodyModel, RigidBody
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
-from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 HELD = "joints that move nothing with inertia (held still)"
 
@@ -99,46 +98,6 @@ class PlacedShape:
     visual: bool = False
     mesh: str = ""
     scale: tuple[float, ...] = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodyModel:
-    """The input of a tree: bodies, joints and forces with the numbers of the file.
-
-    Attributes:
-        bodies: parents first.
-        gravity: m/s^2.
-        pulls: tendons and actuators.
-        couplings: joints that follow others.
-        fluid: around the bodies, or None.
-    """
-
-    bodies: tuple[RigidBody, ...]
-    gravity: Triple
-    pulls: tuple[ForceElement, ...] = ()
-    couplings: tuple[Coupling, ...] = ()
-    fluid: Fluid | None = None
-
-    def without(self, joints: Collection[str]) -> BodyModel:
-        """Return the input with these joints fixed, without what acts on them."""
-        names = set(joints)
-        return replace(
-            self,
-            bodies=tuple(
-                replace(body, joints=tuple(one for one in body.joints if one.name not in names))
-                for body in self.bodies
-            ),
-            pulls=tuple(p for p in self.pulls if names.isdisjoint(name for name, _ in p.joints)),
-            couplings=tuple(
-                one
-                for one in self.couplings
-                if names.isdisjoint((one.follower, one.leader, *dict(one.others)))
-            ),
-        )
-
-    def assembled(self) -> Assembled:
-        """Return the tree; TreeError names the joint of a force that the bodies lack."""
-        return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.fluid)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -44,7 +44,7 @@ class SceneMesh(Record, frozen=True, kw_only=True):
     faces: str
 
 
-MeshProblem = Literal["missing", "empty", "unreadable", "without a reader"]
+MeshProblem = Literal["missing", "not a regular file", "empty", "unreadable", "without a reader"]
 
 
 class UnreadMesh(Record, frozen=True, kw_only=True):

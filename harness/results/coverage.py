@@ -52,8 +52,11 @@ def left_out(models: Iterable[Model]) -> list[str]:
     return [f"{file}: {reason}: {what}" for file, what in lines_by_file.items()]
 
 
-_IGNORED = re.compile(r"<(?!contact\b)\w+> of <(gazebo|link|joint|limit|dynamics)>.*")
-"""Elements of a URDF that no engine reads, as a file's omissions state them."""
+_IGNORED = re.compile(
+    r"<(?!(contact|plugin|sensor)\b)\w+> of"
+    r" <(gazebo|model|link|joint|axis|limit|dynamics|surface)>.*"
+)
+"""Elements of a URDF or SDF that no engine reads, as a file's omissions state them."""
 
 _RATIOS = ("mechanicalReduction", "motorInertia")
 """Numbers of a transmission that no engine reads."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .bodies import Coupling, ForceElement, Joint, RigidBody, Site, Triple, powers
+from .bodies import BodyModel, Coupling, ForceElement, Joint, RigidBody, Site, Triple, powers
 from .force_paths import JointForce, LinkFrame, Way
 from .numeric import Array
 from .rotations import DOUBLES, about_axis
@@ -84,6 +84,11 @@ def assembled(
         limits=(lower, upper),
         cancelled=tuple(builder.cancelled),
     )
+
+
+def assemble(model: BodyModel) -> Assembled:
+    """Assemble the input of a tree; TreeError names the joint of a force that the bodies lack."""
+    return assembled(model.bodies, model.gravity, model.pulls, model.couplings, model.fluid)
 
 
 def with_bodies(tree: Tree, bodies: Mapping[str, RigidBody], changed: Collection[str]) -> Tree:

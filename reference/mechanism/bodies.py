@@ -7,8 +7,8 @@ Welded bodies are separate records, and one body may have several joints in seri
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import get_args
 
@@ -17,7 +17,7 @@ import numpy as np
 from .force_paths import CablePath, FrameForce, JointForce
 from .rotations import Array, from_quaternion, from_rpy
 from .spatial_inertia import Place, SpatialInertia
-from .tree import Kind, TreeError
+from .tree import Fluid, Kind, TreeError
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -239,6 +239,8 @@ class ForceElement:
         bias: (b0, b1, b2).
         gain: (g0, g1, g2).
         control: constant control input u.
+        input: index of the input that u comes from, in a file of several; -1 without one.
+        range: of that input, or None.
         stiffness: k_1, k_2, ...; N/m^i or N m/rad^i.
         damping: d_1, d_2, ...
         rest: range of lengths with zero spring force.
@@ -254,6 +256,8 @@ class ForceElement:
     bias: Triple = ZERO
     gain: Triple = ZERO
     control: float = 0.0
+    input: int = -1
+    range: tuple[float, float] | None = None
     stiffness: Powers = 0.0
     damping: Powers = 0.0
     rest: tuple[float, float] = (0.0, 0.0)
@@ -300,6 +304,42 @@ class Coupling:
         what = f"the coupling of {self.follower!r}"
         _check(what, "multiplier and offset", (self.multiplier, self.offset), 2)
         _check(what, "others", [share for _, share in self.others])
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyModel:
+    """The input of a tree: bodies, joints and forces with the numbers of the file.
+
+    Attributes:
+        bodies: parents first.
+        gravity: m/s^2.
+        pulls: tendons and actuators.
+        couplings: joints that follow others.
+        fluid: around the bodies, or None.
+    """
+
+    bodies: tuple[RigidBody, ...]
+    gravity: Triple
+    pulls: tuple[ForceElement, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    fluid: Fluid | None = None
+
+    def without(self, joints: Collection[str]) -> BodyModel:
+        """Return the input with these joints fixed, without what acts on them."""
+        names = set(joints)
+        return replace(
+            self,
+            bodies=tuple(
+                replace(body, joints=tuple(one for one in body.joints if one.name not in names))
+                for body in self.bodies
+            ),
+            pulls=tuple(p for p in self.pulls if names.isdisjoint(name for name, _ in p.joints)),
+            couplings=tuple(
+                one
+                for one in self.couplings
+                if names.isdisjoint((one.follower, one.leader, *dict(one.others)))
+            ),
+        )
 
 
 def powers(value: Powers) -> tuple[float, ...]:

@@ -150,6 +150,10 @@ class Surface:
     softness: Softness
     masks: tuple[int, int] = (1, 1)
 
+    def touches(self, other: Surface) -> bool:
+        """Return whether two surfaces touch by their masks."""
+        return bool(self.masks[0] & other.masks[1] or other.masks[0] & self.masks[1])
+
     @property
     def frictions(self) -> Numbers:
         """Friction of five directions, as in `ContactParameters`."""

@@ -148,21 +148,19 @@ def _check_locks(equations: TreeEquations, settling: Array) -> None:
 
 def _check_springs(equations: TreeEquations, home: Array, swinging: Array) -> None:
     """Refuse joints that their own springs lock at home, by the rates of their swings, rad/s."""
-    springs = {
+    tree, names = equations.system.tree, [one.name for one in equations.system.coordinates]
+    rates = dict(zip(names, swinging, strict=True))
+    locked = {
         link.name: link.stiffness
-        for link, there in zip(
-            equations.system.tree.links, equations.system.tree.velocities, strict=True
-        )
-        if link.stiffness > 0 and link.kind in ("hinge", "slide")
+        for link, there in zip(tree.links, tree.velocities, strict=True)
+        if link.stiffness > 0 and rates.get(link.name, 0.0) > STIFF_RATE
         and link.rest[0] == home[there.start]
     }  # fmt: skip
-    names = [coordinate.name for coordinate in equations.system.coordinates]
-    rates = {name: rate for name, rate in zip(names, swinging, strict=True) if name in springs}
-    if locked := tuple(name for name, rate in rates.items() if rate > STIFF_RATE):
+    for name, stiffness in locked.items():
         raise LockedError(
-            f"stiffness {springs[locked[0]]:g} moves joint {locked[0]!r} within "
-            f"{1 / rates[locked[0]]:.0e} s: lower the stiffness, or fix the joint",
-            locked,
+            f"stiffness {stiffness:g} moves joint {name!r} within {1 / rates[name]:.0e} s: "
+            "lower the stiffness, or fix the joint",
+            tuple(locked),
         )
 
 

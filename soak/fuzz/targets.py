@@ -33,7 +33,6 @@ from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin, template
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
-from physics_crosscheck.harness.modelfiles.locations.outline import outline
 from physics_crosscheck.harness.modelfiles.locations.python import python_numbers, python_offset
 from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 from physics_crosscheck.harness.modelfiles.locations.xml import xml_numbers, xml_offset
@@ -139,7 +138,6 @@ def _parse_xml(data: bytes) -> object:
     source, name = SourceFile(Path("model.xml"), text), address.decode("utf-8", errors="replace")
     elements = read_elements(source)
     text.decode("utf-8")
-    outline(source.file, text)
     xml_offset(source, name)
     list(xml_numbers(source, re.compile(r".*")))
     for element in elements[:2]:

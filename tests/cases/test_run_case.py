@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import Engine
-from physics_crosscheck.harness.checks import acting_impulses as impulse_module
+from physics_crosscheck.harness.checks import acting as acting_module
 from physics_crosscheck.harness.checks import audit as audit_run
 from physics_crosscheck.harness.checks import case as case_module
 from physics_crosscheck.harness.checks import planar_step as planar_module
@@ -48,7 +48,7 @@ def only_known_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     def engines() -> dict[str, Engine]:
         return {"known": KnownEngine()}
 
-    for module in (task_module, planar_module, impulse_module, audit_run, diagnosis_module):
+    for module in (task_module, planar_module, acting_module, audit_run, diagnosis_module):
         monkeypatch.setattr(module, "engines", engines)
 
 

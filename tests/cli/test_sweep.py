@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from physics_crosscheck.harness.extras.sweep.main import summary
 from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
-from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.render.html.sweep import render_sweep
 from physics_crosscheck.harness.results.status import percent

@@ -11,17 +11,21 @@ from rich.console import Console
 from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.candidate import candidates
 from physics_crosscheck.harness.commands.compare.compare import (
+    UNCHECKED,
     CompareOptions,
-    OwnFile,
     compare,
-    states_task,
 )
-from physics_crosscheck.harness.commands.compare.laws import LawsTask, compare_laws
-from physics_crosscheck.harness.commands.compare.match import declared
+from physics_crosscheck.harness.commands.compare.laws import compare_laws
+from physics_crosscheck.harness.commands.compare.match import (
+    declared,
+    pairs_of,
+)
 from physics_crosscheck.harness.commands.compare.prepared import prepare
-from physics_crosscheck.harness.commands.compare.ranges import start_range
-from physics_crosscheck.harness.commands.compare.side import pairs_of
-from physics_crosscheck.harness.commands.compare.states import SampledStates, sampled_states
+from physics_crosscheck.harness.commands.compare.states import (
+    SampledStates,
+    sampled_states,
+    start_range,
+)
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.comparison import Compared, ComparedActing, ComparedProperty
@@ -56,7 +60,7 @@ def compared(
     with pytest.MonkeyPatch.context() as patch:
         if not own_files:
             name = f"{compare.__module__}.check_own_files"
-            patch.setattr(name, lambda *_: (OwnFile(), OwnFile()))
+            patch.setattr(name, lambda *_: (UNCHECKED, UNCHECKED))
         return compare(options, InThisProcess())
 
 
@@ -76,8 +80,10 @@ def sampled(
     model_a, model_b = candidates((a, b), (engine_a, engine_b))
     options = CompareOptions(a=model_a, b=model_b, starts=starts)
     prepared = prepare(InThisProcess(), options.a, options.b, ({}, {}), include_constraints=False)
-    start = start_range(*prepared.source_first(prepared.facts), prepared.match)
-    return sampled_states(states_task(options, prepared, start))
+    source, target = prepared.source_first(prepared.facts)
+    return sampled_states(
+        source, prepared.match, start_range(source, target, prepared.match), options.starts
+    )
 
 
 def laws(
@@ -92,7 +98,7 @@ def laws(
     prepared = prepare(InThisProcess(), *models, ({}, {}), include_constraints=False)
     source = prepared.source_first(prepared.facts)[0]
     pairs = pairs_of(prepared.match, source.coordinates)
-    rows = compare_laws(LawsTask(facts=prepared.facts, pairs=pairs))
+    rows = compare_laws(prepared.facts, pairs)
     assert rows is not None
     return list(rows)
 

@@ -68,6 +68,7 @@ RED = (
     ("<option ", '<option noslip_iterations="3" ', "noslip_iterations", 3),
     ("<option ", '<option density="1.2" wind="1 0 0" ', "density", 3),
     ('active="false"', 'active="true"', "active of weld dock", 19),
+    ('active="false"', 'active="false" torquescale="2"', "inactive equality weld dock: other", 19),
     ('energy="disable"', 'contact="disable"', "contact", 3),
     ('energy="disable"', 'filterparent="disable"', "filterparent", 3),
     ('<geom name="floor" type="plane" size="5 5 1"/>', "", "floor", 6),
@@ -116,6 +117,7 @@ GREEN = (
     ('size="0.1 0.12 0.05" mass', 'size="0.12 0.1 0.05" euler="0 0 1.5707963267948966" mass'),
     ('type="plane" size="5 5 1"', 'type="plane" size="9 9 1" rgba="1 0 0 1"'),
     ('energy="disable"', 'energy="enable"'),
+    ("<option ", '<option wind="3 0 0" '),  # without a medium
     ('rpy="0 0 0"', 'rpy="0 0 6.283185307179586"'),
     ('radius="0.1"', 'radius="0.2"'),
     ('axis xyz="0 1 0"', 'axis xyz="0 2 0"'),

@@ -139,7 +139,7 @@ def test_every_number_of_each_format_is_listed(tmp_path: Path) -> None:
     numbers = {}
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
-        numbers[name] = [(one.path, one.location.text) for one in literals(tmp_path / name)]
+        numbers[name] = [(one.path, one.text) for one in literals(tmp_path / name)]
     assert numbers == {
         "a.xml": [("a@b", "1"), ("a@b", "2"), ("a/d", "4"), ("a/e@f", "1.5")],
         "a.py": [("A", "1"), ("", "2.5")],
@@ -205,9 +205,11 @@ def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:
 def test_what_no_engine_reads_is_one_line() -> None:
     """Catch the ratio of a transmission that is lost among the numbers without effect."""
     ratios = Untested(reason="transmissions", count=2, examples=("motorInertia", "reduction"))
-    parts = ("<contact> of <link>", "<mu1> of <gazebo>", "<static> of <gazebo> (2)", "dry friction")
+    parts = ("<contact> of <link>", "<mu1> of <gazebo>", "<static> of <gazebo> (2)", "dry friction",
+             "<kp> of <surface>", "<dampin> of <axis>", "<plugin> of <model>")  # fmt: skip
     models = [model(coverage=Coverage(numbers=2, untested=(ratios,), left_out=parts))] * 2
     assert unread_line(models) == (
-        "no engine reads <motorInertia> of <transmission>; <mu1>, <static> of <gazebo>"
+        "no engine reads <motorInertia> of <transmission>; <mu1>, <static> of <gazebo>;"
+        " <kp> of <surface>; <dampin> of <axis>"
     )
     assert unread_line([model(coverage=Coverage(left_out=parts[:1]))]) == ""

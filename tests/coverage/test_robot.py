@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
+from xml.parsers import expat
 
 import pytest
 
+from physics_crosscheck.harness.checks.audit import audit_terms
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.findings import negative_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import (
@@ -15,6 +20,7 @@ from physics_crosscheck.harness.diagnosis.coverage import (
     counted_numbers,
     summarized,
 )
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_bodies
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
@@ -23,6 +29,7 @@ from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from tests.models import written
 from tests.robots.files import joint, link
 
+CASES = Path(__file__).parents[2] / "docs" / "cases"
 PLACE = '<origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>'
 LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="2"/>'
 TEXT = "\n".join(
@@ -34,6 +41,23 @@ TEXT = "\n".join(
         "</robot>",
     ]
 )
+
+
+@pytest.mark.parametrize(("name", "engine"), [("arm.urdf", "pybullet"), ("arm.xml", "mujoco")])
+def test_process_parses_a_file_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, engine: str
+) -> None:
+    """Catch a reader that parses by itself: an MJCF was parsed 45 times in one run."""
+    if engines()[engine].version() is None:
+        pytest.skip(f"{engine} is not installed")
+    create = Mock(side_effect=expat.ParserCreate)
+    monkeypatch.setattr(expat, "ParserCreate", create)
+    file = written(tmp_path, name, (CASES / name).read_text())
+    task = model_task(prepare_tree(file), engine)
+    assert [*negative_findings(file)] == []
+    for step in (run_case, audit_terms, count_robot, diagnose_bodies):
+        step(task)
+    assert create.call_count == 1
 
 
 @pytest.mark.parametrize("engine", [one.name for one in engines_reading(".urdf")])

@@ -150,7 +150,7 @@ def test_unbound_number_is_a_candidate_but_visual_geometry_is_not(opened: Open) 
 def test_literals_of_one_expression_change_together(opened: Open) -> None:
     with opened() as (trial, _):
         both = index(trial, "body[pendulum]/inertial@mass")
-        moved = trial.candidates[both].perturbation.literals
+        moved = trial.hypotheses[both].repair.literals
         assert moved == {"body[pendulum]/inertial@mass": -1.0}
         groups = [h for h in trial.hypotheses if h.id.kind == "literals"]
         assert all(len(h.id.subject) > 1 for h in groups)

@@ -89,7 +89,7 @@ def test_every_hypothesis_of_a_builtin_system_has_its_phrase(name: str) -> None:
         assert isinstance(sidecar, Sidecar)
         for engine in (one for one in sidecar.engines if not engines()[one].extra):
             candidates = everything(system, sidecar, *load(system, sidecar, engine), free)
-            names = [candidate.hypothesis.id for candidate in candidates]
+            names = [candidate.id for candidate in candidates]
             assert len(set(names)) == len(names)
             for identity in names:
                 actual[identity.kind].add(str(identity))

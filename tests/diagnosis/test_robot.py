@@ -196,7 +196,7 @@ def test_number_that_differs_in_the_engine_is_reported_with_both_values(tmp_path
     assert tree is not None
     flow = Flow(tree, samples.start[:24], samples.start_inputs[:24], samples.length)
     shift = engine_problem.flow.moved(tree) / engine_problem.scale
-    problem = replace(file_problem, flow=flow, apart=engine_problem.apart - shift, suspicions=tuple(
+    problem = replace(file_problem, flow=flow, apart=engine_problem.apart - shift, hypotheses=tuple(
         suspicions(file_problem.numbers, is_reference=True)))  # fmt: skip
     best = diagnose(problem, uncertainty).fits[0]
     sentence = cause_sentences(explanation(best))[0]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import ModelSpec
-from physics_crosscheck.harness.checks.acting_impulses import urdf_quantities
+from physics_crosscheck.harness.checks.acting import urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws

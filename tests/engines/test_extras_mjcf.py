@@ -1,7 +1,5 @@
 """How Pinocchio and Drake read an MJCF, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

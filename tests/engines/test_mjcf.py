@@ -200,7 +200,7 @@ def test_literals_of_a_declared_format_are_bound_moved_and_hypotheses(
     assert find(moved.model, [STIFFNESS])[STIFFNESS].value == 48.0
     model, coordinates = load_model(physics.system, sidecar, "known")
     tried = everything(physics.system, sidecar, model, coordinates, physics.variants)
-    names = {str(candidate.hypothesis.id) for candidate in tried}
+    names = {str(candidate.id) for candidate in tried}
     assert {STIFFNESS, "damping on x"} <= names
 
 
@@ -218,8 +218,8 @@ def test_without_declared_syntax_only_equations_have_hypotheses(
     assert line_of(sidecar.model, STIFFNESS) is None
     model, coordinates = load_model(physics.system, sidecar, "known")
     tried = everything(physics.system, sidecar, model, coordinates, physics.variants)
-    assert not any("literal" in candidate.hypothesis.id.kind for candidate in tried)
-    assert np.all([candidate.hypothesis.size > 0 for candidate in tried])
+    assert not any("literal" in candidate.id.kind for candidate in tried)
+    assert np.all([candidate.size > 0 for candidate in tried])
 
 
 def test_model_file_without_a_sidecar_is_reported(folder: Path) -> None:

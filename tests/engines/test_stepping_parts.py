@@ -1,7 +1,5 @@
 """Parts that adapters share: a Runge-Kutta stepper, mimics, springs, settings."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

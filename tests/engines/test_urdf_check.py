@@ -1,7 +1,5 @@
 """An ambiguous or invalid URDF is rejected by line before an engine loads it."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from pathlib import Path

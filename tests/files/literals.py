@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.location import Location
+from physics_crosscheck.harness.documents.number import Number as FileNumber
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 Number = tuple[str, str, str]
@@ -118,7 +118,7 @@ def sidecar_numbers(path: Path) -> Iterator[Number]:
 
 
 def unaccounted(
-    sidecar: Sidecar, places: Mapping[str, Location], excepted: Collection[Number]
+    sidecar: Sidecar, places: Mapping[str, FileNumber], excepted: Collection[Number]
 ) -> list[Number]:
     """Return the numbers that are neither bound nor excepted: (file, key, number)."""
     path = Path(f"{sidecar.model}.toml")

@@ -6,6 +6,7 @@ import pytest
 
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.number import read_number
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
 from tests.models import written
 
@@ -242,9 +243,9 @@ def test_binary_or_missing_file_is_refused(tmp_path: Path) -> None:
 
 def test_bytes_that_differ_from_the_parsed_value_are_refused(tmp_path: Path) -> None:
     source = SourceFile(tmp_path / "m.xml", b'<a b="1.5"/>')
-    assert source.place(((6, 9), 1.5), "a@b").text == "1.5"
+    assert read_number(source, (6, 9), 1.5, "a@b").text == "1.5"
     with pytest.raises(LocationError, match=r"m\.xml:1: 'a@b' is written '1\.5' but read as 2\.5"):
-        source.place(((6, 9), 2.5), "a@b")
+        read_number(source, (6, 9), 2.5, "a@b")
 
 
 MECHANICS = r"(joint|inertial|mass)@\w+|springStiffness"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import ModelSpec
-from physics_crosscheck.harness.checks.acting_impulses import merged, urdf_quantities
+from physics_crosscheck.harness.checks.acting import merged, urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.engines.protocol import WholeState
 from physics_crosscheck.harness.engines.registry import engines

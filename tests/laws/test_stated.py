@@ -12,6 +12,8 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
+from physics_crosscheck.harness.engines.mjcf_defaults import Defaults
+from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import ReadingCheck, check_reading
@@ -105,6 +107,40 @@ def test_file_states_what_it_compiles_to(tmp_path: Path, scene: str) -> None:
     assert check.compared > 30
     named = ("between sites", "follow from shapes", "contents of meshes", "within <frame>")
     assert not [one for one in check.unread if not any(word in one for word in named)]
+
+
+FIELDS = {"solreflimit": "solref_limit", "solimplimit": "solimp_limit",
+          "solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}  # fmt: skip
+ARRAYS = {
+    "geom": ("friction", "solref", "solimp"), "site": ("size",), "equality": ("solref", "solimp"),
+    "joint": (*FIELDS, "stiffness", "damping"), "general": ("gear", "dynprm", "gainprm", "biasprm"),
+    "tendon": (*FIELDS, "stiffness", "damping", "springlength"),
+    "pair": ("friction", "solref", "solimp", "solreffriction"),
+}  # fmt: skip
+"""Arrays of which the format accepts the first numbers, by default element."""
+
+
+@pytest.mark.parametrize(("tag", "key"), [(tag, key) for tag in ARRAYS for key in ARRAYS[tag]])
+def test_first_numbers_overwrite_those_of_a_class(tmp_path: Path, tag: str, key: str) -> None:
+    """Catch an array whose other numbers are not those that the compiler takes."""
+    partial, file = dict.fromkeys(ARRAYS, "") | {tag: f'{key}="0.5"'}, tmp_path / "arrays.xml"
+    file.write_text(f"""<mujoco><default><{tag} {key}="0.3 0.4"/></default><worldbody>
+<geom name="f" size=".1"/><body name="b"><geom name="g" size=".1" {partial["geom"]}/>
+<joint name="j" {partial["joint"]}/><site {partial["site"]}/></body></worldbody>
+<tendon><fixed {partial["tendon"]}><joint joint="j" coef="1"/></fixed></tendon>
+<equality><weld body1="b" {partial["equality"]}/></equality>
+<contact><pair geom1="f" geom2="g" {partial["pair"]}/></contact>
+<actuator><general joint="j" {partial["general"]}/></actuator></mujoco>""")
+    spec = pytest.importorskip("mujoco").MjSpec.from_file(str(file))
+    kind = {"equality": "equalities", "general": "actuators"}.get(tag, f"{tag}s")
+    last = getattr(spec, kind)[-1]
+    values = getattr(last, key if hasattr(last, key) else FIELDS[key]).ravel().tolist()[:2]
+    source = read_source_mjcf(file)
+    element = next(one for one in source.root.iter() if one.get(key) == "0.5")
+    chain = Defaults(source).chain(element, "", (tag,))
+    assert chain.numbers(key, (0.0, 0.0)) == pytest.approx(values)
+    words = [float(word) for word in chain.attributes[key].split()]
+    assert [words[0], words[-1]] == pytest.approx(values)
 
 
 def test_drive_without_a_law_is_not_misread(tmp_path: Path) -> None:

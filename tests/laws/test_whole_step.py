@@ -1,7 +1,5 @@
 """Whole steps of MuJoCo and PyBullet against their laws: agreement, and planted faults."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -48,16 +48,6 @@ def studied(motion: Motion, folder: Path = BALL) -> StepStudy:
     return study_events(model, coordinates, motion, power=None, amplitude=motion.amplitude)
 
 
-def test_dense_motion_jumps_at_each_impact(drop: Motion) -> None:
-    first = drop.events[0]
-    assert first == pytest.approx(np.sqrt(2 * 0.5 / 9.81), rel=1e-14)
-    before, after = drop.states_at(np.array([first - 1e-6, first + 1e-6]))[:, 1]
-    assert before == pytest.approx(-np.sqrt(2 * 9.81 * 0.5), rel=1e-5)
-    assert after == pytest.approx(0.8 * np.sqrt(2 * 9.81 * 0.5), rel=1e-5)
-    times = np.linspace(0, first, 50)
-    assert drop.states_at(times)[:, 0] == pytest.approx(0.5 - 9.81 * times**2 / 2, abs=1e-13)
-
-
 def test_full_runs_have_order_one_and_show_each_impact(drop: Motion) -> None:
     study = studied(drop)
     assert study.full_run_check.converges

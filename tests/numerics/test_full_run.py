@@ -130,19 +130,6 @@ def test_recommended_steps_reach_the_breaks_of_the_input(bench: MakeBench) -> No
     assert measured <= 1.05 * target
 
 
-class Sleepy(SymplecticEuler):
-    """Falls asleep a hundred steps after a start, as engines do to save time."""
-
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        awake = min(n, 100)
-        z, w = super().rollout(q, v, h, awake, None, 1)
-        z = np.concatenate([z, np.repeat(z[:, -1:], n - awake, axis=1)], axis=1)
-        w = np.concatenate([w, np.zeros((len(q), n - awake, q.shape[1]))], axis=1)
-        return z[:, every - 1 :: every], w[:, every - 1 :: every]
-
-
 class Precise(SymplecticEuler):
     """The classical rule of order four, with a tiny error at usual steps."""
 
@@ -204,10 +191,6 @@ def test_tiny_error_independent_of_the_step_does_not_converge(bench: MakeBench) 
     assert not study(bench(Lazy(step=2e-3)), claimed=4).full_run_check.converges
 
 
-def test_engine_that_falls_asleep_does_not_converge(bench: MakeBench) -> None:
-    assert not study(bench(Sleepy())).full_run_check.converges
-
-
 class Tiring(SymplecticEuler):
     """Slightly more damping after 100 steps of a run, below the error of the time step."""
 
@@ -234,23 +217,6 @@ def test_correct_engine_has_no_residual_as_the_step_falls(bench: MakeBench) -> N
     result = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
     assert result.full_run_check.converges
     assert result.full_run_check.residual < 1e-6
-
-
-class Leaning(SymplecticEuler):
-    """A spurious force of a thousandth of the spring's, which does not fall with h."""
-
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        push = np.full((len(q), n, 1), 0.001 * STIFFNESS * 0.25)
-        return super().rollout(q, v, h, n, push, every)
-
-
-@pytest.mark.slow
-def test_constant_error_does_not_converge(bench: MakeBench) -> None:
-    result = study(bench(Leaning(step=2e-5)))
-    assert not result.full_run_check.converges
-    assert result.full_run_check.order < 0.5
 
 
 def test_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:

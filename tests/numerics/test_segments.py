@@ -107,20 +107,6 @@ def test_coarse_fault_is_seen_through_single_precision(bench: MakeBench) -> None
     assert result.outcome is Outcome.DIFFERS
 
 
-class Stop(SymplecticEuler):
-    """An inelastic stop at x = -0.1."""
-
-    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
-        q, v = super().stepped(q, v, push, h)
-        return np.where(q < -0.1, -0.1, q), np.where(q < -0.1, 0.0, v)
-
-
-def test_undeclared_stop_never_agrees(bench: MakeBench) -> None:
-    result, _ = verdict(bench(Stop()))
-    assert result.outcome in (Outcome.DIFFERS, Outcome.UNRESOLVED)
-    assert result.discrepancy > 1e-2
-
-
 class Exploding(SymplecticEuler):
     def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
         z[3] = np.nan

@@ -10,7 +10,16 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.coverage import count_robot
 from physics_crosscheck.records import Case, Outcome
 from tests.models import written
-from tests.poses.edited import case_of_edited
+
+
+def case_of_edited(path: Path, text: str, old: str, new: str, engine: str) -> Case:
+    """Write a file, replace a part that it has once, and compare it with the file as it was."""
+    path.write_text(text)
+    target = prepare_tree(path, states=4)
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    return run_case(model_task(target, engine))
+
 
 TETRAHEDRON = "0 0 0  0.3 0 0  0 0.2 0  0 0 0.1"
 MJCF = f"""<mujoco><compiler angle="radian"/>

@@ -1,7 +1,5 @@
 """Files that an engine compiles, as trees of bodies whose equations match the engine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

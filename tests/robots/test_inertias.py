@@ -1,7 +1,5 @@
 """Physically impossible inertias are reported by link and line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

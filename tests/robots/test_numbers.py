@@ -10,8 +10,8 @@ import pytest
 
 from physics_crosscheck.engine import CompiledTree
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
-from physics_crosscheck.harness.modelfiles.numbers import NUDGE
-from physics_crosscheck.harness.modelfiles.readers import Numbers, read_robot, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.models import written
 from tests.robots.files import joint, link
@@ -36,7 +36,7 @@ URDF = "\n".join(
 )
 
 
-def by_address(numbers: Numbers) -> dict[str, int]:
+def by_address(numbers: ModelFile) -> dict[str, int]:
     indices = {one.address: i for i, one in enumerate(numbers.numerals)}
     assert len(indices) == len(numbers.numerals)
     return indices

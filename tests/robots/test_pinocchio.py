@@ -1,7 +1,5 @@
 """Public robots, read here and by Pinocchio: the equations agree to rounding."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -12,6 +12,7 @@ from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.expanded import in_source, source_of
 from physics_crosscheck.harness.engines.sdf import load_sdf, sdf_remarks
 from physics_crosscheck.harness.engines.urdf import UrdfReader
+from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
@@ -344,7 +345,8 @@ def test_other_elements_of_a_world_are_reported_as_left_out(tmp_path: Path) -> N
         "<physics name='p' type='ode'><max_step_size>0.002</max_step_size><ode/></physics>"
     )
     sensor = "<sensor name='s'><plugin name='p'><model/><include/></plugin></sensor>"
-    shape = "<collision name='c'><plugin><mass>abc</mass><axis2/></plugin></collision>"
+    surface = "<surface><contact><ode><kp>9</kp></ode></contact><mu>1</mu></surface>"
+    shape = f"<collision name='c'>{surface}<plugin><mass>abc</mass><axis2/></plugin></collision>"
     base = BASE.replace("</link>", f"{sensor}{shape}</link>").replace("<pose>", "<pose odd='1'>", 1)
     robot = read(tmp_path, base, ARM, WELD, joint(), "<enable_wind>1</enable_wind>", world=world)
     tree_of(robot)
@@ -352,6 +354,7 @@ def test_other_elements_of_a_world_are_reported_as_left_out(tmp_path: Path) -> N
         "collision geometry": ("base",),
         "odd of <pose>": ("base",),
         "<sensor> of <link>": ("base",),
+        "<kp> of <surface>": (),
         "<enable_wind> of <model>": (),
         "static model": ("ground",),
         "<include> of another file": ("model://sun",),
@@ -421,9 +424,13 @@ def test_nested_and_included_models_become_one(
 
 
 def test_each_moving_model_runs_in_turn(tmp_path: Path) -> None:
-    read(tmp_path, BASE, ARM, WELD, joint(), world=f"{STATIC}{SECOND}")
+    (tmp_path / "part.stl").touch()
+    uri = "<geometry><mesh><uri>part.stl</uri></mesh></geometry>"
+    arm = ARM.replace("</link>", f"<collision name='c'>{uri}</collision></link>")
+    read(tmp_path, BASE, arm, WELD, joint(), world=f"{STATIC}{SECOND}")
     file = tmp_path / "robot.sdf"
     files = robot_files([str(file)]).files
+    assert [one.problem for one in unread_meshes(read_robot(files[1]).placed)] == ["empty"]
     assert [one.name for one in files] == ["robot.second.sdf", "robot.m.sdf"]
     assert [[link.mass for link in tree_of(read_robot(one)).links] for one in files] == [[7], [2]]
     assert robot_files([str(file)], "m").files == files[1:]

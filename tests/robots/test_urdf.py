@@ -1,7 +1,5 @@
 """URDF semantics: frames, welded links, defaults, and elements that are left out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

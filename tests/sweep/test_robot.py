@@ -12,11 +12,10 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.extras.sweep import trees as swept_trees
 from physics_crosscheck.harness.extras.sweep.case import run_block, swept
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
-from physics_crosscheck.harness.extras.sweep.main import sweep
+from physics_crosscheck.harness.extras.sweep.main import summary, sweep
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan
 from physics_crosscheck.harness.extras.sweep.planned import Block
 from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
-from physics_crosscheck.harness.extras.sweep.summary import summary
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from physics_crosscheck.harness.extras.sweep.summary import summary
+from physics_crosscheck.harness.extras.sweep.main import summary
 from physics_crosscheck.harness.records.case import TargetStep
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.coverage import Coverage

@@ -271,13 +271,12 @@ def _compiled_efforts(facts: RobotFacts) -> Iterator[tuple[str, tuple[float, Sou
     laws = None if facts.compiled is None else facts.compiled.laws
     if laws is None or facts.compiled is None:
         return
-    names = [joint.name for body in facts.compiled.bodies for joint in body.joints]
     total: dict[str, float] = {}
     for drive in laws.drives:
         path = facts.compiled.paths[drive.path]
         limit = np.inf if drive.force_range is None else max(map(abs, drive.force_range))
-        for index, gear in path.joints:
-            total[names[index]] = total.get(names[index], 0.0) + limit * abs(gear)
+        for name, gear in path.joints:
+            total[name] = total.get(name, 0.0) + limit * abs(gear)
     for name, effort in total.items():
-        if name and np.isfinite(effort):
+        if np.isfinite(effort):
             yield name, (effort, facts.line("joint", name))

@@ -5,8 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from physics_crosscheck.harness.checks.acting import LARGEST, acting_quantities
-from physics_crosscheck.harness.checks.acting_impulses import DRAG, merged, urdf_quantities
+from physics_crosscheck.harness.checks.acting import (
+    DRAG,
+    LARGEST,
+    acting_quantities,
+    merged,
+    urdf_quantities,
+)
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.comparison import ComparedActing

@@ -3,31 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
-from physics_crosscheck.harness.modelfiles.mjcf.tree import SPREAD, held_controls
-from .property import Difference, make_property
+from physics_crosscheck.harness.modelfiles.mjcf.read import SPREAD, held_controls
+from .match import Pairs
+from .side import Difference, make_property
 
-
-@dataclass(frozen=True, kw_only=True)
-class ActuatorPairs:
-    """Pairs of corresponding actuators, by index.
-
-    Attributes:
-        pairs: (index in A, index in B), in the order of A.
-        how: a phrase for each pair whose names differ.
-        unpaired: indices of the unpaired actuators, of A and of B.
-    """
-
-    pairs: tuple[tuple[int, int], ...]
-    how: tuple[str, ...]
-    unpaired: tuple[tuple[int, ...], tuple[int, ...]]
+Held = tuple[list[float], list[float]]
+"""Constant controls of a file's actuators, and initial values of their activation states."""
 
 
 def pair_actuators(
     a: Sequence[CompiledActuator], b: Sequence[CompiledActuator], joints: Mapping[str, str]
-) -> ActuatorPairs:
+) -> Pairs[int]:
     """Pair actuators by name, then by the joint they act on, then by the order of like ones.
 
     Args:
@@ -42,9 +30,9 @@ def pair_actuators(
     ):
         _add_pairs(pairs, how, [of_a(one) for one in a], [of_b(one) for one in b])
     paired_b = {j for j, _ in pairs.values()}
-    return ActuatorPairs(
-        pairs=tuple((i, pairs[i][0]) for i in sorted(pairs)),
-        how=tuple(
+    return Pairs(
+        pairs={i: pairs[i][0] for i in sorted(pairs)},
+        notes=tuple(
             f"actuator {_name(a[i])} of A is {_name(b[j])} of B: by {how}"
             for i, (j, how) in sorted(pairs.items())
             if a[i].name != b[j].name
@@ -78,21 +66,8 @@ def _name(actuator: CompiledActuator) -> str:
     return actuator.name or f"on {actuator.on}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """Constant inputs of a file's actuators.
-
-    Attributes:
-        controls: value of each input.
-        states: initial value of each activation state.
-    """
-
-    controls: tuple[float, ...]
-    states: tuple[float, ...]
-
-
-def held_alike(a: CompiledTree, b: CompiledTree, pairs: ActuatorPairs) -> tuple[Held, Held]:
-    """Return controls and initial states of A and B: within A's ranges where paired.
+def held_alike(a: CompiledTree, b: CompiledTree, pairs: Pairs[int]) -> tuple[Held, Held]:
+    """Return controls and initial states of A and of B: within A's ranges where paired.
 
     Unpaired actuators of B take values within B's ranges. A state begins away from the value that
     its control would hold, so that its dynamics act.
@@ -101,16 +76,12 @@ def held_alike(a: CompiledTree, b: CompiledTree, pairs: ActuatorPairs) -> tuple[
         (list(held_controls(compiled)), [_state(compiled, i) for i in range(compiled.states)])
         for compiled in (a, b)
     )
-    for i, j in pairs.pairs:
+    for i, j in pairs.pairs.items():
         here, there = a.actuators[i], b.actuators[j]
         inputs_b[0][there.control] = inputs_a[0][here.control]
         for k, state in zip(here.states, there.states, strict=False):
             inputs_b[1][state] = inputs_a[1][k]
-    first, second = (
-        Held(controls=tuple(controls), states=tuple(states))
-        for controls, states in (inputs_a, inputs_b)
-    )
-    return first, second
+    return inputs_a, inputs_b
 
 
 def _state(compiled: CompiledTree, index: int) -> float:
@@ -140,7 +111,7 @@ def actuator_properties(
             message = f"actuator {_name(actuator)}: in {label} alone"
             moves = acting and actuator.covered
             yield make_property("actuators", actuator.on, message, moves=moves)
-    for i, j in pairs.pairs:
+    for i, j in pairs.pairs.items():
         yield from _differences(a[i], b[j], acting)
 
 

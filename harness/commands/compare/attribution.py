@@ -5,25 +5,26 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, Spring
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, outline
+from physics_crosscheck.harness.modelfiles.locations import MARKUP, read_source
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
 from physics_crosscheck.reference.solving.segments import Segments, even_indices
-from .candidate import Candidate, CompareError
+from .candidate import Candidate, CompareError, FailureError, ask, ask_each
 from .diff import SourceEdit, applied, edits
-from .execute import FailureError, ask, ask_each
 from .judge import Recorded
 from .match import Match
 from .prepared import PreparedComparison
@@ -87,7 +88,8 @@ def attributed(
         for edit in differences
         if not edit.changes and not edit.settings
     ]
-    engine, root = engines()[prepared.models[0].engine], _root(prepared.models[0].sidecar.model)
+    engine, file = engines()[prepared.models[0].engine], prepared.models[0].sidecar.model
+    root = read_elements(read_source(file))[0].tag if file.suffix in MARKUP else ""
     visual = [re.compile(one) for one, what in engine.non_physical.items() if what in NO_PHYSICS]
     quiet = [edit.record for edit in differences if _is_ineffective(edit, root, visual)]
     if not can:
@@ -132,11 +134,6 @@ NO_PHYSICS = ("looks", "step and solver")
 """Categories of numbers without physical effect."""
 
 
-def _root(file: Path) -> str:
-    """Return the tag of an XML file's root element, or "" for other files."""
-    return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
-
-
 def _is_ineffective(edit: SourceEdit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
     """Return whether a difference probably affects no motion, such as a shape; it is tried anyway.
 
@@ -174,20 +171,19 @@ class _Bench:
     """Setup for trials: end states of A and B, unmodified.
 
     Attributes:
-        task: the part common to all trials.
+        run: returns the end states of A with some edits.
         a, b: end states, (K, 2m).
         scale: how far each component moves, (2m,).
         floor: relative size below which nothing is certain.
-        count: number of differences that can be applied.
     """
 
     executor: Executor
-    task: TrialTask
+    candidate: Candidate
+    run: Callable[[tuple[SourceEdit, ...]], Array]
     a: Array
     b: Array
     scale: Array
     floor: float
-    count: int
 
     @staticmethod
     def prepare(
@@ -203,37 +199,36 @@ class _Bench:
         smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
         some = smooth[even_indices(len(smooth), TRIAL_RUNS)]
-        match, actuation = prepared.match, _actuation(*prepared.models)
+        (a, b), match = prepared.models, prepared.match
 
-        def task(candidate: Candidate) -> TrialTask:
+        def run(candidate: Candidate) -> partial[Array]:
             source = candidate.label == match.source
             runs = recorded.runs if source else recorded.compared
-            return TrialTask(
+            return partial(
+                tried,
                 candidate=candidate,
-                edits=(),
                 runs=runs.pick(some),
                 match=match if source else None,
                 near=recorded.compared.end[some],
                 periodic=match.periodic,
-                other=actuation,
+                actuation=_actuation(a, b),
+                count=count,
             )
 
-        of_a, of_b = map(task, prepared.models)
         relevant = doubt[some]
         return _Bench(
             executor=executor,
-            task=of_a,
-            a=ask(executor, prepared.models[0], tried, of_a),
-            b=ask(executor, prepared.models[1], tried, of_b),
+            candidate=a,
+            run=run(a),
+            a=ask(executor, a, run(a), ()),
+            b=ask(executor, b, run(b), ()),
             scale=recorded.compared.unit,
-            count=count,
             floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
         )
 
     def tried(self, sets: Sequence[tuple[SourceEdit, ...]]) -> list[FileDifference]:
         """Apply each set of differences at once."""
-        tasks = [replace(self.task, edits=made, whole=len(made) == self.count) for made in sets]
-        values = ask_each(self.executor, self.task.candidate, tried, tasks)
+        values = ask_each(self.executor, self.candidate, self.run, sets)
         return [
             _difference(made, not_tried=value.reason)
             if isinstance(value, Failure)
@@ -255,61 +250,55 @@ class _Bench:
         return self.tried([(edit,) for edit in group[:limit]])
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialTask:
-    """Input of a worker that tries some differences at once in one model.
+def tried(
+    edits: tuple[SourceEdit, ...],
+    *,
+    candidate: Candidate,
+    runs: Segments,
+    match: Match | None,
+    near: Array,
+    periodic: tuple[bool, ...],
+    actuation: Mapping[str, list[float]],
+    count: int,
+) -> Array:
+    """Return end states (K, 2m) of the runs with some edits applied to a copy.
 
-    Attributes:
-        candidate: the model to edit.
+    Args:
         edits: applied together; () for the unchanged model.
+        candidate: the model to edit.
         runs: in its own coordinates.
         match: conversion to the coordinates of the comparison; None: they are equal.
         near: end states near which angles are taken, (K, 2m).
         periodic: of the coordinates of the comparison.
-        other: settings that hold B's actuators.
-        whole: whether all differences are applied, so that actuators are those of B.
-    """
-
-    candidate: Candidate
-    edits: tuple[SourceEdit, ...]
-    runs: Segments
-    match: Match | None
-    near: Array
-    periodic: tuple[bool, ...]
-    other: Mapping[str, list[float]]
-    whole: bool = False
-
-
-def tried(task: TrialTask) -> Array:
-    """Return end states (K, 2m) of the runs with some edits applied to a copy.
+        actuation: settings that hold B's actuators.
+        count: number of all edits; with all of them, actuators are those of B.
 
     Raises:
         EngineError: if the edited model cannot run.
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         try:
-            model = _loaded(task, _edited(task.candidate, task.edits, Path(folder)))
-            if 2 * len(model.coordinates) != task.runs.start.shape[1]:
+            edited = _edited(candidate, edits, Path(folder))
+            model = _loaded(edited, actuation, whole=len(edits) == count)
+            if 2 * len(model.coordinates) != runs.start.shape[1]:
                 raise EngineError("it changes which joints there are")
-            ends = quick(model, task.runs, task.match)
+            ends = quick(model, runs, match)
         except CompareError:
             raise
         except (RuntimeError, ValueError) as error:
             # Drop the path of the temporary copy: the file's own name is enough.
             raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error
-    if task.match is not None:
-        ends = task.match.convert(ends)
-    return unwrapped(ends, task.near, task.periodic)
+    return unwrapped(ends if match is None else match.convert(ends), near, periodic)
 
 
-def _loaded(task: TrialTask, edited: Candidate) -> LoadedModel:
+def _loaded(edited: Candidate, actuation: Mapping[str, list[float]], *, whole: bool) -> LoadedModel:
     """Return the edited model, with its actuators held as A's, or as B's where they are B's.
 
     Raises:
         EngineError: if it cannot be loaded, or its number of actuators is neither A's nor B's.
     """
-    held = [{}, task.other] if task.other else [{}]
-    for settings in reversed(held) if task.whole else held:
+    held = [{}, actuation] if actuation else [{}]
+    for settings in reversed(held) if whole else held:
         try:
             return edited.with_settings(**settings).load()
         except EngineError as error:

@@ -1,16 +1,19 @@
-"""One of the two models: its file, its engine, and its assumptions."""
+"""One of the two models: its file, its engine, its assumptions, and tasks on it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
+from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.modelfiles.folders import FolderError, similar_path
 from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_problem
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
@@ -322,17 +325,12 @@ def _wanted(label: str, path: Path, requested: str | None, sidecar: Sidecar | No
             )
         return [requested]
     declared = () if sidecar is None else sidecar.engines
-    wanted = [name for name in declared if _reads(all_engines, name, path)] or [
-        engine.name for engine in engines_reading(path.suffix)
-    ]
+    reading = [engine.name for engine in engines_reading(path.suffix)]
+    wanted = [name for name in declared if name in reading] or reading
     if not wanted:
         formats = sorted({suffix for engine in all_engines.values() for suffix in engine.formats})
         raise CompareError(f"{path}: no engine reads it; they read {', '.join(formats)} files")
     return wanted
-
-
-def _reads(all_engines: dict[str, Engine], name: str, path: Path) -> bool:
-    return name in all_engines and path.suffix in all_engines[name].formats
 
 
 def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:
@@ -362,3 +360,47 @@ def _spoken(key: str, value: object) -> str:
         return f"a step of {value:g} s"
     shown = f"({', '.join(f'{x:g}' for x in value)})" if isinstance(value, list) else str(value)
     return f"{key} {shown}"
+
+
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+class FailureError(RuntimeError):
+    """A comparison that could not run."""
+
+    def __init__(self, failure: Failure) -> None:
+        super().__init__(failure.reason)
+        self.failure = failure
+
+
+def ask(executor: Executor, candidate: Candidate, function: Callable[[T], V], argument: T) -> V:
+    """Run a function of a model.
+
+    Raises:
+        CompareError: for wrong usage.
+        FailureError: if an engine fails, with its output.
+    """
+    (value,) = ask_each(executor, candidate, function, [argument])
+    if isinstance(value, Failure):
+        raise CompareError(value.reason) if value.usage else FailureError(value)
+    return value
+
+
+def ask_each(
+    executor: Executor, candidate: Candidate, function: Callable[[T], V], arguments: Sequence[T]
+) -> list[V | Failure]:
+    """Run a function on each argument; failures have the model's name."""
+    tasks = [executor.submit(function, argument) for argument in arguments]
+    values: list[V | Failure] = []
+    for task in tasks:
+        value = executor.outcome(task)
+        values.append(_named(candidate, value) if isinstance(value, Failure) else value)
+    return values
+
+
+def _named(candidate: Candidate, failure: Failure) -> Failure:
+    """Prefix a failure with the model's name, unless the reason already names its file."""
+    if failure.usage or str(candidate.sidecar.model) in failure.reason:
+        return failure
+    return replace(failure, reason=f"{candidate.name}: {failure.reason}")

@@ -17,7 +17,7 @@ import datetime
 import math
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -51,41 +51,28 @@ from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
-from physics_crosscheck.reference.solving.segments import Segments, even_indices
+from physics_crosscheck.reference.solving.segments import Segments
 from .acting import compare_acting
 from .attribution import Attribution, attributed
-from .candidate import Candidate, CompareError, Facts, fallbacks
-from .execute import FailureError, ask, ask_each
-from .explained import Explained, explained, judged_by_equations
-from .file_comparison import FileComparison, compare_files
-from .judge import Judgement, Recorded, judge, recorded_runs
-from .laws import LawsTask, compare_laws
-from .match import Match, halves
+from .candidate import Candidate, CompareError, Facts, FailureError, ask, ask_each, fallbacks
+from .judge import Judgement, Recorded, explained, judge, judged_by_equations, recorded_runs
+from .laws import compare_laws
+from .match import (
+    Match,
+    pairs_of,
+)
 from .prepared import PreparedComparison, omission_notes, prepare
-from .property import make_property
-from .ranges import StartRange, range_notes, start_range
-from .segments import Ends, RunTask, own_forces, reversed_segments, run_source, run_target
-from .side import pairs_of
-from .states import StatesTask, sampled_states
-from .terms import MechanicsTask, TermFrame, differing_terms, mechanics
+from .properties import FileComparison, compare_files
+from .segments import Ends, own_forces, run_source, run_target
+from .side import make_property
+from .states import StartRange, range_notes, sampled_states, start_range
+from .terms import measured_terms
 
+OwnFile = tuple[Case | None, Diagnosis | None]
+"""The verdict on an engine against the equations of its file, and the causes of a difference."""
 
-@dataclass(frozen=True, kw_only=True)
-class OwnFile:
-    """An engine against the equations of its file; both None without equations.
-
-    Attributes:
-        case: the verdict.
-        diagnosis: the causes of a difference.
-    """
-
-    case: Case | None = None
-    diagnosis: Diagnosis | None = None
-
-    @property
-    def explains(self) -> bool:
-        """True if a cause of a difference is known."""
-        return self.diagnosis is not None and self.diagnosis.explained
+UNCHECKED: OwnFile = (None, None)
+"""An engine that has no equations, or a file with a sidecar."""
 
 
 def check_own_files(
@@ -116,7 +103,7 @@ def check_own_files(
                 continue  # no joint moves, or one moves no mass; the comparison reports it
             prepared[place] = target
         checked[keys[-1]] = _check(executor, model, prepared[place], resolution)
-    a, b = (checked.get(key, OwnFile()) for key in keys)
+    a, b = (checked.get(key, UNCHECKED) for key in keys)
     return a, b
 
 
@@ -126,13 +113,13 @@ def _check(
     task = model_task(target, model.engine, resolution=resolution)
     (case,) = ask_each(executor, model, run_case, [task])
     if isinstance(case, Failure):
-        return OwnFile(case=failed_case(task.id, str(task.file), case))
+        return failed_case(task.id, str(task.file), case), None
     if case.outcome is not Outcome.DIFFERS:
-        return OwnFile(case=case)
+        return case, None
     diagnose = partial(diagnose_robot, is_reference=True)
     (causes,) = ask_each(executor, model, diagnose, [task])
     diagnosis = Diagnosis(failure=causes.reason) if isinstance(causes, Failure) else causes
-    return OwnFile(case=case, diagnosis=diagnosis)
+    return case, diagnosis
 
 
 MIN_REVERSED_DISCREPANCY = 1e-4
@@ -143,9 +130,6 @@ MIN_EXPLAINED_SHARE = 0.99
 
 LIMIT_MARGIN = 0.1
 """Share of a joint's range near its limits where no run starts if the limits act."""
-
-MORE_STATES = 6
-"""States at which terms are measured, beyond the number of independent coordinates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +162,7 @@ def compare(
     began = time.perf_counter()
     prepared = _prepared(executor, options)
     motions = _motions(executor, options, prepared)
-    own_files = (OwnFile(), OwnFile())
+    own_files = (UNCHECKED, UNCHECKED)
     if not options.include_constraints:
         own_files = check_own_files(executor, prepared.facts, options.resolution)
     share, measured = _causes(executor, prepared, motions, own_files, options.resolution)
@@ -272,7 +256,8 @@ def deciding(
     stated = [
         one
         for one in compared.properties
-        if (not one.moves or _is_still(one)) and (one.relative is None or one.relative > resolution)
+        if not (one.moves and (one.kind not in PLACES or one.effect is None or one.effect > STILL))
+        and (one.relative is None or one.relative > resolution)
     ]
     weighed_rows = [row for row in laws if row.effect is not None]
     rest = [row for row in laws if row.effect is None]
@@ -283,10 +268,8 @@ STILL = 1e-12
 """Largest effect on motions that is rounding."""
 
 
-def _is_still(row: ComparedProperty) -> bool:
-    """Return whether a joint is elsewhere, which no motion shows, but contacts and poses may."""
-    return row.kind in ("anchor", "axis") and row.effect is not None and row.effect <= STILL
-
+PLACES = ("anchor", "axis")
+"""Kinds of differences of places of joints; if no motion shows one, contacts and poses may."""
 
 SIX_DIGITS = 5e-6
 """Largest relative rounding of a number written with six digits."""
@@ -350,16 +333,14 @@ def unknown_edits(
 def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:
     """Return the numbers of both files' laws that differ; None without a law or if one fails."""
     source = prepared.source_first(prepared.facts)[0]
-    pairs = pairs_of(prepared.match, source.coordinates)
-    task = LawsTask(facts=prepared.facts, pairs=pairs)
-    (rows,) = ask_each(executor, prepared.models[0], compare_laws, [task])
+    read = partial(compare_laws, pairs=pairs_of(prepared.match, source.coordinates))
+    (rows,) = ask_each(executor, prepared.models[0], read, [prepared.facts])
     return None if isinstance(rows, Failure) else rows
 
 
 def _acting(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedActing, ...]:
     """Return what both files' numbers act as where they differ; nothing if an engine fails."""
-    task = prepared.facts
-    (rows,) = ask_each(executor, prepared.models[0], compare_acting, [task])
+    (rows,) = ask_each(executor, prepared.models[0], compare_acting, [prepared.facts])
     return () if isinstance(rows, Failure) else rows
 
 
@@ -370,7 +351,7 @@ def failed_comparison(
     return ComparisonResult(
         created=_spelled(created),
         resolution=options.resolution,
-        models=tuple(_model(one, None, OwnFile()) for one in (options.a, options.b)),
+        models=tuple(_model(one, None, UNCHECKED) for one in (options.a, options.b)),
         outcome=Outcome.FAILED,
         strict=options.strict,
         reason=failure.reason,
@@ -417,41 +398,31 @@ def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComp
     match = prepared.match
     start = start_range(*prepared.source_first(prepared.facts), match)
     recorded = _recorded(executor, options, prepared, start)
-    trial = _Trial(executor, prepared, recorded, options.resolution)
-    followed, judgement = trial.judged(np.ones(len(match.names)))
+    judged = partial(_judged, executor, prepared, recorded, options.resolution)
+    followed, judgement = judged(np.ones(len(match.names)))
     files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
     files = replace(files, properties=(*prepared.locked, *files.properties))
     if judgement.outcome is Outcome.UNRESOLVED and files.sides is not None:
         sides = prepared.source_first(files.sides)
         judgement = judged_by_equations(sides, match, recorded, judgement, options.resolution)
+    plain = _Turned(
+        names=(), signs=np.ones(len(match.names)), remaining=judgement.largest, followed=followed
+    )
+    turned = plain
+    if judgement.outcome is Outcome.DIFFERS and plain.remaining >= MIN_REVERSED_DISCREPANCY:
+        names = tuple(name for name in match.names if name in files.turned)
+        if files.sides is None:
+            turned = _sought(judged, match.names, options.resolution, plain)
+        elif names:
+            signs = np.where([name in names for name in match.names], -1.0, 1.0)
+            turned = replace(_with_signs(judged, signs), names=names)
     return _Motions(
         start=start,
         recorded=recorded,
         followed=followed,
         judgement=judgement,
         files=files,
-        turned=_reversed_joints(trial, judgement, followed, files),
-    )
-
-
-def states_task(
-    options: CompareOptions, prepared: PreparedComparison, start: StartRange
-) -> StatesTask:
-    """Return the input that samples the source's states."""
-    facts, _ = prepared.source_first(prepared.facts)
-    limits = start.limits
-    if options.include_constraints:
-        width = np.where(np.isinf(limits).any(axis=1), 0.0, np.ptp(limits, axis=1))
-        limits = limits + LIMIT_MARGIN * np.outer(width, [1.0, -1.0])
-    return StatesTask(
-        candidate=prepared.source_first(prepared.models)[0],
-        names=facts.coordinates,
-        tree=facts.sampled_tree,
-        match=prepared.match,
-        given=options.starts,
-        home=start.home,
-        limits=limits,
-        taut=start.taut,
+        turned=turned,
     )
 
 
@@ -463,13 +434,15 @@ def _recorded(
     Raises:
         FailureError: if no run is resolved.
     """
-    task = states_task(options, prepared, start)
-    source, match = task.candidate, task.match
-    states = ask(executor, source, sampled_states, task)
-    ones = np.ones(len(match.names))
-    ran = ask(
-        executor, source, run_source, RunTask(source, states.runs, match, options.resolution, ones)
-    )
+    if options.include_constraints:
+        width = np.where(np.isinf(start.limits).any(axis=1), 0.0, np.ptp(start.limits, axis=1))
+        start = replace(start, limits=start.limits + LIMIT_MARGIN * np.outer(width, [1.0, -1.0]))
+    (facts, _), match = prepared.source_first(prepared.facts), prepared.match
+    source = facts.candidate
+    sample = partial(sampled_states, match=match, start=start, given=options.starts)
+    states = ask(executor, source, sample, facts)
+    run = partial(run_source, runs=states.runs, match=match, resolution=options.resolution)
+    ran = ask(executor, source, run, source)
     recorded = recorded_runs(states, ran, match, options.resolution)
     if not len(recorded.bound) and all(one.whole_tree for one in prepared.facts):
         return recorded_runs(states, ran, match, np.inf)  # the equations of both files decide
@@ -487,71 +460,49 @@ def _runs_of_a(recorded: Recorded, match: Match) -> Segments | None:
     return own_forces(recorded.runs, match) if match.constant else None
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """Runs of the target from the source's states, optionally with reversed joints."""
-
-    executor: Executor
-    prepared: PreparedComparison
-    recorded: Recorded
-    resolution: float
-
-    def judged(self, signs: Array) -> tuple[Ends, Judgement]:
-        target = self.prepared.source_first(self.prepared.models)[1]
-        task = RunTask(target, self.recorded.compared, None, self.resolution, signs)
-        followed = ask(self.executor, target, run_target, task)
-        return followed, judge(self.recorded, followed, self.prepared.match, self.resolution)
+_Judge = Callable[[Array], tuple[Ends, Judgement]]
+"""Run and judge the target with some reversed joints, given by signs (m,)."""
 
 
-def _reversed_joints(
-    trial: _Trial, judgement: Judgement, followed: Ends, files: FileComparison
-) -> _Turned:
-    """Return the joints of opposite direction.
-
-    Use the axes where both files have them. Otherwise reverse joints one after the other while that
-    removes most of the discrepancy.
-    """
-    names = trial.prepared.match.names
-    plain = _Turned(
-        names=(), signs=np.ones(len(names)), remaining=judgement.largest, followed=followed
-    )
-    differs = judgement.outcome is Outcome.DIFFERS
-    if not differs or plain.remaining < MIN_REVERSED_DISCREPANCY:
-        return plain
-    if files.sides is None:
-        return _sought(trial, plain)
-    turned = tuple(name for name in names if name in files.turned)
-    if not turned:
-        return plain
-    signs = np.where([name in turned for name in names], -1.0, 1.0)
-    followed, judgement = trial.judged(signs)
-    return _Turned(names=turned, signs=signs, remaining=judgement.largest, followed=followed)
+def _judged(
+    executor: Executor,
+    prepared: PreparedComparison,
+    recorded: Recorded,
+    resolution: float,
+    signs: Array,
+) -> tuple[Ends, Judgement]:
+    """Run the target from the source's states, with some reversed joints."""
+    target = prepared.source_first(prepared.models)[1]
+    run = partial(run_target, runs=recorded.compared, signs=signs, resolution=resolution)
+    followed = ask(executor, target, run, target)
+    return followed, judge(recorded, followed, prepared.match, resolution)
 
 
-def _sought(trial: _Trial, best: _Turned) -> _Turned:
+def _with_signs(judged: _Judge, signs: Array) -> _Turned:
+    followed, judgement = judged(signs)
+    return _Turned(names=(), signs=signs, remaining=judgement.largest, followed=followed)
+
+
+def _sought(judged: _Judge, names: Sequence[str], resolution: float, best: _Turned) -> _Turned:
     """Reverse one joint after the other while that removes most of the discrepancy."""
-    names = trial.prepared.match.names
-    while tried := list(_with_one_more(trial, best)):
-        nearest = min(tried, key=lambda one: one[1].remaining)[1]
-        if nearest.remaining > 0.1 * best.remaining:
-            break
+    while True:
+        tried: dict[int, _Turned] = {}
+        for i in np.flatnonzero(best.signs > 0).tolist():
+            signs = best.signs.copy()
+            signs[i] = -1.0
+            with contextlib.suppress(FailureError):
+                tried[i] = _with_signs(judged, signs)
+        nearest = min(tried.values(), key=lambda one: one.remaining, default=best)
+        if not tried or nearest.remaining > 0.1 * best.remaining:
+            return best
         # In a mechanism that is its own mirror image, several joints explain the difference alike.
-        largest = max(1.5 * nearest.remaining, trial.resolution)
-        alike = " or ".join(names[i] for i, one in tried if one.remaining <= largest)
+        largest = max(1.5 * nearest.remaining, resolution)
+        alike = " or ".join(names[i] for i, one in tried.items() if one.remaining <= largest)
         best = replace(nearest, names=(*best.names, alike))
-    return best
 
 
-def _with_one_more(trial: _Trial, base: _Turned) -> Iterator[tuple[int, _Turned]]:
-    """Yield each joint that is not reversed yet, and the result of reversing it too."""
-    for i in np.flatnonzero(base.signs > 0):
-        signs = base.signs.copy()
-        signs[i] = -1.0
-        try:
-            followed, judgement = trial.judged(signs)
-        except FailureError:
-            continue
-        yield int(i), replace(base, signs=signs, remaining=judgement.largest, followed=followed)
+_Share = tuple[float, tuple[float, float]]
+"""Share of a discrepancy, and two deviations, as `explained` returns them."""
 
 
 def _causes(
@@ -560,63 +511,26 @@ def _causes(
     motions: _Motions,
     own_files: tuple[OwnFile, OwnFile],
     resolution: float,
-) -> tuple[Explained | None, tuple[ComparedTerm, ...]]:
+) -> tuple[_Share | None, tuple[ComparedTerm, ...]]:
     """Return what the files explain of a difference, and measured terms if nothing explains it."""
     turned, files = motions.turned, motions.files
     is_mapped = bool(turned.names) and turned.remaining <= resolution
     if motions.judgement.outcome is Outcome.AGREES or is_mapped:
         return None, ()
-    share: Explained | None = None
+    share: _Share | None = None
     if files.sides is not None:
         sides = prepared.source_first(files.sides)
         share = explained(sides, prepared.match, motions.recorded, turned.followed, turned.signs)
-    by_files = files.moving and share is not None and share.share >= MIN_EXPLAINED_SHARE
-    if by_files or any(own.explains for own in own_files):
+    by_files = files.moving and share is not None and share[0] >= MIN_EXPLAINED_SHARE
+    if by_files or any(cause is not None and cause.explained for _, cause in own_files):
         return share, ()
-    return share, _measured_terms(executor, prepared, motions.recorded, turned.signs)
-
-
-def _measured_terms(
-    executor: Executor, prepared: PreparedComparison, recorded: Recorded, signs: Array
-) -> tuple[ComparedTerm, ...]:
-    """Return the differing terms of A and B, measured at some states."""
-    states, match = recorded.states, prepared.match
-    z, w = halves(recorded.compared.start)
-    (going,) = np.nonzero(w.any(axis=1))
-    if not len(going):
-        return ()
-    chosen = list(states.independent)
-    picked = going[even_indices(len(going), len(chosen) + MORE_STATES)]
-    source = recorded.runs.pick(picked)
-    target = reversed_segments(recorded.compared.pick(picked), signs)
-    measured = [
-        ask(
-            executor,
-            candidate,
-            mechanics,
-            MechanicsTask(
-                candidate=candidate, match=map_, signs=turns, start=runs.start, states=states
-            ),
-        )
-        for candidate, map_, turns, runs in zip(
-            prepared.source_first(prepared.models), (match, None), (np.ones(len(signs)), signs),
-            (source, target), strict=True,
-        )
-    ]  # fmt: skip
-    a, b = prepared.source_first((measured[0], measured[1]))
-    frame = TermFrame(
-        [match.names[i] for i in chosen],
-        z[picked][:, chosen],
-        states.unit[chosen],
-        states.typical,
-    )
-    return differing_terms(a, b, frame)
+    return share, measured_terms(executor, prepared, motions.recorded, turned.signs)
 
 
 def _compared(
     prepared: PreparedComparison,
     motions: _Motions,
-    share: Explained | None,
+    share: _Share | None,
     measured: tuple[ComparedTerm, ...],
     attribution: Attribution,
     laws: tuple[ComparedProperty, ...] | None,
@@ -643,8 +557,8 @@ def _compared(
         turned=turned.names,
         left_when_turned=number(turned.remaining) if turned.names else None,
         properties=files.properties,
-        explained=None if share is None else number(share.share),
-        off=None if share is None else tuple(numbers(prepared.source_first(share.off))),
+        explained=None if share is None else number(share[0]),
+        off=None if share is None else tuple(numbers(prepared.source_first(share[1]))),
         terms=measured,
         differences=attribution.trials,
         untried=attribution.untried,
@@ -746,6 +660,6 @@ def _model(candidate: Candidate, facts: Facts | None, own_file: OwnFile) -> Comp
         integrator=None if facts is None else facts.integrator,
         step=None if facts is None else number(facts.step),
         gravity=None if facts is None else numbers(facts.gravity),
-        case=own_file.case,
-        diagnosis=own_file.diagnosis,
+        case=own_file[0],
+        diagnosis=own_file[1],
     )

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate, pairwise
 from pathlib import Path
 
+from physics_crosscheck.harness.documents.elements import (
+    XmlElement,
+    attribute_spans,
+    end_offset,
+    read_elements,
+    text_span,
+)
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Location, apply_edits
-from physics_crosscheck.harness.modelfiles.locations import find
-from physics_crosscheck.harness.modelfiles.locations.outline import MARKUP, Element, Value, outline
+from physics_crosscheck.harness.documents.location import SourceFile, Span, apply_edits
+from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.modelfiles.locations import MARKUP, find, read_source
+from physics_crosscheck.harness.modelfiles.locations.xml import find_words
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.comparison import FileEdit
 from .candidate import Candidate
@@ -32,6 +41,9 @@ class SourceEdit:
     record: FileEdit
     changes: tuple[tuple[int, int, bytes], ...] = ()
     settings: tuple[tuple[str, object], ...] = ()
+
+
+_Change = tuple[int, int, bytes]
 
 
 def _edit(
@@ -60,121 +72,137 @@ def edits(a: Candidate, b: Candidate) -> tuple[SourceEdit, ...]:
         return tuple(_bound(a, b))
     differences: list[SourceEdit] = []
     if file_a.suffix in MARKUP:
-        differences += _Xml(file_a, file_b).edits()
+        source_a, source_b = read_source(file_a), read_source(file_b)
+        roots = read_elements(source_a)[0], read_elements(source_b)[0]
+        differences += _Xml(source_a, source_b).edits(*roots)
     elif file_a.suffix == ".py":
         differences += _python(file_a, file_b)
     return (*differences, *_settings(a, b))
 
 
+@dataclass(frozen=True)
 class _Xml:
     """Two XML files, element by element."""
 
-    def __init__(self, a: Path, b: Path) -> None:
-        self.a, self.b = a, b
-        self.data_a, self.data_b = a.read_bytes(), b.read_bytes()
+    a: SourceFile
+    b: SourceFile
 
-    def edits(self) -> Iterator[SourceEdit]:
-        yield from self._elements(outline(self.a, self.data_a), outline(self.b, self.data_b))
-
-    def _elements(self, a: Element, b: Element) -> Iterator[SourceEdit]:
+    def edits(self, a: XmlElement, b: XmlElement) -> Iterator[SourceEdit]:
+        """Yield the differences of two elements and of their content."""
+        spans, end = attribute_spans(a, self.a)
+        others, _ = attribute_spans(b, self.b)
+        label = _label(a)
         for name in dict.fromkeys([*a.attributes, *b.attributes]):
-            yield from self._attribute(name, a, b)
-        if a.text.text.split() != b.text.text.split():
-            yield from self._value(a.label, a.text, b.text, a, b)
-        pairs, gone, new = _aligned(a.children, b.children)
+            what, old, new = f"{label}@{name}", a.attributes.get(name), b.attributes.get(name)
+            here = self.a.line(spans[name][1][0] if name in spans else a.start)
+            there = self.b.line(others[name][1][0] if name in others else b.start)
+            if old is None or new is None:
+                added = f" {self.b.text(others[name][0]).strip()}" if name in others else ""
+                change = (*spans[name][0], b"") if name in spans else (end, end, added.encode())
+                yield self._edit(what, here, there, old, new, change)
+            elif old.split() != new.split():
+                inner = spans[name][1], others[name][1]
+                yield from self._values(what, (old, new), inner, (here, there))
+        old, new = ("" if one.children else one.text for one in (a, b))
+        if old.split() != new.split():
+            texts = self._text(a, self.a), self._text(b, self.b)
+            yield from self._values(
+                label, (old, new), (texts[0][0], texts[1][0]), (texts[0][1], texts[1][1])
+            )
+        pairs, gone, added_elements = _aligned(a.children, b.children)
         for element, partner in pairs:
-            yield from self._elements(element, partner)
+            yield from self.edits(element, partner)
         for element in gone:
-            text = self.data_a[element.start : element.end].decode()
-            yield _edit(
-                what=element.label,
-                where_a=self._at_a(element.line),
-                where_b=self._at_b(b.line),
-                a=_short(text),
-                b="nothing",
-                changes=((element.start, element.end, b""),),
-            )
-        for element in new:
-            data = self.data_b[element.start : element.end]
-            changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
-            yield _edit(
-                what=element.label,
-                where_a=self._at_a(a.line),
-                where_b=self._at_b(element.line),
-                a="nothing",
-                b=_short(data.decode()),
-                changes=changes,
-            )
+            whole = element.start, end_offset(element, self.a)
+            here, there = self.a.line(element.start), self.b.line(b.start)
+            text = _short(self.a.text(whole))
+            yield self._edit(_label(element), here, there, text, None, (*whole, b""))
+        closed = end_offset(a, self.a) > self.a.data.index(b">", end) + 1
+        for element in added_elements:
+            text = self.b.text((element.start, end_offset(element, self.b)))
+            here, there = self.a.line(a.start), self.b.line(element.start)
+            inserted = (a.end, a.end, text.encode()) if closed else None
+            yield self._edit(_label(element), here, there, None, _short(text), inserted)
 
-    def _attribute(self, name: str, a: Element, b: Element) -> Iterator[SourceEdit]:
-        value_a, value_b = a.attributes.get(name), b.attributes.get(name)
-        label = f"{a.label}@{name}"
-        if value_a is not None and value_b is not None:
-            if value_a.text.split() != value_b.text.split():
-                yield from self._value(label, value_a, value_b, a, b)
-        elif value_b is not None:
-            data = b" " + self.data_b[value_b.outer[0] : value_b.outer[1]].strip()
-            yield _edit(
-                what=label,
-                where_a=self._at_a(a.line),
-                where_b=self._at_b(value_b.line),
-                a="nothing",
-                b=value_b.text,
-                changes=((a.tag_end, a.tag_end, data),),
-            )
-        elif value_a is not None:
-            yield _edit(
-                what=label,
-                where_a=self._at_a(value_a.line),
-                where_b=self._at_b(b.line),
-                a=value_a.text,
-                b="nothing",
-                changes=((*value_a.outer, b""),),
-            )
+    def _text(self, element: XmlElement, source: SourceFile) -> tuple[Span, int]:
+        """Return the bytes of an element's text and their line; those of its tag without text."""
+        if element.children or not element.text.strip():
+            end = attribute_spans(element, source)[1]
+            return (end, end), source.line(element.start)
+        span = text_span(element, source)
+        return span, source.line(span[0])
 
-    def _value(
-        self, label: str, value_a: Value, value_b: Value, a: Element, b: Element
+    def _values(
+        self, label: str, texts: tuple[str, str], spans: tuple[Span, Span], lines: tuple[int, int]
     ) -> Iterator[SourceEdit]:
         """Compare word by word if both hold equally many numbers, else as a whole."""
-        old, new = value_a.text.split(), value_b.text.split()
-        edit = partial(
-            _edit,
-            where_a=self._at_a(value_a.line or a.line),
-            where_b=self._at_b(value_b.line or b.line),
-        )
+        old, new = texts[0].split(), texts[1].split()
+        edit = partial(self._edit, here=lines[0], there=lines[1])
         numbers = all(map(_is_number, [*old, *new]))
         if numbers and list(map(float, old)) == list(map(float, new)):
             return
+        try:
+            words = find_words(self.a, *spans[0], "a value")
+        except LocationError:
+            words = []
         if (
             not numbers
             or re.search(r"axis(@xyz|/xyz)?$", label)
             or len(old) != len(new)
-            or len(value_a.words) != len(old)
+            or len(words) != len(old)
         ):
-            change = (*value_a.span, self.data_b[value_b.span[0] : value_b.span[1]])
-            yield edit(
-                what=label, a=_short(value_a.text), b=_short(value_b.text), changes=(change,)
-            )
+            change = (*spans[0], self.b.data[slice(*spans[1])])
+            yield edit(label, a=_short(texts[0]), b=_short(texts[1]), change=change)
             return
         for i, (x, y) in enumerate(zip(old, new, strict=True)):
             if float(x) != float(y):
                 index = f"[{i}]" if len(old) > 1 else ""
-                change = (*value_a.words[i], y.encode())
-                yield edit(what=label + index, a=x, b=y, changes=(change,))
+                yield edit(label + index, a=x, b=y, change=(*words[i], y.encode()))
 
-    def _at_a(self, line: int) -> SourceLine:
-        return SourceLine(file=str(self.a), line=line)
+    def _edit(
+        self, what: str, here: int, there: int, a: str | None, b: str | None, change: _Change | None
+    ) -> SourceEdit:
+        return _edit(
+            what,
+            SourceLine(file=str(self.a.file), line=here),
+            SourceLine(file=str(self.b.file), line=there),
+            "nothing" if a is None else a,
+            "nothing" if b is None else b,
+            () if change is None else (change,),
+        )
 
-    def _at_b(self, line: int) -> SourceLine:
-        return SourceLine(file=str(self.b), line=line)
+
+def _label(element: XmlElement) -> str:
+    """Return an address of an element that begins with the nearest one that has a name."""
+    steps, named = 1, element
+    while (
+        "name" not in named.attributes
+        and named.parent is not None
+        and named.parent.parent is not None
+    ):
+        steps, named = steps + 1, named.parent
+    return element.spelled(steps)
+
+
+_Key = tuple[str, str | None, int]
+
+
+def _keyed(elements: Sequence[XmlElement]) -> dict[_Key, XmlElement]:
+    """Return elements by tag, name, and index among those with both equal."""
+    counts, keyed = Counter[tuple[str, str | None]](), dict[_Key, XmlElement]()
+    for element in elements:
+        like = element.tag, element.identity
+        keyed[*like, counts[like]] = element
+        counts[like] += 1
+    return keyed
 
 
 def _aligned(
-    a: tuple[Element, ...], b: tuple[Element, ...]
-) -> tuple[list[tuple[Element, Element]], list[Element], list[Element]]:
+    a: Sequence[XmlElement], b: Sequence[XmlElement]
+) -> tuple[list[tuple[XmlElement, XmlElement]], list[XmlElement], list[XmlElement]]:
     """Pair children that correspond, also if only a name differs; return the unpaired ones too."""
-    remaining = {child.key: child for child in b}
-    pairs = [(child, remaining.pop(child.key)) for child in a if child.key in remaining]
+    ours_by_key, remaining = _keyed(a), _keyed(b)
+    pairs = [(one, remaining.pop(key)) for key, one in ours_by_key.items() if key in remaining]
     paired = {id(child) for child, _ in pairs}
     gone = [child for child in a if id(child) not in paired]
     new = list(remaining.values())
@@ -306,7 +334,7 @@ def _toml_line(candidate: Candidate, key: str) -> SourceLine:
     return SourceLine(file=str(file))
 
 
-def _line(location: Location) -> SourceLine:
+def _line(location: Number) -> SourceLine:
     return SourceLine(file=str(location.file), line=location.line)
 
 
@@ -333,7 +361,7 @@ def _bound(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
                     )
 
 
-def _find_bound(candidate: Candidate, addresses: list[str]) -> dict[str, Location]:
+def _find_bound(candidate: Candidate, addresses: list[str]) -> dict[str, Number]:
     """Return locations in the model file; literals of the sidecar are compared as settings."""
     in_model = [address for address in addresses if not address.startswith("sidecar:")]
     return dict(find(candidate.sidecar.model, in_model))

@@ -17,6 +17,12 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.modelfiles.law_attributes import (
+    ContactOptions,
+    JointForceLimit,
+    Row,
+    values_of,
+)
 from physics_crosscheck.harness.modelfiles.mjcf.misread import skipped_kinds
 from physics_crosscheck.harness.modelfiles.mjcf.stated import (
     IMPEDANCE,
@@ -25,104 +31,28 @@ from physics_crosscheck.harness.modelfiles.mjcf.stated import (
     StatedRow,
 )
 from physics_crosscheck.harness.modelfiles.mjcf.stated import Key as StatedKey
-from physics_crosscheck.harness.modelfiles.mjcf.tree import compiled_bodies
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
-    Anchor,
-    CompliantSurface,
     ContactParameters,
     HardJoint,
-    HardSurface,
     ImpulseLaws,
     Laws,
-    Range,
     SoftEquality,
     SoftFriction,
     SoftLimit,
     Softness,
-    Surface,
 )
 
 Key = tuple[str, ...]
 """A table of the laws, and the names by which rows of two files are paired."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ContactOptions:
-    """The numbers that all contacts share."""
-
-    elliptic: bool
-    friction_ratio: float
-    safe: bool
-
-    @staticmethod
-    def from_laws(laws: Laws) -> ContactOptions:
-        """Return those of a file."""
-        return ContactOptions(
-            elliptic=laws.elliptic, friction_ratio=laws.friction_ratio, safe=laws.safe
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointForceLimit:
-    """Limits of all drives of a joint, and whether they compensate its weight."""
-
-    force: Range
-    lifts: bool = False
-
-
-Row = (
-    ContactOptions | JointForceLimit | SoftLimit | SoftFriction | SoftEquality | Surface
-    | ContactParameters | Actuator | HardJoint | HardSurface | CompliantSurface
-)  # fmt: skip
-"""The numbers of a row."""
-
 L = TypeVar("L", Laws, ImpulseLaws)
 
-
-def _soft(suffix: str = "") -> dict[str, tuple[str, ...]]:
-    return {
-        f"solref{suffix}": ("softness.reference",),
-        f"solimp{suffix}": ("softness.impedance",),
-    }
-
-
-ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {
-    ContactOptions: {"cone": ("elliptic",), "impratio": ("friction_ratio",), "refsafe": ("safe",)},
-    SoftLimit: {"range": ("lower", "upper"), "margin": ("margin",), **_soft("limit")},
-    SoftFriction: {"frictionloss": ("force",), **_soft("friction")},
-    SoftEquality: {
-        "polycoef": ("polynomial",), "torquescale": ("turn_scale",), "anchor": ("anchors",),
-        **_soft(),
-    },
-    Surface: {
-        "condim": ("dimension",), "friction": ("friction",), "priority": ("priority",),
-        "solmix": ("mix",), "margin": ("margin",), **_soft(),
-    },
-    ContactParameters: {
-        "condim": ("dimension",), "friction": ("friction",), "margin": ("margin",), **_soft(),
-        "solreffriction": ("sliding",),
-    },
-    Actuator: {
-        "ctrlrange": ("control_range",), "actrange": ("state_range",),
-        "forcerange": ("force_range",),
-    },
-    JointForceLimit: {"actuatorfrcrange": ("force",), "actuatorgravcomp": ("lifts",)},
-    HardJoint: {"range": ("lower", "upper"), "effort": ("effort",)},
-    HardSurface: {
-        "lateral_friction": ("friction",), "restitution": ("restitution",),
-        "stiffness and damping": ("spring",), "friction_anchor": ("anchored",),
-    },
-    CompliantSurface: {name: (name,) for name in ("friction", "stiffness", "dissipation")},
-}  # fmt: skip
-"""Attributes of a row, each with the fields that it follows from.
-
-Gains, biases and dynamics of drives act without limits too: motions compare them.
-"""
 
 LEADING: Mapping[type, str] = {
     SoftLimit: "range", SoftFriction: "frictionloss", JointForceLimit: "actuatorfrcrange",
@@ -159,32 +89,6 @@ class LawRow:
         return next((self.lines[key] for key in keys if key in self.lines), None)
 
 
-def values_of(row: Row, attribute: str) -> tuple[float, ...]:
-    """Return the numbers of a row's attribute, flat; none for a limit that does not limit."""
-    flat: list[float] = []
-    for path in ATTRIBUTES[type(row)][attribute]:
-        value: Any = row
-        for name in path.split("."):
-            value = getattr(value, name)
-        parts = value if isinstance(value, tuple) else () if value is None else (value,)
-        for part in parts:
-            flat += (*part.position, *part.turn) if isinstance(part, Anchor) else (part,)
-    if attribute == "range" and flat[0] > flat[1]:
-        return ()
-    return tuple(flat)
-
-
-def with_attribute(row: Row, attribute: str, other: Row) -> Row:
-    """Return a row with an attribute of another row of its kind."""
-    for path in ATTRIBUTES[type(row)][attribute]:
-        name, _, below = path.partition(".")
-        value = getattr(other, name)
-        if below:
-            value = replace(getattr(row, name), **{below: getattr(value, below)})
-        row = replace(row, **{name: value})
-    return row
-
-
 def with_row(laws: L, table: str, index: int, row: Row | None) -> L:
     """Return laws with another row; index -1 adds it, and None removes it."""
     if isinstance(row, ContactOptions):
@@ -207,31 +111,9 @@ def with_row(laws: L, table: str, index: int, row: Row | None) -> L:
     return replace(laws, **changed)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Names:
-    """Names by which the other file calls what this file has.
-
-    Attributes:
-        joints: of joints; others have no partner.
-        shapes: names that both files have.
-        drives: by index, of the paired ones.
-        same_bodies: whether both files have as many bodies.
-    """
-
-    joints: Mapping[str, str]
-    shapes: frozenset[str]
-    drives: Mapping[int, int]
-    same_bodies: bool
-
-
 def shape_names(compiled: CompiledTree) -> list[str]:
     """Return the names of all shapes; some are empty."""
     return [one.name.partition(":")[2] for one in compiled.placed if one.name.startswith("geom:")]
-
-
-def joint_names(compiled: CompiledTree) -> list[str]:
-    """Return the names of all joints."""
-    return [joint.name for body in compiled.bodies for joint in body.joints]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,13 +124,19 @@ class SoftRows:
         file: its path.
         compiled: the file.
         model: its laws.
-        names: of the other file.
+        joints: names by which the other file calls joints; others have no partner.
+        shapes: names of shapes that both files have.
+        drives: paired drives, by index in the other file.
+        same_bodies: whether both files have as many bodies.
     """
 
     file: Path
     compiled: CompiledTree
     model: LawModel
-    names: Names
+    joints: Mapping[str, str]
+    shapes: frozenset[str]
+    drives: Mapping[int, int]
+    same_bodies: bool
 
     def rows(self) -> Iterator[LawRow]:
         """Yield all rows that may have a partner."""
@@ -279,9 +167,9 @@ class SoftRows:
             yield self._row((*key, *same), subject, i, equality, ("equality", i))
         yield from self._contacts(laws)
         for i, drive in enumerate(laws.drives):
-            if i in self.names.drives:
+            if i in self.drives:
                 subject = self._drive(i)
-                pair = ("drives", str(self.names.drives[i]))
+                pair = ("drives", str(self.drives[i]))
                 yield self._row(pair, subject, i, drive, ("drive", i))
 
     def _contacts(self, laws: Laws) -> Iterator[LawRow]:
@@ -298,7 +186,7 @@ class SoftRows:
     def _equality(self, equality: SoftEquality) -> tuple[Key, str]:
         """Return the key of an equality, what it holds, and its name for people."""
         if equality.anchors is not None:
-            bodies = ["the world", *(one.name for one in compiled_bodies(self.compiled))]
+            bodies = ["the world", *(one.name for one in self.compiled.bodies)]
             names = [bodies[anchor.body] for anchor in equality.anchors]
             kind = "connect" if equality.turn_scale is None else "weld"
         else:
@@ -315,13 +203,13 @@ class SoftRows:
         count = Counter[str]()
         names = shape_names(self.compiled)
         for name, surface in zip(names, self.model.laws.surfaces, strict=True):
-            if name in self.names.shapes:
+            if name in self.shapes:
                 keys.append((name,))
                 continue
             body = "ground"
             if surface.body:
                 body = self.compiled.bodies[surface.body - 1].name
-            if self.names.same_bodies and surface.body:
+            if self.same_bodies and surface.body:
                 body = body or f"#{surface.body}"
             count[body] += 1
             keys.append((body, f"#{count[body]}"))
@@ -329,7 +217,7 @@ class SoftRows:
 
     def _joint(self, index: int) -> str | None:
         """Return the name by which the other file calls a joint, or None."""
-        return self.names.joints.get(joint_names(self.compiled)[index])
+        return self.joints.get(self.compiled.joints[index])
 
     def _tendon(self, index: int) -> str:
         stated = () if self._stated is None else self._stated.names("tendon")
@@ -457,7 +345,7 @@ def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
 def _default_limit(a: SoftRows, name: str) -> SoftLimit:
     """Return a limit with default softness."""
     softness = Softness(reference=REFERENCE, impedance=IMPEDANCE)
-    joint = joint_names(a.compiled).index(name)
+    joint = a.compiled.joints.index(name)
     return SoftLimit(joint=joint, lower=0.0, upper=0.0, margin=0.0, softness=softness)
 
 
@@ -469,7 +357,7 @@ def _forces_on(
     if row is not None and isinstance(row.row, JointForceLimit):
         yield row.key, row.row
         return
-    joint = {there: here for here, there in soft.names.joints.items()}[name]
+    joint = {there: here for here, there in soft.joints.items()}[name]
     on = [i for i, one in enumerate(soft.compiled.actuators) if one.on == joint]
     if len(on) == 1 and on[0] < len(soft.model.laws.drives):
         drive = soft.model.laws.drives[on[0]]

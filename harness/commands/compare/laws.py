@@ -30,6 +30,13 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeState,
 )
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.law_attributes import (
+    ATTRIBUTES,
+    ContactOptions,
+    JointForceLimit,
+    Row,
+    with_attribute,
+)
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
@@ -51,26 +58,22 @@ from physics_crosscheck.reference.mechanism.tree import TreeError
 from .actuators import pair_actuators
 from .candidate import Candidate, Facts
 from .law_rows import (
-    ATTRIBUTES,
     LEADING,
-    ContactOptions,
-    JointForceLimit,
     Key,
     L,
     LawRow,
-    Names,
-    Row,
     SoftRows,
     convex_rows,
     hard_as_soft,
     hard_rows,
     shape_names,
     soft_as_hard,
-    with_attribute,
     with_row,
 )
-from .property import apart, make_property
-from .side import JointPair
+from .match import (
+    JointPair,
+)
+from .side import apart, make_property
 
 SAME = 8 * float(np.finfo(float).eps)
 """Relative difference of equal numbers."""
@@ -84,24 +87,22 @@ SPREADS, OUTWARD = (0.0, 0.3, 1.0, 1.0, 1.0), 5.0
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class LawsTask:
-    """Input of a worker: both models, A first, and their pairs of joints."""
-
-    facts: tuple[Facts, Facts]
-    pairs: tuple[JointPair, ...]
-
-
-def compare_laws(task: LawsTask) -> tuple[ComparedProperty, ...] | None:
+def compare_laws(
+    models: tuple[Facts, Facts], pairs: tuple[JointPair, ...]
+) -> tuple[ComparedProperty, ...] | None:
     """Return the numbers of the laws that differ, largest effect on a step of A first.
 
     Return None unless both engines act by a documented law.
+
+    Args:
+        models: A and B.
+        pairs: of their joints.
     """
     try:
-        b, a = (_load_laws(facts) for facts in reversed(task.facts))  # A stays loaded
+        b, a = (_load_laws(facts) for facts in reversed(models))  # A stays loaded
         if a is None or b is None or not _have_common_rows(a, b):
             return None
-        rows = _rows(a, b, task.pairs)
+        rows = _rows(a, b, pairs)
         differences = tuple(_differences(*rows))
         return tuple(_weighed(a, differences)) if differences else ()
     except (TreeError, EngineError):
@@ -207,7 +208,7 @@ def _soft_sides(
         same_bodies = len(first.bodies) == len(other.bodies)
         joints = {pair.a: pair.b for pair in pairs}
         drive_pairs = pair_actuators(first.actuators, other.actuators, joints).pairs
-        drives = {i: i for i, _ in drive_pairs}, {j: i for i, j in drive_pairs}
+        drives = {i: i for i in drive_pairs}, {j: i for i, j in drive_pairs.items()}
     else:
         every = [{i: i for i in range(len(one.actuators))} if one else {} for one in both]
         drives = every[0], every[1]
@@ -219,14 +220,16 @@ def _soft_sides(
             sides.append(None)
             continue
         alike = len(compiled_tree.actuators) == len(model_laws.model.laws.drives)
-        its = Names(
+        rows = SoftRows(
+            file=model_laws.facts.candidate.sidecar.model,
+            compiled=compiled_tree,
+            model=model_laws.model,
             joints=names,
             shapes=shapes,
             drives=paired if alike else {},
             same_bodies=same_bodies,
         )
-        file = model_laws.facts.candidate.sidecar.model
-        sides.append(SoftRows(file=file, compiled=compiled_tree, model=model_laws.model, names=its))
+        sides.append(rows)
     return sides[0], sides[1]
 
 

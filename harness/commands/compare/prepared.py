@@ -14,14 +14,10 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import locked_joints
 from .actuators import held_alike, pair_actuators
-from .candidate import COUPLED, Candidate, CompareError, Facts, facts, smooth
-from .equations import FileEquations
-from .execute import ask
-from .match import Match, match, spoken_for
-from .partners import JointPairs, pair_joints
-from .placed import PlacedTree, placed, positions
-from .property import make_property, shown
-from .side import lines_of, model_side
+from .alignment import PlacedTree, placed, positions
+from .candidate import COUPLED, Candidate, CompareError, Facts, ask, facts, smooth
+from .match import Match, Pairs, match, pair_joints, spoken_for
+from .side import FileEquations, lines_of, make_property, model_side, shown
 
 T = TypeVar("T")
 
@@ -236,10 +232,10 @@ def _actuated(
     # States that move in one engine only would differ without a difference of the files.
     move = all("activations" in engines()[one.candidate.engine].switches for one in models)
     settings: list[dict[str, object]] = []
-    for values in held_alike(a.compiled, b.compiled, pairs):
-        states = {"activations": list(values.states)} if values.states and move else {}
-        settings.append({"controls": list(values.controls), **states})
-    notes = list(pairs.how)
+    for controls, states in held_alike(a.compiled, b.compiled, pairs):
+        activations = {"activations": states} if states and move else {}
+        settings.append({"controls": controls, **activations})
+    notes = list(pairs.notes)
     if pairs.pairs:
         notes.append(f"actuators ({len(pairs.pairs)}), each held at a control within its range")
     for model, unpaired in zip(models, pairs.unpaired, strict=True):
@@ -264,7 +260,7 @@ def _is_stated(model: Facts) -> bool:
     return bool(model.actuators) and bool(switched)
 
 
-def _joints(joint_pairs: JointPairs, joints: Maps) -> dict[str, str]:
+def _joints(joint_pairs: Pairs[str], joints: Maps) -> dict[str, str]:
     """Return joints of A with their partners in B, by pairing and by the user's map.
 
     A free joint represents its coordinates.
@@ -278,7 +274,7 @@ def _matched(
     models: Pair,
     joints: Maps,
     readback: Maps,
-    joint_pairs: JointPairs,
+    joint_pairs: Pairs[str],
     still: Sequence[Mapping[str, float]],
 ) -> Match:
     a, b = models

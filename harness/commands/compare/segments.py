@@ -48,23 +48,6 @@ def own_forces(segments: Segments, match: Match) -> Segments:
     return replace(segments, inputs=ConstantInputs(segments.start_inputs @ match.slopes(z)[0]))
 
 
-@dataclass(frozen=True)
-class RunTask:
-    """Input of a worker that runs one model.
-
-    Attributes:
-        runs: in its own coordinates, before reversal, with forces on those of the comparison.
-        match: conversion for the source; None for the target, whose coordinates are compared.
-        signs: -1 for each reversed coordinate of the target, (m,).
-    """
-
-    candidate: Candidate
-    runs: Segments
-    match: Match | None
-    resolution: float
-    signs: Array
-
-
 @dataclass(frozen=True, kw_only=True)
 class Ends:
     """End states of one model, in the coordinates of the comparison.
@@ -91,17 +74,23 @@ class Ends:
         return bool(np.mean(finite) >= MIN_LIMITED_SHARE)
 
 
-def run_target(task: RunTask) -> Ends:
+def run_target(target: Candidate, runs: Segments, signs: Array, resolution: float) -> Ends:
     """Run the target from the source's states.
+
+    Args:
+        target: the model.
+        runs: in the coordinates of the comparison.
+        signs: -1 for each coordinate that the target reverses, (m,).
+        resolution: relative to how far the components move.
 
     Raises:
         EngineError, BlownUpError: for a failing run.
     """
-    model, both = task.candidate.load(), np.concatenate([task.signs, task.signs])
-    extrapolated = ends(model, reversed_segments(task.runs, task.signs), None, task.resolution)
+    model, both = target.load(), np.concatenate([signs, signs])
+    extrapolated = ends(model, reversed_segments(runs, signs), None, resolution)
     limit = extrapolated.limit
     return Ends(
-        length=task.runs.length,
+        length=runs.length,
         value=limit.value * both,
         uncertainty=limit.uncertainty,
         finest=extrapolated.raw[-1] * both,
@@ -110,20 +99,30 @@ def run_target(task: RunTask) -> Ends:
     )
 
 
-def run_source(task: RunTask) -> Ends:
+def run_source(source: Candidate, runs: Segments, match: Match, resolution: float) -> Ends:
     """Run the source, over shorter runs if most are not resolved otherwise.
+
+    Args:
+        source: the model.
+        runs: in its own coordinates, with forces on those of the comparison.
+        match: conversion to the coordinates of the comparison.
+        resolution: relative to how far the components move.
 
     Raises:
         EngineError, BlownUpError: for a failing run.
     """
-    model, best = task.candidate.load(), None
+    model, start, best = source.load(), match.convert(runs.start), None
     for divisor in RUN_DIVISORS:
-        shorter = replace(task.runs, lengths=task.runs.lengths / divisor)
+        shorter = replace(runs, lengths=runs.lengths / divisor)
         try:
-            tried = _source_ends(model, task, shorter)
+            tried = _source_ends(model, match, shorter, resolution)
         except BlownUpError:
             continue
-        unresolved = _unresolved(task, tried)
+        value = unwrapped(tried.value, start, match.periodic)
+        finite = np.isfinite(tried.uncertainty).all(axis=1)
+        relative = tried.uncertainty / movement(value[finite], start[finite])
+        # They leave no room for the uncertainty of the target.
+        unresolved = float(np.mean(np.max(relative, axis=1) > SOURCE_SHARE * resolution))
         if best is None or unresolved < best[0]:
             best = unresolved, tried
         if unresolved <= 0.5:
@@ -133,10 +132,8 @@ def run_source(task: RunTask) -> Ends:
     return best[1]
 
 
-def _source_ends(model: LoadedModel, task: RunTask, runs: Segments) -> Ends:
-    match = task.match
-    assert match is not None
-    extrapolated = ends(model, runs, match, task.resolution)
+def _source_ends(model: LoadedModel, match: Match, runs: Segments, resolution: float) -> Ends:
+    extrapolated = ends(model, runs, match, resolution)
     limit = extrapolated.limit
     return Ends(
         length=runs.length,
@@ -146,16 +143,6 @@ def _source_ends(model: LoadedModel, task: RunTask, runs: Segments) -> Ends:
         limit=limit,
         claimed=model.exponents(False)[0],
     )
-
-
-def _unresolved(task: RunTask, tried: Ends) -> float:
-    """Return the share of runs that leave no room for the uncertainty of the target."""
-    assert task.match is not None
-    start = task.match.convert(task.runs.start)
-    value = unwrapped(tried.value, start, task.match.periodic)
-    finite = np.isfinite(tried.uncertainty).all(axis=1)
-    relative = tried.uncertainty / movement(value[finite], start[finite])
-    return float(np.mean(np.max(relative, axis=1) > SOURCE_SHARE * task.resolution))
 
 
 def ends(

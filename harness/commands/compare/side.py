@@ -1,4 +1,4 @@
-"""Contents of one of the two files: its tree at the common position, links and limits."""
+"""Contents of one of the two files, their differences, and the equations of its tree."""
 
 from __future__ import annotations
 
@@ -15,12 +15,82 @@ from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.stated import StatedLaws
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
-from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.harness.records.base import SourceLine, number
+from physics_crosscheck.harness.records.comparison import ComparedProperty
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.multibody import tree_system
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from physics_crosscheck.reference.solving.collocation import ReferenceError
+from physics_crosscheck.reference.solving.samples import ends_of
+from physics_crosscheck.reference.solving.segments import Segments
+from .alignment import PlacedTree, placed, positions
 from .candidate import Facts
-from .equations import FileEquations
-from .match import Match
-from .placed import PlacedTree, placed, positions
+
+Difference = tuple[ComparedProperty, Tree | None]
+"""A difference of two files, and A's tree with B's value; None if no tree shows it."""
+
+
+def make_property(
+    kind: str,
+    about: str,
+    message: str,
+    *,
+    a: float | None = None,
+    b: float | None = None,
+    lines: tuple[SourceLine | None, SourceLine | None] = (None, None),
+    moves: bool = True,
+    relative: float = 1.0,
+    changed: Tree | None = None,
+) -> Difference:
+    """Return a difference.
+
+    Args:
+        kind: such as "mass", "centre", "inertia", "axis", "damping", "range", "frame".
+        about: the joint or link; empty for the whole model.
+        message: a sentence.
+        a, b: the values, for single numbers.
+        lines: of A and of B, if known.
+        moves: whether it is part of the equations of motion.
+        relative: the relative difference; 1 for anything without a size.
+        changed: A's tree with B's value.
+    """
+    record = ComparedProperty(
+        kind=kind,
+        about=about,
+        message=message,
+        a=number(a),
+        b=number(b),
+        where_a=lines[0],
+        where_b=lines[1],
+        moves=moves,
+        relative=number(relative),
+    )
+    return record, changed
+
+
+def shown(here: float, there: float) -> str:
+    """Format two numbers with enough digits to show their difference."""
+    text_a, text_b = apart(here, there, 0.0)
+    share = f" ({percent((there - here) / here)})" if here and there else ""
+    return f"{text_a} in A, {text_b} in B{share}"
+
+
+def apart(here: float, there: float, doubt: float) -> tuple[str, str]:
+    """Format both numbers with enough digits to show the difference; uncertain ones are 0."""
+    here, there = (0.0 if abs(x) <= doubt else x for x in (here, there))
+    size = max(abs(here), abs(there))
+    share = abs(here - there) / size if size else 0.0
+    digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
+    return f"{here:.{digits}g}", f"{there:.{digits}g}"
+
+
+def percent(share: float) -> str:
+    """Format a relative change."""
+    if abs(share) >= 1e-4:
+        return f"{100 * share:+.3g} %"
+    return f"{share:+.1e}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,37 +278,55 @@ def model_side(facts: Facts, z: Array) -> ModelSide | None:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointPair:
-    """Two joints related by a line: B's position is slope * A's + offset."""
-
-    a: str
-    b: str
-    slope: float
-    offset: float
+PIECES = (1, 8, 64)
+"""Numbers of pieces that a run is divided into, tried until its equations can be solved."""
 
 
-def pairs_of(match: Match, source_names: tuple[str, ...]) -> tuple[JointPair, ...]:
-    """Return pairs of joints of A and B that a match relates by lines.
+class FileEquations:
+    """Equations of a tree whose n coordinates determine the nz coordinates of an engine.
 
-    Args:
-        match: of coordinates.
-        source_names: names of the source's coordinates.
+    Attributes:
+        equations: of the tree.
+        kept: index of each of its coordinates among the engine's, (n,).
+        matrix, offset: the engine's positions are `matrix @ q + offset`, (nz, n) and (nz,).
     """
-    if not match.constant:
-        return ()
-    zero = np.zeros((1, len(source_names)))
-    slopes, offsets = match.slopes(zero)[0], match.value(zero)[0]
-    pairs = []
-    for name, row, offset in zip(match.names, slopes, offsets, strict=True):
-        (places,) = np.nonzero(row)
-        if len(places) != 1:
-            continue
-        source, slope = source_names[places[0]], float(row[places[0]])
-        if match.source == "A":
-            pairs.append(JointPair(a=source, b=name, slope=slope, offset=float(offset)))
-        else:
-            pairs.append(
-                JointPair(a=name, b=source, slope=1 / slope, offset=-float(offset) / slope + 0.0)
-            )
-    return tuple(pairs)
+
+    def __init__(self, tree: Tree, names: Sequence[str]) -> None:
+        order, coupled = [names.index(name) for name in names_of(tree)], Coupled(tree)
+        self.equations = TreeEquations(tree_system(name="", title="", source="", tree=tree))
+        self.kept = np.array(order)[coupled.kept]
+        self.matrix, self.offset = np.zeros((len(names), len(self.kept))), np.zeros(len(names))
+        self.matrix[order], self.offset[order] = coupled.matrix, coupled.offset
+
+    def expanded(self, states: Array) -> tuple[Array, Array]:
+        """Return states (K, 2n) as the engine's positions and velocities, (K, nz) each."""
+        n = len(self.kept)
+        return states[:, :n] @ self.matrix.T + self.offset, states[:, n:] @ self.matrix.T
+
+    def reduced(self, states: Array) -> Array:
+        """Return the coordinates' states, (K, 2n), of the engine's, (K, 2nz)."""
+        nz = len(self.offset)
+        return states[:, [*self.kept, *(nz + i for i in self.kept)]]
+
+    def accelerations(self, runs: Segments) -> Array:
+        """Return accelerations at the starts of runs under their forces, (K, nz)."""
+        start, n = self.reduced(runs.start), len(self.kept)
+        forces = runs.start_inputs @ self.matrix
+        pushed = self.equations.pushed_acceleration(start[:, :n], start[:, n:], forces)
+        return pushed @ self.matrix.T
+
+    def ends(self, runs: Segments) -> Array:
+        """Return the end states of runs under forces on the engine's coordinates, (K, 2nz).
+
+        They are not a number if the equations cannot be solved.
+        """
+        forces, start = runs.start_inputs @ self.matrix, self.reduced(runs.start)
+        for pieces in PIECES:
+            reached = start
+            try:
+                for _ in range(pieces):
+                    reached = ends_of(self.equations, reached, forces, runs.length / pieces)
+            except ReferenceError:
+                continue
+            return np.hstack(self.expanded(reached))
+        return np.full((len(start), 2 * len(self.offset)), np.nan)

@@ -19,13 +19,20 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.reference.mechanism.laws import Surface
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .alignment import SAME, Aligned
-from .property import Difference, make_property
-from .side import KEYS, JointPair, ModelSide, lines_of
+from .match import (
+    JointPair,
+)
+from .side import (
+    KEYS,
+    Difference,
+    ModelSide,
+    lines_of,
+    make_property,
+)
 
 make_stated = partial(make_property, moves=False)
 
@@ -43,10 +50,10 @@ def stated_properties(
         rows: pairs of links.
         pairs: of joints, by the names of A's.
     """
-    shapes = _matched(a, b, rows)
-    yield from shapes.differences()
+    size, shapes, single = _matched(a, b, rows)
+    yield from _shapes(size, shapes, single)
     if a.facts.compiled is not None and b.facts.compiled is not None:
-        yield from _contacts(a, b, shapes.pairs)
+        yield from _contacts(a, b, shapes)
         yield from _texts(a, b)
     yield from _joint_numbers(a, b, pairs)
 
@@ -91,39 +98,35 @@ class _Shape:
         return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Matched:
-    """Shapes of both files that can touch.
+def _shapes(
+    size: float,
+    pairs: Sequence[tuple[_Shape, _Shape]],
+    single: Sequence[tuple[str, _Shape, _Shape | None]],
+) -> Iterator[Difference]:
+    """Yield shapes that differ, or that one file lacks; arguments as of `_matched`."""
+    for x, y in pairs:
+        for what, share, text in _unlike(x, y, size):
+            lines = x.line(size=what == "size"), y.line(size=what == "size")
+            message = f"{what} of shape {x.label}: {text}"
+            yield make_stated("shape", x.label, message, relative=share, lines=lines)
+    for label, shape, other in single:
+        has = ("some", "none") if label == "A" else ("none", "some")
+        what = "contacts of shape" if other else "shape"
+        message = f"{what} {shape.label}: {has[0]} in A, {has[1]} in B"
+        both = [shape.line(), other.line() if other else None]
+        first, last = both if label == "A" else both[::-1]
+        yield make_stated("shape", shape.label, message, lines=(first, last))
 
-    Attributes:
-        size: of the mechanism, m.
-        pairs: corresponding shapes.
-        single: others, each with the file that has it, and whether the other one has it without
-            contacts.
+
+def _matched(
+    a: ModelSide, b: ModelSide, rows: Sequence[Aligned]
+) -> tuple[float, list[tuple[_Shape, _Shape]], list[tuple[str, _Shape, _Shape | None]]]:
+    """Pair shapes on paired links: alike ones, then by name, then those of one form in order.
+
+    Returns:
+        The size of the mechanism, m; pairs of shapes that can touch; and others, each with the
+        file that has it, and the shape without contacts that the other one has there.
     """
-
-    size: float
-    pairs: Sequence[tuple[_Shape, _Shape]]
-    single: Sequence[tuple[str, _Shape, _Shape | None]]
-
-    def differences(self) -> Iterator[Difference]:
-        """Yield shapes that differ, or that one file lacks."""
-        for x, y in self.pairs:
-            for what, share, text in _unlike(x, y, self.size):
-                lines = x.line(size=what == "size"), y.line(size=what == "size")
-                message = f"{what} of shape {x.label}: {text}"
-                yield make_stated("shape", x.label, message, relative=share, lines=lines)
-        for label, shape, other in self.single:
-            has = ("some", "none") if label == "A" else ("none", "some")
-            what = "contacts of shape" if other else "shape"
-            message = f"{what} {shape.label}: {has[0]} in A, {has[1]} in B"
-            both = [shape.line(), other.line() if other else None]
-            first, last = both if label == "A" else both[::-1]
-            yield make_stated("shape", shape.label, message, lines=(first, last))
-
-
-def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
-    """Pair shapes on paired links: alike ones, then by name, then those of one form in order."""
     links = {row.b: (row.a, row.moved) for row in rows}
     of_a = _placed(a, {row.a: (row.a, IDENTITY) for row in rows})
     of_b = _placed(b, links)
@@ -150,7 +153,7 @@ def _matched(a: ModelSide, b: ModelSide, rows: Sequence[Aligned]) -> _Matched:
             still = (y for y in others if not _touches(y) and y.link == x.link)
             other = next((y for y in still if tests[0](x, y)), None)
             single.append((label, x, other))
-    return _Matched(size=size, pairs=pairs, single=single)
+    return size, pairs, single
 
 
 def _placed(model: ModelSide, links: Mapping[int, tuple[int, Place]]) -> list[_Shape]:
@@ -276,12 +279,8 @@ def _touching(model: ModelSide, shapes: Sequence[_Shape]) -> set[frozenset[int]]
         frozenset((i, j))
         for i, first in enumerate(surfaces)
         for j, other in enumerate(surfaces[:i])
-        if _meet(first, other) and frozenset((first.body, other.body)) not in excluded
+        if first.touches(other) and frozenset((first.body, other.body)) not in excluded
     }
-
-
-def _meet(first: Surface, other: Surface) -> bool:
-    return bool(first.masks[0] & other.masks[1] or other.masks[0] & first.masks[1])
 
 
 def _exclude_line(model: ModelSide, bodies: set[str | None]) -> SourceLine | None:
@@ -308,11 +307,17 @@ def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
                 message = f"{about}: {shown[0]} in A, {shown[1]} in B"
                 if key == "elevation" and "none" not in values:
                     message = f"{about}: other heights in B"
+                if key == EQUALITY[1]:
+                    message = f"inactive equality {subject}: other numbers in B"
                 lines = _text_line(a, subject, key), _text_line(b, subject, key)
-                moves = key in FLUID and bool(a.tree.fluid or b.tree.fluid)
+                medium = bool(a.tree.fluid or b.tree.fluid)
+                moves, idle = key in FLUID and medium, key == "wind" and not medium
+                if idle:
+                    message = f"{message}; it moves nothing without density and viscosity"
                 yield make_property(
                     kind, subject or key, message, lines=lines, moves=moves,
-                    relative=_share(*values), changed=_immersed(a, b, key) if moves else None,
+                    relative=0.0 if idle else _share(*values),
+                    changed=_immersed(a, b, key) if moves else None,
                 )  # fmt: skip
 
 
@@ -369,6 +374,7 @@ def _joint_numbers(
 ) -> Iterator[Difference]:
     """Yield dry friction, efforts, velocities and couplings of joints that differ."""
     is_mixed = ".xml" in (a.file.suffix, b.file.suffix)
+    driven = {one.on for model in (a, b) for one in model.facts.actuators}
     both = [_by_joint(model, drives=a.file.suffix != b.file.suffix) for model in (a, b)]
     names = {name: pair.b for name, pair in pairs.items()}
     back = {its: name for name, its in names.items()}
@@ -376,7 +382,8 @@ def _joint_numbers(
     for name in dict.fromkeys(every):
         here, there = both[0].get(name, {}), both[1].get(names.get(name, name), {})
         for what in dict.fromkeys([*here, *there]):
-            values = here.get(what, ()), tuple(_renamed(there.get(what, ()), back))
+            renamed = (back.get(x, x) if isinstance(x, str) else x for x in there.get(what, ()))
+            values: tuple[_Values, _Values] = here.get(what, ()), tuple(renamed)
             if not _equal(*values):
                 shown = [_shown(one) for one in values]
                 message = f"{what} of joint {name}: {shown[0]} in A, {shown[1]} in B"
@@ -384,22 +391,12 @@ def _joint_numbers(
                 share = _share(*(" ".join(map(str, one)) or "none" for one in values))
                 if is_mixed and what == "velocity":
                     share, message = 0.0, f"velocity of joint {name}: no MJCF states one"
-                if is_mixed and what == "effort" and not (all(values) or _is_driven(a, b, name)):
+                if is_mixed and what == "effort" and not (all(values) or name in driven):
                     share, message = 0.0, f"{message}; it limits no drive"
                 yield make_stated(what, name, message, lines=lines, relative=share)
 
 
-def _is_driven(a: ModelSide, b: ModelSide, joint: str) -> bool:
-    """Return whether a drive acts on a joint of one of the files."""
-    return any(one.on == joint for model in (a, b) for one in model.facts.actuators)
-
-
 _Values = tuple[float | str, ...]
-
-
-def _renamed(values: Sequence[float | str], names: Mapping[str, str]) -> Iterator[float | str]:
-    for value in values:
-        yield names.get(value, value) if isinstance(value, str) else value
 
 
 def _equal(here: _Values, there: _Values) -> bool:
@@ -434,12 +431,12 @@ def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]
                 if (value := _stated_number(element, what)) is not None:
                     stated[what] = (value,)
         return rows
-    joints = [joint for body in compiled.bodies for joint in body.joints]
-    ranges = {} if compiled.laws is None else compiled.laws.joint_ranges
-    for j, joint in enumerate(joints):
-        name = joint.name or f"joint_{j}"
-        if joint.friction:
-            rows.setdefault(name, {})["friction"] = (joint.friction,)
+    laws = compiled.laws
+    ranges = {} if laws is None else laws.joint_ranges
+    frictions = {} if laws is None else {one.joint: one.force for one in laws.frictions}
+    for j, name in enumerate(compiled.joints):
+        if frictions.get(j):
+            rows.setdefault(name, {})["friction"] = (frictions[j],)
         on = [one for one in compiled.actuators if drives and one.on == name]
         force: tuple[float, ...] | None = ranges[j][0] if j in ranges else None
         if force is None and len(on) == 1 and abs(dict(on[0].numbers)["gear"][0]) == 1:

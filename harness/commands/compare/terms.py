@@ -8,19 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel
+from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.numerics.accelerations import Accelerations, Estimate, force_of
 from physics_crosscheck.harness.numerics.coordinates import identity
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedTerm
 from physics_crosscheck.harness.results.status import counted
-from .candidate import Candidate
+from physics_crosscheck.reference.solving.segments import even_indices
+from .candidate import Candidate, ask
+from .judge import Recorded
 from .match import Match, halves
-from .property import apart, percent
+from .prepared import PreparedComparison
+from .segments import reversed_segments
+from .side import apart, percent
 from .states import SampledStates, free_directions
 
 SPEEDS = (0.3, 0.6)
@@ -29,24 +35,8 @@ SPEEDS = (0.3, 0.6)
 BASES = 2
 """Number of states at which resisting forces are measured."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class MechanicsTask:
-    """Input of a worker that measures one model.
-
-    Attributes:
-        match: conversion of its own coordinates to those of the comparison; None: they are equal,
-            except for `signs`.
-        signs: -1 for each reversed coordinate, (m,).
-        start: N states, in its own coordinates, (N, 2nz).
-        states: that the comparison sampled, for the scales of the motions.
-    """
-
-    candidate: Candidate
-    match: Match | None
-    signs: Array
-    start: Array
-    states: SampledStates
+MORE_STATES = 6
+"""States at which terms are measured, beyond the number of independent coordinates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,21 +60,31 @@ class Mechanics:
     odd: Estimate
 
 
-def mechanics(task: MechanicsTask) -> Mechanics:
+def mechanics(
+    candidate: Candidate, match: Match | None, signs: Array, start: Array, states: SampledStates
+) -> Mechanics:
     """Measure one model.
+
+    Args:
+        candidate: the model.
+        match: conversion of its own coordinates to those of the comparison; None: they are equal,
+            except for `signs`.
+        signs: -1 for each reversed coordinate, (m,).
+        start: N states, in its own coordinates, (N, 2nz).
+        states: that the comparison sampled, for the scales of the motions.
 
     Raises:
         EngineError: with file, place and remedy.
     """
-    model = task.candidate.load()
-    lens = _Lens(task, model)
-    z, w = halves(task.start)
+    model = candidate.load()
+    lens = _Lens(model, match, signs, start, states)
+    z, w = halves(start)
     still, every = np.hstack([z, 0 * w]), range(len(z))
     rest, odd = lens.forces(model, still, every), lens.odd(model)
     unweighted = None
     try:
         # Measure this last: in some engines loading another model unloads this one.
-        model = task.candidate.with_settings(gravity=[0.0, 0.0, 0.0]).load()
+        model = candidate.with_settings(gravity=[0.0, 0.0, 0.0]).load()
         unweighted = lens.forces(model, still, every)
     except EngineError:
         pass
@@ -94,33 +94,40 @@ def mechanics(task: MechanicsTask) -> Mechanics:
 class _Lens:
     """A model in the coordinates of the comparison."""
 
-    def __init__(self, task: MechanicsTask, model: LoadedModel) -> None:
-        self.task = task
-        (z, _), typical = halves(task.start), task.states.typical
+    def __init__(
+        self,
+        model: LoadedModel,
+        match: Match | None,
+        signs: Array,
+        start: Array,
+        states: SampledStates,
+    ) -> None:
+        self.start, self.states = start, states
+        (z, _), typical = halves(start), states.typical
         n = z.shape[1]
         extent = model.sampling_range
         size = (extent[:, 1] - extent[:, 0]) / 2
         self.speed = size * typical
         accelerations = self._accelerations(model)
-        ease = np.diagonal(accelerations.inverse_mass(task.start[:1], np.ones(n))[0])
+        ease = np.diagonal(accelerations.inverse_mass(start[:1], np.ones(n))[0])
         largest = float(np.max(ease)) or 1.0  # no joint moves if a motor holds them all
         inverse = accelerations.inverse_mass(
-            task.start, size * typical**2 / np.where(ease > 0, ease, largest)
+            start, size * typical**2 / np.where(ease > 0, ease, largest)
         )
-        plain = np.tile(np.diag(task.signs[:n]), (len(z), 1, 1))
-        slopes = plain if task.match is None else task.match.slopes(z)
+        plain = np.tile(np.diag(signs[:n]), (len(z), 1, 1))
+        slopes = plain if match is None else match.slopes(z)
         compared = slopes @ inverse @ slopes.swapaxes(1, 2)
         self.rank = max(free_directions(one).shape[1] for one in compared)
-        picked = list(task.states.independent)
+        picked = list(states.independent)
         self.slopes = slopes[:, picked]
         ease = np.diagonal(compared[0])[picked]
-        sizes = task.states.unit[picked] * typical**2 / np.where(ease > 0, ease, largest)
-        self.mass, _ = accelerations.mechanics(task.start, sizes, self.slopes)
+        sizes = states.unit[picked] * typical**2 / np.where(ease > 0, ease, largest)
+        self.mass, _ = accelerations.mechanics(start, sizes, self.slopes)
         # The velocities at which one independent coordinate alone moves.
         self.along = inverse @ self.slopes.swapaxes(1, 2) @ self.mass.value
 
     def _accelerations(self, model: LoadedModel) -> Accelerations:
-        size, fastest = len(self.speed), self.task.states.fastest
+        size, fastest = len(self.speed), self.states.fastest
         return Accelerations(
             model=model, coordinates=identity(size), speed=self.speed, fastest=fastest
         )
@@ -138,10 +145,10 @@ class _Lens:
 
     def odd(self, model: LoadedModel) -> Estimate:
         """Return `Mechanics.odd`; the curvature of the coordinates is even and cancels."""
-        task, (z, _) = self.task, halves(self.task.start)
+        states, (z, _) = self.states, halves(self.start)
         bases = min(BASES, len(z))
-        picked = list(task.states.independent)
-        speed, r = task.states.unit[picked] * task.states.typical, len(picked)
+        picked = list(states.independent)
+        speed, r = states.unit[picked] * states.typical, len(picked)
         rows = [
             (base, sign * share * speed[j] * self.along[base, :, j])
             for base in range(bases)
@@ -150,8 +157,8 @@ class _Lens:
             for j in range(r)
         ]
         indices = [base for base, _ in rows]
-        states = np.hstack([z[indices], np.array([w for _, w in rows])])
-        forces = self.forces(model, states, indices)
+        moving = np.hstack([z[indices], np.array([w for _, w in rows])])
+        forces = self.forces(model, moving, indices)
         value, error = (
             one.reshape(bases, len(SPEEDS), 2, r, r) for one in (forces.value, forces.uncertainty)
         )
@@ -161,28 +168,43 @@ class _Lens:
         )
 
 
-@dataclass(frozen=True)
-class TermFrame:
-    """Joints and states at which terms are measured.
+def measured_terms(
+    executor: Executor, prepared: PreparedComparison, recorded: Recorded, signs: Array
+) -> tuple[ComparedTerm, ...]:
+    """Return the terms that differ by more than their uncertainty, worst first.
 
-    Attributes:
-        names: of the joints, (r,).
-        places: joint positions at the N states, (N, r).
-        unit: size of their motions, (r,).
-        typical: typical rate, rad/s.
+    Args:
+        executor: runs the engines.
+        prepared: both models.
+        recorded: runs of the source, from some of whose states terms are measured.
+        signs: -1 for each reversed coordinate of the target, (m,).
     """
-
-    names: Sequence[str]
-    places: Array
-    unit: Array
-    typical: float
-
-
-def differing_terms(a: Mechanics, b: Mechanics, frame: TermFrame) -> tuple[ComparedTerm, ...]:
-    """Return the terms that differ by more than their uncertainty, worst first."""
+    states, match = recorded.states, prepared.match
+    z, w = halves(recorded.compared.start)
+    (going,) = np.nonzero(w.any(axis=1))
+    if not len(going):
+        return ()
+    chosen = list(states.independent)
+    picked = going[even_indices(len(going), len(chosen) + MORE_STATES)]
+    source, target = prepared.source_first(prepared.models)
+    runs = reversed_segments(recorded.compared.pick(picked), signs)
+    rows = (
+        (source, match, np.ones(len(signs)), recorded.runs.pick(picked).start),
+        (target, None, signs, runs.start),
+    )
+    measured = [
+        ask(
+            executor,
+            model,
+            partial(mechanics, match=of_model, signs=turns, start=start, states=states),
+            model,
+        )
+        for model, of_model, turns, start in rows
+    ]
+    a, b = prepared.source_first((measured[0], measured[1]))
     if a.rank != b.rank:
         return (_constraint(a.rank, b.rank),)
-    comparison = _Pair(a, b, frame)
+    comparison = _Pair(a, b, [match.names[i] for i in chosen], z[picked][:, chosen], states)
     every = [*comparison.inertia(), *comparison.resistance()]
     if any(term.kind == "friction" for term in every):
         pass  # at rest it balances any force, so that springs are unknown
@@ -194,11 +216,8 @@ def differing_terms(a: Mechanics, b: Mechanics, frame: TermFrame) -> tuple[Compa
     else:
         every += comparison.springs(a.rest, b.rest, "force")
     # Round to six digits, so that last digits do not change the order of like legs.
-    return tuple(sorted(every, key=_rounded_effect, reverse=True))
-
-
-def _rounded_effect(term: ComparedTerm) -> float:
-    return float("inf") if term.effect is None else float(f"{term.effect:.5e}")
+    sizes = [np.inf if term.effect is None else float(f"{term.effect:.5e}") for term in every]
+    return tuple(every[i] for i in sorted(range(len(every)), key=lambda i: -sizes[i]))
 
 
 def _constraint(rank_a: int, rank_b: int) -> ComparedTerm:
@@ -227,16 +246,26 @@ def _less(total: Estimate, part: Estimate) -> Estimate:
 
 
 class _Pair:
-    """Measurements of two models."""
+    """Measurements of two models, for r joints at N states.
 
-    def __init__(self, a: Mechanics, b: Mechanics, frame: TermFrame) -> None:
-        self.a, self.b, self.frame = a, b, frame
+    Args:
+        a, b: the measurements.
+        names: of the joints, (r,).
+        places: joint positions, (N, r).
+        states: that the comparison sampled, for the scales of the motions.
+    """
+
+    def __init__(
+        self, a: Mechanics, b: Mechanics, names: Sequence[str], places: Array, states: SampledStates
+    ) -> None:
+        self.a, self.b, self.names, self.places = a, b, names, places
+        self.unit, self.typical = states.unit[list(states.independent)], states.typical
         inertia = np.max(np.abs(np.diagonal(a.mass.value, axis1=1, axis2=2)), axis=0, initial=0.0)
-        self.forces = np.maximum(np.nan_to_num(inertia), 1e-300) * frame.unit * frame.typical**2
+        self.forces = np.maximum(np.nan_to_num(inertia), 1e-300) * self.unit * self.typical**2
 
     def _between(self, what: str, i: int, j: int, single: str = "") -> tuple[tuple[str, ...], str]:
         """Return the joints of an entry of a matrix, and its name."""
-        names = self.frame.names
+        names = self.names
         if i == j:
             return (names[i],), f"{single or what} of {names[i]}"
         separator = "of" if single else "between"
@@ -244,9 +273,9 @@ class _Pair:
 
     def inertia(self) -> Iterator[ComparedTerm]:
         """Yield differing entries of the mass matrix."""
-        a, b, frame = self.a.mass, self.b.mass, self.frame
+        a, b = self.a.mass, self.b.mass
         error = _doubt(a, b)
-        for i in range(len(frame.names)):
+        for i in range(len(self.names)):
             for j in range(i + 1):
                 state = _worst(a.value[:, i, j] - b.value[:, i, j], error[:, i, j])
                 if state is None:
@@ -257,7 +286,7 @@ class _Pair:
                     "inertia",
                     *self._between("inertial coupling", j, i, "inertia"),
                     (here, there, float(error[state, i, j])),
-                    abs(here - there) * frame.unit[j] * frame.typical**2 / self.forces[i],
+                    abs(here - there) * self.unit[j] * self.typical**2 / self.forces[i],
                     state if varies else None,
                 )
 
@@ -265,8 +294,8 @@ class _Pair:
         """Yield differences of damping, and of other forces that depend on the velocity."""
         error = _doubt(self.a.odd, self.b.odd)
         differing = np.abs(self.a.odd.value - self.b.odd.value) > error
-        for i in range(len(self.frame.names)):
-            for j in range(len(self.frame.names)):
+        for i in range(len(self.names)):
+            for j in range(len(self.names)):
                 # At the higher speed, for which the value is reported.
                 miss = self.a.odd.value[..., j, i] - self.b.odd.value[..., j, i]
                 base = _worst(miss[:, 1], error[:, 1, j, i])
@@ -283,14 +312,14 @@ class _Pair:
     def _resisting(self, i: int, j: int, base: int) -> tuple[float, float, float]:
         """Return the force on joint i of both models, and the speed of joint j."""
         here, there = (float(-m.value[base, 1, j, i]) for m in (self.a.odd, self.b.odd))
-        return here, there, SPEEDS[1] * self.frame.unit[j] * self.frame.typical
+        return here, there, SPEEDS[1] * self.unit[j] * self.typical
 
     def _friction(self, i: int, j: int, base: int, *, dry: bool) -> ComparedTerm:
-        (here, there, speed), name = self._resisting(i, j, base), self.frame.names[i]
+        (here, there, speed), name = self._resisting(i, j, base), self.names[i]
         what, suffix = f"friction on {name}", ", whatever its speed"
         if not dry:
             what = f"force on {name} that depends on the velocity, not linearly"
-            suffix = f" at {self.frame.names[j]}_dot = {speed:.3g}"
+            suffix = f" at {self.names[j]}_dot = {speed:.3g}"
         doubt = float(_doubt(self.a.odd, self.b.odd)[base, 1, j, i])
         effect = abs(here - there) / self.forces[i]
         return self._term("friction", (name,), what, (here, there, doubt), effect, None, suffix)
@@ -308,9 +337,8 @@ class _Pair:
 
     def springs(self, a: Estimate, b: Estimate, kind: str) -> Iterator[ComparedTerm]:
         """Yield differences of stiffness if forces are linear in the positions, else of forces."""
-        frame = self.frame
-        count, r = frame.places.shape
-        design = np.hstack([frame.places / frame.unit, np.ones((count, 1))])
+        count, r = self.places.shape
+        design = np.hstack([self.places / self.unit, np.ones((count, 1))])
         back, error = np.linalg.pinv(design), _doubt(a, b)
         if not np.isfinite(error).all() or not (np.abs(a.value - b.value) > error).any():
             yield from self.pointwise(a, b, kind)
@@ -320,16 +348,16 @@ class _Pair:
         allowed = 3 * error + 1e-9 * np.abs(a.value)
         linear = np.all([(one <= allowed).all(axis=0) for one in residuals], 0)
         doubt, miss = np.abs(back) @ error, np.abs(fits[0] - fits[1])
-        for i, name in enumerate(frame.names):
+        for i, name in enumerate(self.names):
             if not linear[i] or count <= r + 1:
                 yield from self.pointwise(a, b, kind, only=i)
                 continue
             for j in range(r):
                 if miss[j, i] <= doubt[j, i] or (j < i and miss[i, j] > doubt[i, j]):
                     continue  # it does not differ, or is reported as (j, i)
-                values = *(-float(fit[j, i]) / frame.unit[j] for fit in fits), doubt[j, i]
-                here, there, limit = values[0], values[1], float(values[2]) / frame.unit[j]
-                effect = abs(here - there) * frame.unit[j] / self.forces[i]
+                values = *(-float(fit[j, i]) / self.unit[j] for fit in fits), doubt[j, i]
+                here, there, limit = values[0], values[1], float(values[2]) / self.unit[j]
+                effect = abs(here - there) * self.unit[j] / self.forces[i]
                 subject = self._between("stiffness", i, j)
                 yield self._term("stiffness", *subject, (here, there, limit), effect, None)
             if miss[r, i] > doubt[r, i]:
@@ -345,7 +373,7 @@ class _Pair:
     ) -> Iterator[ComparedTerm]:
         """Yield differing forces, at the state with the largest difference."""
         error = _doubt(a, b)
-        for i, name in enumerate(self.frame.names):
+        for i, name in enumerate(self.names):
             state = _worst(a.value[:, i] - b.value[:, i], error[:, i])
             if state is None or only not in (None, i):
                 continue
@@ -372,7 +400,7 @@ class _Pair:
         share = f" ({percent((there - here) / here)})" if certain else ""
         message = f"{name}: {shown[0]} in A, {shown[1]} in B{share}"
         if state is not None:
-            place = zip(self.frame.names, self.frame.places[state], strict=True)
+            place = zip(self.names, self.places[state], strict=True)
             message += " at " + ", ".join(f"{n} = {value:.3g}" for n, value in list(place)[:4])
         return ComparedTerm(
             kind=kind,

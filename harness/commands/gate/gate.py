@@ -38,7 +38,7 @@ from physics_crosscheck.harness.baseline.stale import match
 from physics_crosscheck.harness.baseline.store import accepted_text, named_targets, read_baseline
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.expanded import in_source, source_of
-from physics_crosscheck.harness.documents.location import Location
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.formats import is_robot
 from physics_crosscheck.harness.modelfiles.locations import find_in
@@ -191,7 +191,7 @@ def _literals(
     return changed
 
 
-def _place(file: Path, text: str, address: str) -> Location | None:
+def _place(file: Path, text: str, address: str) -> Number | None:
     try:
         return find_in(text.encode(), file, [address])[address]
     except LocationError:

@@ -52,8 +52,8 @@ def survey(task: SystemTask) -> FaultSurvey:
                 f"{task.declared.model}: it differs from its equations already in {task.engine}; to"
                 " show what would be caught it must be right: see `crosscheck run`"
             )
-        bound = tuple(s for s in whole.candidates if s.hypothesis.id.kind == "literal")
-        slopes = replace(whole, candidates=bound).slopes({})
+        bound = tuple(s for s in whole.hypotheses if s.id.kind == "literal")
+        slopes = replace(whole, hypotheses=bound).slopes({})
         mistakes = known_mistakes(Subject(task, whole.model, whole.coordinates, literals))
     sizes = np.array([abs(b.value) or 1.0 for b in literals])
     return FaultSurvey(

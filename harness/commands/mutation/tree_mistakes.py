@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.law_problem import AnyLawProblem
 from physics_crosscheck.harness.diagnosis.robot_problem import AXIS, joint_of
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import DefaultLeftOn
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.numbers import Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers
+from physics_crosscheck.harness.modelfiles.numbers import ModelFile
 from physics_crosscheck.harness.records.cause import CauseId
 
 GRAMS = 1000.0
@@ -44,7 +44,7 @@ class TreeMistake:
     causes: frozenset[CauseId]
 
 
-def tree_mistakes(task: TreeTask, numbers: Numbers) -> Iterator[TreeMistake]:
+def tree_mistakes(task: TreeTask, numbers: ModelFile) -> Iterator[TreeMistake]:
     """Yield every mistake that the file has a place for."""
     groups = _groups(numbers)
     for pattern, name, change in _FAMILIES:
@@ -107,7 +107,7 @@ def _changed(
     yield TreeMistake(name=name, location=place, values=values, causes=frozenset(causes))
 
 
-def _groups(numbers: Numbers) -> dict[str, dict[int, Number]]:
+def _groups(numbers: ModelFile) -> dict[str, dict[int, Number]]:
     """Return the lists that have relevant numbers; the six of a tensor are one list."""
     groups: dict[str, dict[int, Number]] = {}
     relevant = set(numbers.relevant_numbers)

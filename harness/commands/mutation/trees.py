@@ -30,10 +30,11 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
 )
 from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.documents.errors import original_paths
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, Number
-from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
@@ -210,7 +211,7 @@ def died(fault: TreeFault, reason: str) -> Mutation:
     return _row(fault, FaultVerdict.REFUSED, reason)
 
 
-def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
+def _judged(fault: TreeFault, numbers: ModelFile, wrong: TreeTask) -> Mutation:
     """Build the row of a fault, from the motions of the wrong model."""
     case = run_case(wrong)
     if case.outcome is Outcome.REFUSED:
@@ -239,7 +240,7 @@ def _judged(fault: TreeFault, numbers: Numbers, wrong: TreeTask) -> Mutation:
     return with_ranking(row, ranking, fault.mistake.causes, _values(fault, numbers))
 
 
-def _by_place(fault: TreeFault, numbers: Numbers, case: Case) -> FaultVerdict:
+def _by_place(fault: TreeFault, numbers: ModelFile, case: Case) -> FaultVerdict:
     """Judge a fault that displaces a body or shape: named if a line of its element is."""
     lines = {one.line for one in case.locations}
     elements = (numbers.numerals[i] for i in fault.mistake.values)
@@ -247,7 +248,7 @@ def _by_place(fault: TreeFault, numbers: Numbers, case: Case) -> FaultVerdict:
     return FaultVerdict.NAMED if named else FaultVerdict.CAUGHT
 
 
-def _in_steps(fault: TreeFault, numbers: Numbers, wrong: TreeTask, row: Mutation) -> Mutation:
+def _in_steps(fault: TreeFault, numbers: ModelFile, wrong: TreeTask, row: Mutation) -> Mutation:
     """Add the causes of a fault that whole steps show."""
     laws = sound_laws(fault.model)
     problem = None if laws is None else laws.in_engine(wrong.spec)
@@ -284,7 +285,7 @@ def _unconverged(fault: TreeFault, laws: AnyLawProblem) -> Mutation:
     return _row(fault, FaultVerdict.NAMED, words, float(np.max(bounds)))
 
 
-def _values(fault: TreeFault, numbers: Numbers) -> tuple[float, float] | None:
+def _values(fault: TreeFault, numbers: ModelFile) -> tuple[float, float] | None:
     """Return the right and the wrong value of a number; None for a typical mistake."""
     if fault.size is None:
         return None
@@ -292,7 +293,7 @@ def _values(fault: TreeFault, numbers: Numbers) -> tuple[float, float] | None:
     return numbers.numerals[index].value, wrong
 
 
-def _is_faint(fault: TreeFault, numbers: Numbers) -> bool:
+def _is_faint(fault: TreeFault, numbers: ModelFile) -> bool:
     """Return whether a fault moves no segment beyond its uncertainty.
 
     The slope decides, or the equations with those values if the effect is quadratic, such as that

@@ -24,12 +24,18 @@ from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts, parts
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import BodyModel, Robot
+from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_system import summary
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.mechanism.bodies import Coupling, ForceElement, Joint, RigidBody
+from physics_crosscheck.reference.mechanism.bodies import (
+    BodyModel,
+    Coupling,
+    ForceElement,
+    Joint,
+    RigidBody,
+)
 from physics_crosscheck.reference.mechanism.force_paths import JointForce
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.solving.integrate import ReferenceError

@@ -66,6 +66,7 @@ def sdf_models(source: Path) -> dict[str, Path]:
         name = model.get("name")
         word = f".{_ODD.sub('_', name)}" if len(moving) > 1 else ""
         copy = _single_model(root, holder, model, versions)
+        _absolute(copy, source)
         files[name] = cached_copy(source, [name], f"{source.stem}{word}.sdf", "sdf")
         marks = list(_marks(copy, (str(source), 1)))
         write_copy(source, files[name], "\n".join(_lines(copy)).encode(), marks)
@@ -154,7 +155,7 @@ _MERGED = "crosscheck-merged"
 
 
 def _absolute(model: XmlElement, file: Path) -> None:
-    """Write the whole paths of an included model's meshes."""
+    """Write the whole paths of the meshes of a model of a file."""
     for uri in (uri for mesh in model.iter("mesh") for uri in mesh.findall("uri")):
         path = _locate(file, uri.text.strip())
         uri.text = uri.text if path is None else str(path.resolve())

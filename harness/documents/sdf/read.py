@@ -20,7 +20,7 @@ from physics_crosscheck.reference.mechanism.tree import Kind
 from ..document import Document
 from ..elements import XmlElement
 from ..errors import quote
-from ..tree import GRAVITY, Mimic, add_loop_problems, attach_child, free_name
+from ..tree import GRAVITY, FileLink, Mimic, add_loop_problems, attach_child, free_name
 from .frames import MODEL, WORLD, SdfFrames, inverse, read_pose
 from .shapes import automatic_inertia, is_automatic
 
@@ -64,14 +64,6 @@ ENDLESS = 1e16
 _TENSOR = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _UNIT = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 """Default inertia, kg m^2."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SdfLink:
-    """A link: its element, and its body, which has no parent yet."""
-
-    element: XmlElement
-    body: RigidBody
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +112,7 @@ class SdfFile:
     model: XmlElement
     world: XmlElement | None
     frames: SdfFrames
-    links: Mapping[str, SdfLink]
+    links: Mapping[str, FileLink]
     joints: Mapping[str, SdfJoint]
     mimics: Mapping[str, Mimic]
     root: str
@@ -180,10 +172,10 @@ def has_no_weight(link: XmlElement) -> bool:
     return link.findtext("gravity").strip().lower() in _FALSE
 
 
-def read_links(document: Document, frames: SdfFrames) -> dict[str, SdfLink]:
+def read_links(document: Document, frames: SdfFrames) -> dict[str, FileLink]:
     """Return the links by name; problems are noted in the document."""
     return {
-        name: SdfLink(element=element, body=_body(document, frames, element, name))
+        name: FileLink(element=element, body=_body(document, frames, element, name))
         for name, element in frames.tagged("link").items()
     }
 
@@ -500,7 +492,7 @@ def _within(element: XmlElement) -> Iterator[XmlElement]:
 def _root(
     document: Document,
     model: XmlElement,
-    links: Mapping[str, SdfLink],
+    links: Mapping[str, FileLink],
     joints: Mapping[str, SdfJoint],
 ) -> str:
     """Return the floating root link, or `world`."""

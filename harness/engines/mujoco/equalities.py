@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from physics_crosscheck.harness.engines.compiled import CompiledCoupling
-from physics_crosscheck.harness.engines.mujoco.pulls import acts, of_tendon
+from physics_crosscheck.harness.engines.mujoco.pulls import acts, joint_name, of_tendon
+from physics_crosscheck.reference.mechanism.bodies import Coupling
 
 _CURVED = slice(2, 5)
 """Coefficients of an equality's polynomial that make it nonlinear."""
@@ -22,16 +22,16 @@ class _LinearCoupling:
     offset: float
 
 
-def couplings(m: Any) -> Iterator[CompiledCoupling]:
+def couplings(m: Any) -> Iterator[Coupling]:
     """Yield joints that linear equalities couple to others or fix."""
     for coupling in straight_equalities(m).values():
         (leader, multiplier), *others = coupling.leaders.items() or [(None, 0.0)]
-        yield CompiledCoupling(
-            follower=coupling.follower,
-            leader=leader,
+        yield Coupling(
+            follower=joint_name(m, coupling.follower),
+            leader=None if leader is None else joint_name(m, leader),
             multiplier=multiplier,
             offset=coupling.offset,
-            others=tuple((joint, share) for joint, share in others if joint is not None),
+            others=tuple((joint_name(m, joint), x) for joint, x in others if joint is not None),
         )
 
 

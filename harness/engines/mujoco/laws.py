@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledForce, CompiledLength
 from physics_crosscheck.harness.engines.mujoco.pulls import (
-    Combination,
     acts,
     actuators,
     armature_and_damping,
@@ -17,6 +15,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     box_fluid,
     control,
     ellipsoids,
+    force_element,
     gear_of,
     is_off,
     numbers_of,
@@ -27,6 +26,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
 from physics_crosscheck.harness.engines.mujoco.state import BALL
+from physics_crosscheck.reference.mechanism.bodies import ForceElement
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
     Anchor,
@@ -50,7 +50,7 @@ _CURVES: Mapping[str, Curve] = {
 }  # fmt: skip
 
 
-def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
+def laws_of(m: Any) -> tuple[Laws, tuple[ForceElement, ...]]:
     """Return the numbers of the laws, and the paths along which they act: tendons, then drives."""
     import mujoco
 
@@ -88,7 +88,9 @@ def laws_of(m: Any) -> tuple[Laws, tuple[CompiledForce, ...]]:
         light=frozenset(int(i) for i in np.flatnonzero(np.array(m.body_simple) == 2)),
         uncovered=tuple(_uncovered(m)),
     )
-    return laws, (*_tendons(m), *(_path(of_actuator(m, i, gear_of(m, i))) for i in drives))
+    ways = [of_tendon(m, t) or () for t in range(m.ntendon)]  # () for one that wraps shapes
+    ways += [of_actuator(m, i, gear_of(m, i)) or () for i in drives]
+    return laws, tuple(force_element(m, "path", way) for way in ways)
 
 
 def _has_no_rule(m: Any, integrator: str) -> bool:
@@ -255,18 +257,6 @@ def _touching(m: Any) -> Iterator[tuple[int, int]]:
     for pair in zip(m.pair_geom1, m.pair_geom2, strict=True):
         low, high = sorted(map(int, pair))
         yield low, high
-
-
-def _tendons(m: Any) -> Iterator[CompiledForce]:
-    """Yield the path of each tendon; one that wraps shapes has no length here."""
-    for t in range(m.ntendon):
-        yield _path(of_tendon(m, t) or ())
-
-
-def _path(way: Combination | CompiledLength | None) -> CompiledForce:
-    if isinstance(way, CompiledLength):
-        return CompiledForce(name="path", along=way)
-    return CompiledForce(name="path", joints=way or ())
 
 
 def _drive(m: Any, i: int, path: int) -> Actuator:

@@ -5,25 +5,30 @@ Lengths are of joints, points or frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import (
-    CompiledFluid,
-    CompiledForce,
-    CompiledFrame,
-    CompiledLength,
-    Numbers,
+from physics_crosscheck.harness.engines.compiled import Numbers
+from physics_crosscheck.reference.mechanism.bodies import (
+    ZERO,
+    ForceElement,
+    Powers,
+    Quaternion,
+    Site,
+    Triple,
 )
+from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
+from physics_crosscheck.reference.mechanism.tree import Fluid
 
+Length = CablePath[Site] | FrameForce[Site] | JointForce[str]
 Combination = tuple[tuple[int, float], ...]
 """Coefficients by the index of a hinge or slide."""
 
 
-def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledLength | None:
+def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | Length | None:
     """Return a combination of joints, or segments between sites; None if the tendon wraps
     shapes.
     """
@@ -36,18 +41,16 @@ def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledLength
         return tuple((int(m.wrap_objid[k]), gear * float(m.wrap_prm[k])) for k in rows)
     if not kinds <= {mujoco.mjtWrap.mjWRAP_SITE, mujoco.mjtWrap.mjWRAP_PULLEY}:
         return None
-    branches: list[tuple[float, list[CompiledFrame]]] = [(gear, [])]
+    branches: list[tuple[float, list[Site]]] = [(gear, [])]
     for k in rows:
         if m.wrap_type[k] == mujoco.mjtWrap.mjWRAP_PULLEY:
             branches.append((gear / float(m.wrap_prm[k]), []))
         else:
             branches[-1][1].append(mark(m, int(m.wrap_objid[k])))
-    return CompiledLength(
-        branches=tuple((share, tuple(row)) for share, row in branches if len(row) > 1)
-    )
+    return CablePath(branches=tuple((share, tuple(row)) for share, row in branches if len(row) > 1))
 
 
-def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledLength | None:
+def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | Length | None:
     """Return the same for an actuator; None for slider-cranks, bodies and later transmissions."""
     import mujoco
 
@@ -57,7 +60,7 @@ def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledLength |
         return of_tendon(m, target, gear[0])
     if kind == mujoco.mjtTrn.mjTRN_SITE:
         against = mark(m, other) if other >= 0 else None
-        return CompiledLength(frame=mark(m, target), against=against, gear=gear)
+        return FrameForce(frame=mark(m, target), against=against, gear=gear)
     inside = kind == mujoco.mjtTrn.mjTRN_JOINTINPARENT
     if not inside and kind != mujoco.mjtTrn.mjTRN_JOINT:
         return None
@@ -65,32 +68,46 @@ def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledLength |
     if joint in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
         return ((target, gear[0]),)
     size = 3 if joint == mujoco.mjtJoint.mjJNT_BALL else 6
-    return CompiledLength(joint=target, gear=gear[:size], in_parent=inside)
+    return JointForce(joint=joint_name(m, target), gear=gear[:size], in_parent=inside)
 
 
-def mark(m: Any, site: int) -> CompiledFrame:
+def mark(m: Any, site: int) -> Site:
     """Return a site."""
-    return CompiledFrame(
-        body=int(m.site_bodyid[site]),
-        position=numbers_of(m.site_pos[site]),
-        turn=numbers_of(m.site_quat[site]),
+    return Site(
+        body=body_name(m, int(m.site_bodyid[site])),
+        position=as_triple(m.site_pos[site]),
+        quaternion=as_quaternion(m.site_quat[site]),
     )
+
+
+def body_name(m: Any, i: int) -> str | None:
+    """Return a body's name, or an unused name by its index; None for the world."""
+    if not i:
+        return None
+    name = str(m.body(i).name)
+    return name or _unused(m, f"body_{i}")
+
+
+def _unused(m: Any, name: str) -> str:
+    try:
+        m.body(name)
+    except KeyError:
+        return name
+    return _unused(m, f"{name}_")
 
 
 FAINT = 1e-300
 """A remaining share of an ellipsoid's forces: at zero, MuJoCo would drag its body's box."""
 
 
-def box_fluid(m: Any) -> CompiledFluid | None:
+def box_fluid(m: Any) -> Fluid | None:
     """Return the fluid of the inertia model, or None if no fluid or passive force acts."""
     if not (m.opt.density > 0 or m.opt.viscosity > 0) or not (
         acts(m, "SPRING") or acts(m, "DAMPER")
     ):
         return None
-    x, y, z = map(float, m.opt.wind)
-    return CompiledFluid(
-        density=float(m.opt.density), viscosity=float(m.opt.viscosity), wind=(x, y, z)
-    )
+    density, viscosity = float(m.opt.density), float(m.opt.viscosity)
+    return Fluid(density=density, viscosity=viscosity, wind=as_triple(m.opt.wind))
 
 
 def ellipsoids(m: Any) -> Any:
@@ -117,18 +134,21 @@ UNCOUPLED = "armature of a tendon across branches couples no joints"
 _SPRING, _DAMPER, _ACTUATION = "SPRING", "DAMPER", "ACTUATION"
 
 
-def pulls(m: Any) -> Iterator[CompiledForce]:
+def pulls(m: Any) -> Iterator[ForceElement]:
     """Yield all forces that have a formula: of tendons and of actuators.
 
     Forces that a file's flags disable are left out.
     """
     for i in range(m.ntendon):
         if covered_tendon(m, i) and pulls_by_itself(m, i):
-            yield _compiled_pull(
+            stiffness = powers(m, "tendon_stiffness", i) if acts(m, _SPRING) else ()
+            damping = powers(m, "tendon_damping", i) if acts(m, _DAMPER) else ()
+            yield force_element(
+                m,
                 m.tendon(i).name or f"tendon_{i}",
                 of_tendon(m, i),
-                stiffness=powers(m, "tendon_stiffness", i) if acts(m, _SPRING) else (),
-                damping=powers(m, "tendon_damping", i) if acts(m, _DAMPER) else (),
+                stiffness=as_powers(stiffness),
+                damping=as_powers(damping),
                 rest=as_pair(m.tendon_lengthspring[i]),
                 armature=float(m.tendon_armature[i]) if not spatial_tendon(m, i) else 0.0,
             )
@@ -196,9 +216,7 @@ def covered_actuator(m: Any, i: int) -> bool:
         return False
     way = of_actuator(m, i, gear_of(m, i))
     # Its own dampers and armature have no formula here on ball and free joints.
-    return way is not None and not (
-        isinstance(way, CompiledLength) and way.joint >= 0 and any(armature_and_damping(m, i))
-    )
+    return way is not None and not (isinstance(way, JointForce) and any(armature_and_damping(m, i)))
 
 
 def held_state(m: Any, i: int) -> int:
@@ -220,7 +238,7 @@ def joint_name(m: Any, i: int) -> str:
     return str(m.joint(i).name) or f"joint_{i}"
 
 
-def _actuator(m: Any, i: int) -> Iterator[CompiledForce]:
+def _actuator(m: Any, i: int) -> Iterator[ForceElement]:
     """Yield its force, and its own damper and armature, which scale with gear^2 (motor side)."""
     import mujoco
 
@@ -230,32 +248,33 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledForce]:
         affine = m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE
         turning = m.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_AFFINE
         gain = [float(one) for one in m.actuator_gainprm[i][:3]]
-        yield _compiled_pull(
+        yield force_element(
+            m,
             name,
             of_actuator(m, i, gear),
-            bias=_triple(m.actuator_biasprm[i]) if affine else (0.0, 0.0, 0.0),
+            bias=as_triple(m.actuator_biasprm[i][:3]) if affine else ZERO,
             gain=(gain[0], gain[1], gain[2]) if turning else (gain[0], 0.0, 0.0),
-            control=control(m, i),
+            input=control(m, i),
             range=_range(m, i),
         )
     armature, *damping = armature_and_damping(m, i)
     way = of_actuator(m, i, (1.0, *gear[1:]))
-    on_frame = isinstance(way, CompiledLength) and way.frame is not None
-    if any(armature_and_damping(m, i)) and not on_frame:
-        yield _compiled_pull(
+    if any(armature_and_damping(m, i)) and not isinstance(way, FrameForce):
+        yield force_element(
+            m,
             name,
             way,
-            damping=tuple(gear[0] ** 2 * d for d in damping) if acts(m, _DAMPER) else (),
-            armature=0.0 if isinstance(way, CompiledLength) else gear[0] ** 2 * armature,
+            damping=as_powers([gear[0] ** 2 * d for d in damping if acts(m, _DAMPER)]),
+            armature=gear[0] ** 2 * armature if isinstance(way, tuple) else 0.0,
         )
 
 
-def _compiled_pull(
-    name: str, way: Combination | CompiledLength | None, **rest: Any
-) -> CompiledForce:
-    if isinstance(way, CompiledLength):
-        return CompiledForce(name=name, along=way, **rest)
-    return CompiledForce(name=name, joints=way or (), **rest)
+def force_element(m: Any, name: str, way: Combination | Length | None, **rest: Any) -> ForceElement:
+    """Return a force along a length."""
+    if way is None or isinstance(way, tuple):
+        joints = tuple((joint_name(m, joint), share) for joint, share in way or ())
+        return ForceElement(name=name, joints=joints, **rest)
+    return ForceElement(name=name, along=way, **rest)
 
 
 def _range(m: Any, i: int) -> tuple[float, float] | None:
@@ -301,9 +320,21 @@ def as_pair(values: Any) -> tuple[float, float]:
     return low, high
 
 
-def _triple(values: Any) -> tuple[float, float, float]:
-    first, second, third = (float(value) for value in values[:3])
+def as_triple(values: Any) -> Triple:
+    """Return three numbers."""
+    first, second, third = map(float, values)
     return first, second, third
+
+
+def as_quaternion(values: Any) -> Quaternion | None:
+    """Return a quaternion; None for the identity."""
+    w, x, y, z = map(float, values)
+    return None if (x, y, z) == ZERO else (w, x, y, z)
+
+
+def as_powers(values: Sequence[float]) -> Powers:
+    """Return one number if the higher powers are zero."""
+    return tuple(values) if any(values[1:]) else (values[0] if values else 0.0)
 
 
 def split_tendons(m: Any) -> Iterator[tuple[int, tuple[str, str]]]:
@@ -319,25 +350,26 @@ def split_tendons(m: Any) -> Iterator[tuple[int, tuple[str, str]]]:
             yield i, (joint_name(m, first), joint_name(m, other))
 
 
-def pulls_as_computed(m: Any) -> tuple[CompiledForce, ...]:
+def pulls_as_computed(m: Any) -> tuple[ForceElement, ...]:
     """Return all forces, with tendon armatures uncoupled across branches as in MuJoCo."""
     split = dict(split_tendons(m))
     names = {m.tendon(i).name or f"tendon_{i}": i for i in split}
-    result: list[CompiledForce] = []
+    result: list[ForceElement] = []
     for force in pulls(m):
         i = names.get(force.name)
         if i is None or not force.armature:
             result.append(force)
             continue
         result.append(replace(force, armature=0.0))
-        shares, related = dict(force.joints), _pairs(m, i, related=True)
+        shares = dict(force.joints)
+        related = [tuple(joint_name(m, k) for k in pair) for pair in _pairs(m, i, related=True)]
         for pair in related:  # includes the two joints' own inertias
             joints = tuple((joint, shares[joint]) for joint in pair)
-            result.append(CompiledForce(name=force.name, joints=joints, armature=force.armature))
+            result.append(ForceElement(name=force.name, joints=joints, armature=force.armature))
         for joint, share in force.joints:
             armature = force.armature * (1 - sum(joint in pair for pair in related))
             single = ((joint, share),)
-            result.append(CompiledForce(name=force.name, joints=single, armature=armature))
+            result.append(ForceElement(name=force.name, joints=single, armature=armature))
     return tuple(result)
 
 

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledFrame, CompiledShape, Numbers
-from physics_crosscheck.harness.engines.mujoco.pulls import numbers_of
+from physics_crosscheck.harness.engines.compiled import CompiledShape, Numbers
+from physics_crosscheck.harness.engines.mujoco.pulls import as_triple, body_name, numbers_of
 from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.reference.mechanism.bodies import Quaternion, Site, Triple
 
 _FORMS = {
     0: ("plane", 3),
@@ -193,16 +194,21 @@ def placed_shapes(m: Any) -> Iterator[CompiledShape]:
             zip(m.mesh_pos.tolist(), m.mesh_quat.tolist(), strict=True)
         )
     ]
+    bodies = [body_name(m, i) for i in range(m.nbody)]
     rows = zip(*_columns(m, "geom"), m.geom_dataid.tolist(), visual, strict=True)
     for i, (form, body, position, turn, size, data, unseen) in enumerate(rows):
         name, mesh = shape_name("geom", m.geom(i).name, i), ()
         if form == mujoco.mjtGeom.mjGEOM_MESH:
             mesh = meshes[data]
         kind, count = _FORMS.get(form, ("mesh", 0))
-        yield _shape(name, kind, body, *map(tuple, (position, turn, size[:count])), unseen, mesh)
+        yield _shape(
+            name, kind, bodies[body], *map(tuple, (position, turn, size[:count])), unseen, mesh
+        )
     for i, (form, body, position, turn, size) in enumerate(zip(*_columns(m, "site"), strict=True)):
         name, count = shape_name("site", m.site(i).name, i), _FORMS.get(form, ("", 0))[1]
-        yield _shape(name, "site", body, *map(tuple, (position, turn, size[:count])), True, ())
+        yield _shape(
+            name, "site", bodies[body], *map(tuple, (position, turn, size[:count])), True, ()
+        )
 
 
 def _columns(m: Any, kind: str) -> Iterator[list[Any]]:
@@ -215,15 +221,15 @@ def _columns(m: Any, kind: str) -> Iterator[list[Any]]:
 def _shape(
     name: str,
     kind: str,
-    body: int,
-    position: Numbers,
-    turn: Numbers,
+    body: str | None,
+    position: Triple,
+    turn: Quaternion,
     size: Numbers,
     visual: bool,
     mesh: tuple[()] | tuple[str, Numbers, Numbers],
 ) -> CompiledShape:
     """Return a shape; `mesh` is the name, position and quaternion of its mesh."""
-    frame = CompiledFrame(body=body, position=position, turn=turn)
+    frame = Site(body=body, position=position, quaternion=turn)
     if mesh:
         frame = _without(frame, *_inverse(*mesh[1:]))
     about = mesh[0] if mesh else ""
@@ -255,15 +261,12 @@ def _inverse(position: Any, turn: Any) -> tuple[Array, Array]:
     return origin, inverse
 
 
-def _frame(body: Any, position: Any, turn: Any) -> CompiledFrame:
-    return CompiledFrame(body=int(body), position=numbers_of(position), turn=numbers_of(turn))
-
-
-def _without(frame: CompiledFrame, origin: Array, turn: Array) -> CompiledFrame:
+def _without(frame: Site, origin: Array, turn: Array) -> Site:
     """Return the frame of a mesh's file, from that of its geom."""
     import mujoco
 
     position, rotation = np.zeros(3), np.zeros(4)
-    outer = np.array(frame.position), np.array(frame.turn)
+    outer = np.array(frame.position), np.array(frame.quaternion)
     mujoco.mju_mulPose(position, rotation, *outer, origin, turn)
-    return _frame(frame.body, position, rotation)
+    w, x, y, z = map(float, rotation)
+    return replace(frame, position=as_triple(position), quaternion=(w, x, y, z))

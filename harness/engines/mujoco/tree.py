@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,10 +15,6 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import (
     CompiledActuator,
-    CompiledBody,
-    CompiledCoupling,
-    CompiledForce,
-    CompiledJoint,
     CompiledShape,
     CompiledTree,
     Numbers,
@@ -29,6 +26,10 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     UNCOUPLED,
     acts,
     actuators,
+    as_powers,
+    as_quaternion,
+    as_triple,
+    body_name,
     box_fluid,
     control,
     covered_actuator,
@@ -51,6 +52,15 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import besides, uncovered
 from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.reference.mechanism.bodies import (
+    ZERO,
+    Coupling,
+    ForceElement,
+    Joint,
+    RigidBody,
+)
+from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
 
 
 def compiled_actuator(m: Any, i: int) -> CompiledActuator:
@@ -141,29 +151,31 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
             m: Any = tree.compile()
     except Exception as error:
         raise load_error(error, path, xml_sources) from None
-    laws, paths = _read_once(laws_of, m, path)
-    x, y, z = map(float, m.opt.gravity if acts(m, "GRAVITY") else np.zeros(3))
-    return CompiledTree(
-        pulls=_read_once(_pulls, m, path),
-        couplings=_read_once(_couplings, m, path),
-        controls=int(getattr(m, "nctrl", m.nu)),
-        bodies=_read_once(_bodies, m, path),
-        gravity=(x, y, z),
-        fluid=_read_once(box_fluid, m, path),
-        name=tree.modelname,
-        besides=_read_once(besides, m, path),
-        uncovered=_read_once(uncovered, m, path),
-        actuators=_read_once(_actuators, m, path),
-        states=int(m.na),
-        shapes=shapes,
-        engine_variants=_read_once(_engine_variants, m, path),
-        laws=laws,
-        paths=paths,
-        placed=with_mesh_files(_read_once(_placed, m, path), meshes, fitted_shapes(tree)),
-        options=_read_once(_options, m, path),
-        excluded=_read_once(_excluded, m, path),
-        others=_read_once(_others, m, path),
-    )
+    try:
+        laws, paths = _read_once(laws_of, m, path)
+        return CompiledTree(
+            pulls=_read_once(_pulls, m, path),
+            couplings=_read_once(_couplings, m, path),
+            controls=int(getattr(m, "nctrl", m.nu)),
+            bodies=_read_once(_bodies, m, path),
+            gravity=as_triple(m.opt.gravity) if acts(m, "GRAVITY") else ZERO,
+            fluid=_read_once(box_fluid, m, path),
+            name=tree.modelname,
+            besides=_read_once(besides, m, path),
+            uncovered=_read_once(uncovered, m, path),
+            actuators=_read_once(_actuators, m, path),
+            states=int(m.na),
+            shapes=shapes,
+            engine_variants=_read_once(_engine_variants, m, path),
+            laws=laws,
+            paths=paths,
+            placed=with_mesh_files(_read_once(_placed, m, path), meshes, fitted_shapes(tree)),
+            options=_read_once(_options, m, path),
+            excluded=_read_once(_excluded, m, path),
+            others=_read_once(_others, m, path),
+        )
+    except TreeError as error:
+        raise EngineError(str(error), file=path) from None
 
 
 T = TypeVar("T")
@@ -236,15 +248,15 @@ def _names() -> tuple[str, ...]:
     return tuple(name for name in dir(mujoco.MjModel) if name == "names" or name[:5] == "name_")
 
 
-def _pulls(m: Any) -> tuple[CompiledForce, ...]:
+def _pulls(m: Any) -> tuple[ForceElement, ...]:
     return tuple(pulls(m))
 
 
-def _couplings(m: Any) -> tuple[CompiledCoupling, ...]:
+def _couplings(m: Any) -> tuple[Coupling, ...]:
     return tuple(couplings(m))
 
 
-def _bodies(m: Any) -> tuple[CompiledBody, ...]:
+def _bodies(m: Any) -> tuple[RigidBody, ...]:
     return tuple(_body(m, i) for i in range(1, m.nbody))
 
 
@@ -252,7 +264,7 @@ def _actuators(m: Any) -> tuple[CompiledActuator, ...]:
     return tuple(compiled_actuator(m, i) for i in range(actuators(m)))
 
 
-def _engine_variants(m: Any) -> tuple[tuple[str, tuple[CompiledForce, ...]], ...]:
+def _engine_variants(m: Any) -> tuple[tuple[str, tuple[ForceElement, ...]], ...]:
     return ((UNCOUPLED, pulls_as_computed(m)),) if any(split_tendons(m)) else ()
 
 
@@ -369,47 +381,50 @@ def _spec(path: Path, texts: Mapping[Path, bytes]) -> Any:
     return tree
 
 
-def _body(m: Any, i: int) -> CompiledBody:
+JOINT_KINDS: tuple[Kind, ...] = ("free", "ball", "slide", "hinge")
+"""Kinds of joints, as MuJoCo counts them."""
+
+
+def _body(m: Any, i: int) -> RigidBody:
     first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
-    return CompiledBody(
-        name=m.body(i).name,
-        parent=int(m.body_parentid[i]),
-        position=numbers_of(m.body_pos[i]),
-        turn=numbers_of(m.body_quat[i]),
+    return RigidBody(
+        name=body_name(m, i) or "",
+        parent=body_name(m, int(m.body_parentid[i])),
+        position=as_triple(m.body_pos[i]),
+        quaternion=as_quaternion(m.body_quat[i]),
         mass=float(m.body_mass[i]),
-        centre=numbers_of(m.body_ipos[i]),
-        principal=numbers_of(m.body_iquat[i]),
-        moments=numbers_of(m.body_inertia[i]),
+        center=as_triple(m.body_ipos[i]),
+        inertia=(*as_triple(m.body_inertia[i]), *ZERO),
+        inertia_quaternion=as_quaternion(m.body_iquat[i]),
         joints=tuple(_joint(m, j) for j in range(first, first + count)),
         lift=float(m.body_gravcomp[i]) if acts(m, "SPRING") or acts(m, "DAMPER") else 0.0,
         dragged=has_box_drag(m, i),
-        ordinary=not (m.body_mocapid[i] >= 0 or m.body_gravcomp[i]),
     )
 
 
-def _joint(m: Any, j: int) -> CompiledJoint:
-    import mujoco
-
+def _joint(m: Any, j: int) -> Joint:
     q, d = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
-    kind = mujoco.mjtJoint(m.jnt_type[j]).name.removeprefix("mjJNT_").lower()
-    single, turn = kind in ("hinge", "slide"), q + 3 if kind == "free" else q
-    return CompiledJoint(
-        name=m.joint(j).name,
+    kind = JOINT_KINDS[int(m.jnt_type[j])]
+    joint = Joint(
+        name=joint_name(m, j),
         kind=kind,
-        position=numbers_of(m.jnt_pos[j]),
-        axis=numbers_of(m.jnt_axis[j]),
-        zero=float(m.qpos0[q]) if single else 0.0,
-        rest=float(m.qpos_spring[q]) if single else 0.0,
-        stiffness=_on(m, "SPRING", powers(m, "jnt_stiffness", j)),
-        damping=_on(m, "DAMPER", powers(m, "dof_damping", d)),
+        at=ZERO if kind == "free" else as_triple(m.jnt_pos[j]),
+        stiffness=as_powers(powers(m, "jnt_stiffness", j)) if acts(m, "SPRING") else 0.0,
+        damping=as_powers(powers(m, "dof_damping", d)) if acts(m, "DAMPER") else 0.0,
         armature=float(m.dof_armature[d]),
-        friction=float(m.dof_frictionloss[d]),
-        limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1])) if m.jnt_limited[j] else None,
-        rest_place=numbers_of(m.qpos_spring[q : q + 3]) if kind == "free" else (0.0, 0.0, 0.0),
-        rest_turn=(1.0, 0.0, 0.0, 0.0) if single else numbers_of(m.qpos_spring[turn : turn + 4]),
     )
-
-
-def _on(m: Any, what: str, values: Numbers) -> Numbers:
-    """Return the values, or zeros if a file's flags disable such forces."""
-    return values if acts(m, what) else tuple(0.0 for _ in values)
+    if joint.single:
+        low, high = map(float, m.jnt_range[j])
+        return replace(
+            joint,
+            axis=as_triple(m.jnt_axis[j]),
+            zero=float(m.qpos0[q]),
+            rest=float(m.qpos_spring[q]),
+            limits=(low, high) if m.jnt_limited[j] else None,
+        )
+    turn = q + 3 if kind == "free" else q
+    return replace(
+        joint,
+        rest_place=as_triple(m.qpos_spring[q : q + 3]) if kind == "free" else ZERO,
+        rest_turn=as_quaternion(m.qpos_spring[turn : turn + 4]),
+    )

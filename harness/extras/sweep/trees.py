@@ -22,7 +22,8 @@ from physics_crosscheck.harness.engines.registry import engines_reading, engines
 from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.formats import FORMATS
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
-from physics_crosscheck.harness.modelfiles.readers import Numbers, robot_numbers
+from physics_crosscheck.harness.modelfiles.numbers import ModelFile
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.paths import RESOLUTION
@@ -51,7 +52,7 @@ class _FileNumbers:
 
     def __init__(self, file: Path, declared: PreparedTree, settings: Mapping[str, object]) -> None:
         self._file, self._declared, self._settings = file, declared, settings
-        self.numbers: Numbers | None = None
+        self.numbers: ModelFile | None = None
         if file.suffix in FORMATS:
             self.numbers = robot_numbers(file, settings)
         self._drawn = RecentValues[PreparedTree]()

@@ -8,6 +8,7 @@ import sys
 
 from physics_crosscheck.harness.commands.compare.candidate import (
     CompareError,
+    FailureError,
     NotInstalledError,
     UnreadableModelError,
     candidates,
@@ -17,7 +18,6 @@ from physics_crosscheck.harness.commands.compare.compare import (
     compare,
     failed_comparison,
 )
-from physics_crosscheck.harness.commands.compare.execute import FailureError
 from physics_crosscheck.harness.commands.compare.match import declared
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError

@@ -14,13 +14,16 @@ from typing import Any
 
 import msgspec
 
-from physics_crosscheck.harness.commands.compare.candidate import CompareError, candidates
+from physics_crosscheck.harness.commands.compare.candidate import (
+    CompareError,
+    FailureError,
+    candidates,
+)
 from physics_crosscheck.harness.commands.compare.compare import (
     CompareOptions,
     failed_comparison,
 )
 from physics_crosscheck.harness.commands.compare.compare import compare as compared
-from physics_crosscheck.harness.commands.compare.execute import FailureError
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS

@@ -6,6 +6,7 @@ import fnmatch
 import os
 from collections import Counter
 from collections.abc import Generator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept_
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import accepted_lines
-from physics_crosscheck.harness.documents.expanded import renamed
 from physics_crosscheck.harness.modelfiles.choice import named_model
 from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, system_folders
 from physics_crosscheck.harness.modelfiles.formats import is_robot
@@ -67,8 +67,9 @@ def targets_under(name: str, unwanted: Sequence[str]) -> list[Path]:
         inner[:] = sorted(name for name in inner if _enters(name, unwanted))
     if not (folders or files):
         raise FolderError(f"{name}: no {DECLARATION} and no robot file in it or below it")
-    # Engines know a copy of `.mjcf` and `.world` files by its suffix.
-    return sorted(folders or (renamed(file) or file for file in files))
+    # A file that cannot be read stays, as a failing test.
+    read = [(robot_files([str(file)]).files or [file]) for file in sorted(files)]
+    return sorted(folders) or list(chain.from_iterable(read))
 
 
 def _named(name: str) -> list[Path]:

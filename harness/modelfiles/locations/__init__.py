@@ -28,22 +28,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Location, Resolve, SourceFile
+from physics_crosscheck.harness.documents.location import Resolve, SourceFile
+from physics_crosscheck.harness.documents.number import Number, read_number
 from physics_crosscheck.harness.engines.registry import engines_reading
-from .literals import Literal, python_literals, toml_literals, xml_literals
+from .literals import python_literals, toml_literals, xml_literals
 from .python import python_names, python_numbers, python_offset
 from .toml import toml_keys, toml_offset
 from .xml import xml_numbers, xml_offset, xml_paths
 
 __all__ = [
-    "Literal",
-    "Location",
+    "MARKUP",
     "LocationError",
     "find",
     "find_in",
     "line_of",
     "literals",
     "numbers",
+    "read_source",
 ]
 
 
@@ -57,14 +58,16 @@ class _Grammar(NamedTuple):
 
     addressed: Callable[[SourceFile], Resolve]
     offset: Callable[[SourceFile, str], int | None]
-    all: Callable[[SourceFile], Iterator[Literal]]
+    all: Callable[[SourceFile], Iterator[Number]]
     listed: Callable[[SourceFile, re.Pattern[str]], Iterator[str]] | None = None
 
 
+MARKUP = (".xml", ".urdf", ".sdf")
+"""Suffixes of model files that are XML."""
+
+_XML = _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers)
 _GRAMMARS = {
-    ".xml": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
-    ".urdf": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
-    ".sdf": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
+    **dict.fromkeys(MARKUP, _XML),
     ".py": _Grammar(python_names, python_offset, python_literals, python_numbers),
     ".toml": _Grammar(toml_keys, toml_offset, toml_literals),
 }
@@ -91,7 +94,7 @@ def line_of(file: Path, address: str) -> int | None:
     """
     try:
         grammar = _grammar(file)
-        source = _decoded(_read(file), file)
+        source = read_source(file)
         offset = grammar.offset(source, address)
     except LocationError:
         return None
@@ -111,40 +114,45 @@ def numbers(file: Path, kinds: str) -> tuple[str, ...]:
     listed = _grammar(file).listed
     if listed is None:
         raise LocationError(f"numbers of {file.suffix} files have no kinds", file=file)
-    source = _decoded(_read(file), file)
+    source = read_source(file)
     return tuple(dict.fromkeys(listed(source, re.compile(kinds))))
 
 
-def literals(file: Path) -> tuple[Literal, ...]:
+def literals(file: Path) -> tuple[Number, ...]:
     """Return every number of a file, in order.
 
     Raises:
         LocationError: for a file that can't be read or parsed.
     """
-    result = _grammar(file).all(_decoded(_read(file), file))
-    return tuple(sorted(result, key=lambda one: one.location.start))
+    result = _grammar(file).all(read_source(file))
+    return tuple(sorted(result, key=lambda one: one.start))
 
 
-def find(file: Path, addresses: Iterable[str]) -> dict[str, Location]:
+def find(file: Path, addresses: Iterable[str]) -> dict[str, Number]:
     """Find the number of each address.
 
     Raises:
         LocationError: naming file, line, the nearest candidates and the remedy.
     """
-    return find_in(_read(file), file, addresses)
+    return find_in(read_source(file).data, file, addresses)
 
 
-def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Location]:
+def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Number]:
     """Find the number of each address in the present or future bytes of `file`."""
     grammar = _grammar(file)
     source = _decoded(data, file)
     resolve = grammar.addressed(source)
-    return {address: source.place(resolve(address), address) for address in addresses}
+    return {address: read_number(source, *resolve(address), address) for address in addresses}
 
 
-def _read(file: Path) -> bytes:
+def read_source(file: Path) -> SourceFile:
+    """Read a file that is UTF-8.
+
+    Raises:
+        LocationError: for a file that can't be read, or is not UTF-8.
+    """
     try:
-        return file.read_bytes()
+        return _decoded(file.read_bytes(), file)
     except OSError as error:
         raise LocationError(f"can't be read: {error.strerror}", file=file) from None
 

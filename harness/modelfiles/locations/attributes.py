@@ -12,6 +12,7 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.elements import XmlElement, end_offset, read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import SourceFile
+from . import read_source
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,7 @@ def elements(file: Path) -> tuple[XmlElement, ...]:
     Raises:
         LocationError: for a file that can't be read or parsed.
     """
-    try:
-        return read_elements(SourceFile(file, file.read_bytes()))
-    except OSError as error:
-        raise LocationError(f"can't be read: {error.strerror}", file=file) from None
+    return read_elements(read_source(file))
 
 
 def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> bytes:

@@ -3,36 +3,19 @@
 from __future__ import annotations
 
 import ast
-import re
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Location, SourceFile
+from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
+from physics_crosscheck.harness.documents.number import Number, read_number
 from .python import parsed
 from .toml import toml_numbers
 from .xml import attribute_words, text_words
 
-_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
-
-@dataclass(frozen=True)
-class Literal:
-    """A number of a file.
-
-    Attributes:
-        location: its bytes.
-        path: the tags that lead to it and its attribute, as in `robot/link/visual/origin@xyz`; in
-            TOML its key; in Python the name that it is assigned to, or empty.
-    """
-
-    location: Location
-    path: str
-
-
-def xml_literals(source: SourceFile) -> Iterator[Literal]:
+def xml_literals(source: SourceFile) -> Iterator[Number]:
     """Yield numbers of attributes and of elements without children."""
     paths: dict[int, str] = {}
     for element in read_elements(source):
@@ -50,14 +33,14 @@ def xml_literals(source: SourceFile) -> Iterator[Literal]:
 
 def _words(
     source: SourceFile, spans: list[tuple[int, int]], words: list[str], path: str
-) -> Iterator[Literal]:
+) -> Iterator[Number]:
     """Yield a list of numbers; text with other words is ignored."""
-    if len(spans) == len(words) and all(map(_DECIMAL.fullmatch, words)):
+    if len(spans) == len(words) and all(map(DECIMAL.fullmatch, words)):
         for span, word in zip(spans, words, strict=True):
-            yield Literal(source.place((span, float(word)), path), path)
+            yield read_number(source, span, float(word), path, path)
 
 
-def python_literals(source: SourceFile) -> Iterator[Literal]:
+def python_literals(source: SourceFile) -> Iterator[Number]:
     """Yield all numbers in the code."""
     tree, starts = parsed(source)
     for statement in tree.body:
@@ -73,11 +56,11 @@ def python_literals(source: SourceFile) -> Iterator[Literal]:
                 start = starts[node.lineno - 1] + node.col_offset
                 end = starts[node.end_lineno - 1] + node.end_col_offset
                 with suppress(LocationError):
-                    yield Literal(source.place(((start, end), float(node.value)), name), name)
+                    yield read_number(source, (start, end), float(node.value), name, name)
 
 
-def toml_literals(source: SourceFile) -> Iterator[Literal]:
+def toml_literals(source: SourceFile) -> Iterator[Number]:
     """Yield numbers that are values, or in lists and tables."""
     for key, span, value in toml_numbers(source):
         with suppress(LocationError):
-            yield Literal(source.place((span, value), key), key)
+            yield read_number(source, span, value, key, key)

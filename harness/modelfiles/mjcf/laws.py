@@ -12,10 +12,10 @@ from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
-from physics_crosscheck.reference.mechanism.tree import WORLD, TreeError
-from .tree import KINDS, compiled_tree
+from physics_crosscheck.reference.mechanism.tree import WORLD
+from .read import compiled_tree
 
-IDENTITY_TURN = np.array([1.0, 0.0, 0.0, 0.0])
+NO_TURN = 1.0, 0.0, 0.0, 0.0
 
 
 def law_model(compiled: CompiledTree) -> LawModel | None:
@@ -24,14 +24,10 @@ def law_model(compiled: CompiledTree) -> LawModel | None:
     Raises:
         TreeError: naming the element that the equations of the bodies do not cover.
     """
-    joints = [joint for body in compiled.bodies for joint in body.joints]
-    if compiled.laws is None or not joints:
+    if compiled.laws is None or not compiled.joints:
         return None
-    if unknown := [joint.kind for joint in joints if joint.kind not in KINDS]:
-        raise TreeError(f"a joint of kind {unknown[0]}")
-    passive = tuple(pull for pull in compiled.pulls if pull.control < 0)
     paths = tuple(replace(path, name=f"path {i}") for i, path in enumerate(compiled.paths))
-    tree = compiled_tree(replace(compiled, pulls=(*passive, *paths), couplings=()), ())
+    tree = compiled_tree(replace(compiled, pulls=(*compiled.passive, *paths), couplings=()), ())
     count = len(tree.pulls) - len(paths)
     bodies = list(tree.frames.values())
     return LawModel(
@@ -41,7 +37,7 @@ def law_model(compiled: CompiledTree) -> LawModel | None:
             paths=tree.pulls[count:],
             bodies=((WORLD, IDENTITY), *bodies),
             masses=np.array([0.0, *(body.mass for body in compiled.bodies)]),
-            centers=np.array([np.zeros(3), *(body.centre for body in compiled.bodies)]),
+            centers=np.array([np.zeros(3), *(body.center for body in compiled.bodies)]),
         ),
         home=_home(compiled),
     )
@@ -53,7 +49,7 @@ def _home(compiled: CompiledTree) -> Array:
     for body in compiled.bodies:
         for joint in body.joints:
             if joint.kind == "free":
-                turn = minimal_coordinates(np.array(body.turn), IDENTITY_TURN)
+                turn = minimal_coordinates(np.array(body.quaternion or NO_TURN), np.array(NO_TURN))
                 parts += [turn, np.array(body.position)]
             else:
                 parts.append(np.zeros(3) if joint.kind == "ball" else np.array([joint.zero]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -11,20 +11,22 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.mjcf_defaults import StatedPlace, Value, Values
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.bodies import ForceElement, powers
 from physics_crosscheck.reference.mechanism.laws import (
     Actuator,
     Laws,
     SoftEquality,
     SoftFriction,
     SoftLimit,
-    Softness,
 )
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
-from .classes import StatedPlace, Value, Values
-from .stated import Key, StatedLaws, StatedRow, surface_values, trimmed
+from ..law_attributes import JointForceLimit, attributes
+from .laws import NO_TURN
+from .stated import Key, StatedLaws, StatedRow, surface_values
 from .stated_drives import drive_values
 
 ROUNDED, RESOLVED = 8 * float(np.finfo(float).eps), 1e-9
@@ -128,8 +130,7 @@ def skipped_kinds(
 ) -> Iterator[tuple[str, str]]:
     """Yield kinds of elements that do not correspond one to one, each with a phrase."""
     laws = model.laws
-    bodies = [body.name for body in compiled.bodies]
-    joints = [joint.name for body in compiled.bodies for joint in body.joints]
+    bodies, joints = [body.name for body in compiled.bodies], compiled.joints
     placed = [shape.name.partition(":")[::2] for shape in compiled.placed]
     geoms, sites = ([name for one, name in placed if one == kind] for kind in ("geom", "site"))
     drives = [one.name for one in compiled.actuators]
@@ -171,11 +172,11 @@ def _compiled_rows(
     # Only those that the file states: inertias may follow from shapes, and places from a <frame>.
     placed = (row for row in _bodies_and_joints(compiled) if row[0] in stated.rows)
     yield from (*placed, *_resistances(laws))
-    springs = {force.name: force for force in compiled.pulls if force.control < 0}
+    springs = {force.name: force for force in compiled.passive}
     for t, name in enumerate(stated.names("tendon")):
         if (spring := springs.get(name or f"tendon_{t}")) is not None:
             yield ("dynamics of tendon", t), {
-                "stiffness": trimmed(spring.stiffness), "damping": trimmed(spring.damping),
+                "stiffness": powers(spring.stiffness), "damping": powers(spring.damping),
                 "springlength": spring.rest,
             }  # fmt: skip
     tendons = [key[1] for key in stated.rows if key[0] == "force of tendon"]
@@ -183,7 +184,7 @@ def _compiled_rows(
         index = tendons[k] if k < len(tendons) else -1 - k
         yield ("force of tendon", index), {"actuatorfrcrange": limits}
     for t, path in enumerate(compiled.paths[: len(compiled.paths) - len(laws.drives)]):
-        yield ("path of tendon", t), {"coef": _pairs(path.joints)}
+        yield ("path of tendon", t), {"coef": _pairs(compiled, path)}
     for i, equality in enumerate(laws.equalities):
         yield ("equality", i), _equality(equality)
     for i, surface in enumerate(() if stated.overrides else laws.surfaces):
@@ -191,12 +192,11 @@ def _compiled_rows(
     pairs = stated.pairs
     for first, other, touch in () if stated.overrides else laws.pairs:
         shapes = frozenset((first, other))
-        yield ("pair", pairs.index(shapes) if shapes in pairs else -1), {
-            "condim": (touch.dimension,), "friction": touch.friction, "margin": (touch.margin,),
-            **_softness(touch.softness), "solreffriction": touch.sliding,
-        }  # fmt: skip
+        yield ("pair", pairs.index(shapes) if shapes in pairs else -1), attributes(touch)
     for i, drive in enumerate(laws.drives):
-        yield ("drive", i), _drive(drive, compiled.paths[drive.path].joints)
+        yield ("drive", i), {
+            **_drive(drive), "gear": _pairs(compiled, compiled.paths[drive.path])
+        }  # fmt: skip
 
 
 _TENSOR = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
@@ -206,41 +206,39 @@ _TENSOR = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
 def _bodies_and_joints(compiled: CompiledTree) -> Iterator[tuple[Key, Mapping[str, Values]]]:
     """Yield frames, inertias and places of joints, also of those without effect on a motion."""
     for b, body in enumerate(compiled.bodies):
-        yield ("place of body", b), {"pos": body.position, "quat": body.turn}
-        inertia = {"mass": (body.mass,), "pos": body.centre, "diaginertia": body.moments}
-        axes = from_quaternion(np.array(body.principal, dtype=float))
-        tensor = axes @ np.diag(body.moments) @ axes.T
+        yield ("place of body", b), {"pos": body.position, "quat": body.quaternion or NO_TURN}
+        moments, turn = body.inertia[:3], body.inertia_quaternion or NO_TURN
+        inertia = {"mass": (body.mass,), "pos": body.center, "diaginertia": moments}
+        axes = from_quaternion(np.array(turn, dtype=float))
+        tensor = axes @ np.diag(moments) @ axes.T
         full = tuple(float(tensor[place]) for place in _TENSOR)
-        yield ("inertia of body", b), {**inertia, "quat": body.principal, "fullinertia": full}
+        yield ("inertia of body", b), {**inertia, "quat": turn, "fullinertia": full}
     count = Counter[str]()
     for shape in compiled.placed:
         kind = shape.name.partition(":")[0]
         i, count[kind] = count[kind], count[kind] + 1
-        yield (f"place of {kind}", i), {"pos": shape.frame.position, "quat": shape.frame.turn}
+        frame = shape.frame
+        yield (f"place of {kind}", i), {"pos": frame.position, "quat": frame.quaternion or NO_TURN}
         yield (f"size of {kind}", i), {"size": shape.size}
         yield (f"mesh of {kind}", i), {"scale": shape.scale}
     joints = (joint for body in compiled.bodies for joint in body.joints)
     for j, joint in enumerate(joints):
-        yield ("place of joint", j), {"pos": joint.position}
+        yield ("place of joint", j), {"pos": joint.at}
         yield ("dynamics of joint", j), {
             "armature": (joint.armature,), "axis": joint.axis, "springref": (joint.rest,),
-            "ref": (joint.zero,), "stiffness": trimmed(joint.stiffness),
-            "damping": trimmed(joint.damping),
+            "ref": (joint.zero,), "stiffness": powers(joint.stiffness),
+            "damping": powers(joint.damping),
         }  # fmt: skip
 
 
 def _resistances(laws: Laws) -> Iterator[tuple[Key, Mapping[str, Values]]]:
     """Yield limits and dry friction, and the force ranges of joints."""
     for limit in laws.limits:
-        values = {"range": (limit.lower, limit.upper), "margin": (limit.margin,)}
-        yield _place("limit", limit), {**values, **_softness(limit.softness, "limit")}
+        yield _place("limit", limit), attributes(limit)
     for friction in laws.frictions:
-        values = {"frictionloss": (friction.force,)}
-        yield _place("friction", friction), {**values, **_softness(friction.softness, "friction")}
-    for joint, (limits, lifts) in laws.joint_ranges.items():
-        yield ("force of joint", joint), {
-            "actuatorfrcrange": limits, "actuatorgravcomp": (float(lifts),)
-        }  # fmt: skip
+        yield _place("friction", friction), attributes(friction)
+    for joint, (force, lifts) in laws.joint_ranges.items():
+        yield ("force of joint", joint), attributes(JointForceLimit(force=force, lifts=lifts))
 
 
 def _place(table: str, row: SoftLimit | SoftFriction) -> Key:
@@ -248,26 +246,18 @@ def _place(table: str, row: SoftLimit | SoftFriction) -> Key:
     return f"{table} of {kind}", index
 
 
-def _softness(softness: Softness, suffix: str = "") -> Mapping[str, Values]:
-    return {f"solref{suffix}": softness.reference, f"solimp{suffix}": softness.impedance}
-
-
 def _equality(equality: SoftEquality) -> Mapping[str, Values]:
-    values = dict(_softness(equality.softness))
-    if equality.polynomial:
-        values["polycoef"] = equality.polynomial
+    values: dict[str, Values] = {**attributes(equality)}
     if equality.anchors is not None:
         weld = equality.turn_scale is not None
         values["anchor"] = equality.anchors[weld].position
-    if equality.turn_scale is not None:
-        values["torquescale"] = (equality.turn_scale,)
     return values
 
 
 _WORDS: Mapping[str, str] = {"exact filter": "filterexact"}
 
 
-def _drive(drive: Actuator, joints: Sequence[tuple[int, float]]) -> Mapping[str, Values]:
+def _drive(drive: Actuator) -> Mapping[str, Values]:
     kinds = [_WORDS.get(drive.dynamics, drive.dynamics), drive.gain, drive.bias]
     return {
         **drive_values(kinds, drive.constants, drive.gains, drive.biases),
@@ -275,12 +265,13 @@ def _drive(drive: Actuator, joints: Sequence[tuple[int, float]]) -> Mapping[str,
         "actrange": drive.state_range or (),
         "forcerange": drive.force_range or (),
         "actearly": (float(drive.early),),
-        "gear": _pairs(joints),
     }
 
 
-def _pairs(joints: Sequence[tuple[int, float]]) -> Values:
-    return tuple(value for pair in sorted(joints) for value in pair)
+def _pairs(compiled: CompiledTree, path: ForceElement) -> Values:
+    """Return the joints of a path by index, each with its coefficient."""
+    pairs = ((compiled.joints.index(name), share) for name, share in path.joints)
+    return tuple(value for pair in sorted(pairs) for value in pair)
 
 
 def _misread(

@@ -19,18 +19,15 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.compiled import (
-    CompiledBody,
-    CompiledForce,
-    CompiledShape,
-    CompiledTree,
-)
+from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.engines.compiled import CompiledShape, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.reference.laws.mistakes import DIMENSIONS
 from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.laws import Laws
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
-from ..numbers import NUDGE, Number, numerals, with_values
+from ..numbers import NUDGE, ModelFile
 from .laws import law_model
 from .misread import check_reading
 from .read import tree_of
@@ -63,32 +60,23 @@ class _Compiled:
         return self.read_laws()
 
 
-class CompiledNumbers:
-    """The numbers of a file and of its includes.
-
-    Attributes:
-        numerals: all of them, file after file.
-        unread: why numbers of some of these files are missing, one sentence each.
-    """
+class CompiledNumbers(ModelFile):
+    """The numbers of a file that an engine compiles, and of its includes."""
 
     def __init__(
         self, path: Path, engine: Engine, controls: Sequence[float], held: Collection[str] = ()
     ) -> None:
         self._path, self._engine = path, engine
         self._tree_of = partial(tree_of, controls=controls, held=held)
-        self._texts: dict[Path, bytes] = {}
         self._cache: dict[tuple[int, float], _Compiled | None] = {}
-        all_numbers: list[Number] = []
+        documents: list[Document] = []
         unread: list[str] = []
         for part in engine.parts(path):
             try:
-                document = Document(part)
+                documents.append(Document(part))
             except LocationError as error:  # the engine may read it
                 unread.append(str(error))
-                continue
-            self._texts[part] = document.data
-            all_numbers += numerals(document)
-        self.numerals: tuple[Number, ...] = tuple(all_numbers)
+        super().__init__(documents)
         self.unread = tuple(unread)
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
@@ -180,14 +168,6 @@ class CompiledNumbers:
             if tree is not None:
                 yield cause, tree
 
-    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """Return the files with other values of some numbers."""
-        texts = dict(self._texts)
-        for file, data in self._texts.items():
-            changed = {i: value for i, value in values.items() if self.numerals[i].file == file}
-            texts[file] = with_values(data, self.numerals, changed)
-        return texts
-
     @cached_property
     def relevant_numbers(self) -> tuple[int, ...]:
         """Indices of the numbers that affect the tree under a small change."""
@@ -234,7 +214,7 @@ class CompiledNumbers:
         Every second body is nudged at once, so that its neighbours show the effects on others, such
         as of a total mass. The last body is also compiled by itself.
         """
-        bodies, last = dict[int, CompiledBody](), max(nudged)
+        bodies, last = dict[int, RigidBody](), max(nudged)
         for odd in (0, 1):
             group = [k for k in nudged if k % 2 == odd]
             compiled = self._compile({i: x for k in group for i, x in nudged[k].items()})
@@ -378,7 +358,7 @@ def _same_mechanics(first: CompiledTree, second: CompiledTree) -> bool:
     names = ("paths", "gravity", "fluid")
     return (
         all(getattr(first, name) == getattr(second, name) for name in names)
-        and _passive(first) == _passive(second)
+        and first.passive == second.passive
         and len(first.bodies) == len(second.bodies)
         and all(
             one == two or _unlimited(one) == _unlimited(two)
@@ -387,13 +367,9 @@ def _same_mechanics(first: CompiledTree, second: CompiledTree) -> bool:
     )
 
 
-def _passive(compiled: CompiledTree) -> tuple[CompiledForce, ...]:
-    return tuple(pull for pull in compiled.pulls if pull.control < 0)
-
-
-def _unlimited(body: CompiledBody) -> CompiledBody:
-    """Return a body without limits and dry friction of its joints, which are laws."""
-    joints = tuple(replace(one, limits=None, friction=0.0) for one in body.joints)
+def _unlimited(body: RigidBody) -> RigidBody:
+    """Return a body without limits of its joints, which are laws."""
+    joints = tuple(replace(one, limits=None) for one in body.joints)
     return replace(body, joints=joints)
 
 
@@ -464,13 +440,13 @@ def _moved_shapes(first: Sequence[CompiledShape], second: Sequence[CompiledShape
     return moved
 
 
-def _kind(shape: CompiledShape) -> tuple[str, int, int]:
+def _kind(shape: CompiledShape) -> tuple[str, str | None, int]:
     return shape.name, shape.frame.body, len(shape.size)
 
 
 def _extent(shape: CompiledShape) -> tuple[float, ...]:
     """Return its numbers; of a quaternion and its negative, the one with a positive first part."""
-    turn = np.array(shape.frame.turn)
+    turn = np.array(shape.frame.quaternion)
     sign = -1.0 if next((x for x in turn if abs(x) > PLACED), 1.0) < 0 else 1.0
     return (*shape.size, *shape.frame.position, *(sign * turn))
 

@@ -6,19 +6,22 @@ is not checked. The equations of the bodies are.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import ReadError, ReadKind
 from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 from ..formats import is_robot
 from ..parts import included
-from ..robot import Omission, Robot, refused
-from .tree import KINDS, compiled_robot, compiled_tree
+from ..robot import LinkPart, Omission, PlacedShape, Robot, home_of, refused
+from .stated import StatedLaws
 
 
 def compiler(suffix: str) -> Engine | None:
@@ -59,8 +62,7 @@ def read_compiled_robot(
     except EngineError as error:
         return _refused(error.file or path, [error.sentence], line=error.line or 0, kind="file")
     if not actuated:
-        passive = tuple(pull for pull in compiled.pulls if pull.control < 0)
-        compiled = replace(compiled, pulls=passive, controls=0)
+        compiled = replace(compiled, pulls=compiled.passive, controls=0)
     if sentences := list(_problems(compiled)):
         return _refused(path, sentences, _left_out(engine, compiled), compiled.name)
     try:
@@ -85,11 +87,7 @@ def _problems(compiled: CompiledTree) -> Iterator[str]:
     """Yield elements that the equations of the bodies do not cover."""
     for what in compiled.uncovered:
         yield f"{what}: not covered"
-    joints = [joint for body in compiled.bodies for joint in body.joints]
-    for joint in joints:
-        if joint.kind not in KINDS:
-            yield f"joint {quote(joint.name)} is a {joint.kind} joint: not covered"
-    if not joints:
+    if not compiled.joints:
         yield "it has no joint that moves"
 
 
@@ -124,3 +122,118 @@ def _user_of(part: Path) -> Path | None:
     whole = part.resolve()
     users = [one for one in files if whole in map(Path.resolve, included(one))]
     return next((one for one in users if is_robot(one)), None)
+
+
+FilePlace = tuple[Path, int]
+"""A file and a line."""
+
+
+def shape_lines(path: Path, names: Sequence[str]) -> Mapping[str, tuple[FilePlace, FilePlace]]:
+    """Return the lines of each shape and of its size, which may be in a default, by its place.
+
+    Args:
+        path: of the file.
+        names: places of all shapes, in the engine's order: bodies depth first. Those without a name
+            are matched by this order, if the file repeats no elements.
+    """
+    try:
+        stated = StatedLaws(path)
+    except EngineError:
+        return {}
+    lines: dict[str, tuple[FilePlace, FilePlace]] = {}
+    for kind in ("geom", "site"):
+        mine = [f"{kind}:{name}" if name else "" for name in stated.names(kind)]
+        places = [name for name in names if name.startswith(f"{kind}:")]
+        pairs = zip(mine, places, strict=False)
+        aligned = len(mine) == len(places) and all(not one or one == there for one, there in pairs)
+        for i, name in enumerate(places if aligned else mine):
+            chain = stated.elements(kind, i)
+            frame = _line(path, chain, "pos", "fromto", *ORIENTATIONS)
+            lines[name] = frame, _line(path, chain, "size")
+    return lines
+
+
+def _line(path: Path, chain: Sequence[XmlElement], *keys: str) -> FilePlace:
+    """Return the line of the first of these attributes that is stated, or of the element."""
+    stated = (one.attribute_place(key) for key in keys for one in chain if key in one.attributes)
+    file, line = next(stated, chain[0].place)
+    return file or path, line or 0
+
+
+SPREAD = (5**0.5 - 1) / 2
+"""The step of controls in their ranges; its multiples make all controls differ."""
+
+
+def compiled_robot(
+    compiled: CompiledTree,
+    path: Path,
+    left_out: tuple[Omission, ...],
+    controls: Sequence[float] | None = None,
+) -> Robot:
+    """Return the robot, with its controls held at given values, or within their ranges.
+
+    Raises:
+        TreeError: naming the joint that is not covered.
+    """
+    controls = held_controls(compiled) if controls is None else tuple(controls)
+    body_model = compiled.held(controls)
+    whole = assemble(body_model)
+    return Robot(
+        name=compiled.name or path.stem,
+        file=path,
+        tree=whole.tree,
+        parts=tuple(
+            LinkPart(link=body, line=0, body=whole.tree.frames[body.name][0])
+            for body in body_model.bodies
+        ),
+        limits=whole.limits,
+        home=home_of(whole.tree, whole.limits),
+        left_out=left_out,
+        obstacles=(),
+        controls=controls,
+        body_model=body_model,
+        shapes=compiled.shapes,
+        placed=tuple(placed_shapes(compiled, path)),
+    )
+
+
+def placed_shapes(compiled: CompiledTree, path: Path) -> Iterator[PlacedShape]:
+    """Yield the shapes and sites, with their lines in a file whose elements are not repeated."""
+    lines = shape_lines(path, [shape.name for shape in compiled.placed])
+    for shape in compiled.placed:
+        frame = shape.frame
+        (file, line), size_place = lines.get(shape.name, ((path, 0), (path, 0)))
+        yield PlacedShape(
+            name=shape.name,
+            body=frame.body,
+            place=frame.place,
+            size=shape.size,
+            file=file,
+            line=line,
+            size_place=size_place,
+            kind=shape.kind,
+            visual=shape.visual,
+            mesh=shape.mesh,
+            scale=shape.scale,
+        )
+
+
+def compiled_tree(
+    compiled: CompiledTree, controls: Sequence[float], held: Collection[str] = ()
+) -> Tree:
+    """Return the tree under held controls, with some joints fixed.
+
+    Raises:
+        TreeError: naming the joint that is not covered.
+    """
+    return assemble(compiled.held(controls).without(held)).tree
+
+
+def held_controls(compiled: CompiledTree) -> tuple[float, ...]:
+    """Return a value within the range of each control; between 0 and 1 without a range."""
+    ranges = {one.input: one.range for one in compiled.pulls if one.input >= 0}
+    held = []
+    for i in range(compiled.controls):
+        low, high = ranges.get(i) or (0.0, 1.0)
+        held.append(low + (high - low) * ((i + 1) * SPREAD % 1.0))
+    return tuple(held)

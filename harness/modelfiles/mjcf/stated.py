@@ -7,6 +7,7 @@ shared by the law and the engine. Source: MuJoCo's documentation, XML reference.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,12 +17,23 @@ from types import MappingProxyType
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.mjcf_defaults import Chain, Defaults, StatedPlace, Values
 from physics_crosscheck.harness.engines.mjcf_inertias import aligns
-from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, read_source_mjcf
+from physics_crosscheck.harness.engines.mjcf_source import (
+    ORIENTATIONS,
+    MjcfSource,
+    read_source_mjcf,
+)
 from physics_crosscheck.reference.mechanism.bodies import ZERO
 from physics_crosscheck.reference.mechanism.laws import Softness, Surface
-from physics_crosscheck.reference.mechanism.rotations import to_quaternion
-from .classes import Chain, StatedClasses, StatedPlace, Values, orientation, radians, to_axis
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    Array,
+    about_axis,
+    cross,
+    to_quaternion,
+)
+from ..law_attributes import attributes
 from .stated_drives import (
     KINDS,
     PARAMETER_KEYS,
@@ -87,7 +99,7 @@ class StatedLaws:
 
     def __init__(self, path: Path) -> None:
         self._source = read_source_mjcf(path)
-        self._classes = StatedClasses.from_source(self._source)
+        self._classes = Defaults(self._source)
         self._contents: dict[str, list[XmlElement]] = {
             kind: [] for kind in ("body", "joint", "geom", "site")
         }
@@ -312,7 +324,7 @@ class StatedLaws:
                 continue
             chain = self._chain(element)
             kind = chain.word("type", "hinge")
-            unit = radians(self._source) if kind in ("hinge", "ball") else 1.0
+            unit = self._source.angle_unit if kind in ("hinge", "ball") else 1.0
             if kind != "free" and _is_in_body(element):
                 yield ("place of joint", j), chain, {"pos": chain.numbers("pos", ZERO)}
             yield from self._resistances("joint", j, chain, unit)
@@ -342,9 +354,9 @@ class StatedLaws:
             if any(any(chain.numbers(key, (0.0,))) for key in keys) and not element.find("geom"):
                 off = self._source.disabled
                 values = dict(_coefficients(chain, spring=off("spring"), damper=off("damper")))
-                first, *others = chain.numbers("springlength", (-1.0, -1.0))
-                if chain.states("springlength") and first >= 0:
-                    values["springlength"] = (first, *(x if x >= 0 else first for x in others))
+                lengths = chain.numbers("springlength", (-1.0, -1.0))
+                if lengths[0] >= 0:
+                    values["springlength"] = lengths
                 yield ("dynamics of tendon", t), chain, values
             if element.tag == "fixed":
                 combination = self._combination(element)
@@ -427,7 +439,7 @@ class StatedLaws:
             if target is not None:
                 limited = self._chain(target, kind)
                 turns = kind == "joint" and limited.word("type", "hinge") in ("hinge", "ball")
-                unit = radians(self._source) if turns else 1.0
+                unit = self._source.angle_unit if turns else 1.0
                 return limited.limits("", automatic=self._automatic, scale=unit)
         return None
 
@@ -558,17 +570,8 @@ def _plain(values: Values) -> tuple[float, ...]:
 
 def surface_values(surface: Surface) -> Mapping[str, Values]:
     """Return the numbers of a surface by attribute."""
-    return {
-        "contype": (surface.masks[0],),
-        "conaffinity": (surface.masks[1],),
-        "condim": (surface.dimension,),
-        "friction": surface.friction,
-        "priority": (surface.priority,),
-        "solmix": (surface.mix,),
-        "margin": (surface.margin,),
-        "solref": surface.softness.reference,
-        "solimp": surface.softness.impedance,
-    }
+    first, second = surface.masks
+    return {"contype": (first,), "conaffinity": (second,), **attributes(surface)}
 
 
 def _pair(chain: Chain) -> Mapping[str, Values]:
@@ -582,3 +585,43 @@ def _pair(chain: Chain) -> Mapping[str, Values]:
         **_softness(chain),
         "solreffriction": chain.numbers("solreffriction", (0.0, 0.0)),
     }
+
+
+def orientation(chain: Chain, source: MjcfSource) -> tuple[float, ...]:
+    """Return the orientation of an element as a unit quaternion (w, x, y, z)."""
+    others = ORIENTATIONS.keys() - {"quat"}
+    stated = (others & one.attributes.keys() for one in reversed(chain.elements))
+    key = next((key for keys in stated for key in keys), "quat")  # others overrule quaternions
+    numbers = np.array(chain.numbers(key, ORIENTATIONS[key]), dtype=float)
+    if key == "quat":
+        return tuple((numbers / np.linalg.norm(numbers)).tolist())
+    if key == "axisangle":
+        turn = _about(numbers[:3], numbers[3] * source.angle_unit)
+    elif key == "euler":
+        turn = np.eye(3)
+        sequence = source.stated("compiler", "eulerseq", "xyz")
+        for letter, angle in zip(sequence, numbers * source.angle_unit, strict=True):
+            step = _about(np.eye(3)["xyz".index(letter.lower())], angle)
+            # A lower-case letter is an axis that turns with the element.
+            turn = turn @ step if letter.islower() else step @ turn
+    elif key == "xyaxes":
+        x, y = numbers[:3] / np.linalg.norm(numbers[:3]), numbers[3:]
+        y = y - (x @ y) * x
+        y = y / np.linalg.norm(y)
+        turn = np.stack([x, y, cross(x, y)], axis=1)
+    else:
+        turn = to_axis(numbers)
+    return to_quaternion(turn)
+
+
+def _about(axis: Array, angle: float) -> Array:
+    """Return the rotation about an axis of any length."""
+    return about_axis(axis / np.linalg.norm(axis), np.array(angle), DOUBLES)
+
+
+def to_axis(axis: Array) -> Array:
+    """Return the smallest rotation that turns the z axis to another one."""
+    normal = cross(np.array([0.0, 0.0, 1.0]), axis)
+    sine = float(np.linalg.norm(normal))
+    normal = normal if sine else np.array([1.0, 0.0, 0.0])
+    return _about(normal, math.atan2(sine, axis[2]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from .classes import Chain, Values, is_limit, overwrite
+from physics_crosscheck.harness.engines.mjcf_defaults import Chain, Values, is_limit, overwrite
 
 PARAMETERS = 10
 """Numbers of a gain, a bias or a state's dynamics."""

@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.documents.sdf.read import chosen_model
 from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
+from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.tree import Tree
-from ..numbers import Number, numerals, set_temporarily, with_values
+from ..numbers import ModelFile, set_temporarily
 from .read import read_document
 
 _RELEVANT = re.compile(
@@ -26,7 +29,7 @@ _SHAPES = re.compile(r"sdf/(world/)?model/link/collision/(pose|density|geometry/
 """Numbers that affect it too if a link's inertia follows from its shapes."""
 
 
-class SdfNumbers:
+class SdfNumbers(ModelFile):
     """The numbers of an SDFormat file that has a tree.
 
     Args:
@@ -36,12 +39,8 @@ class SdfNumbers:
         armatures: as in `Document`.
 
     Attributes:
-        numerals: those that do not belong to another model, in the file's order.
-        relevant_numbers: indices of those that may affect the tree.
-        unread: empty, since a file that is not XML is refused.
+        numerals: those that do not belong to another model, in order.
     """
-
-    unread: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -51,14 +50,17 @@ class SdfNumbers:
         armatures: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._document, self._chosen, self._held = Document(path), model, held
+        super().__init__([self._document])
         self._document.armatures = armatures
         model_element, _ = chosen_model(self._document, model)
-        self.numerals: tuple[Number, ...] = tuple(
-            one
-            for one in numerals(self._document)
-            if _model_of(one.element) in (None, model_element)
+        self.numerals = tuple(
+            one for one in self.numerals if _model_of(one.element) in (None, model_element)
         )
-        self.relevant_numbers = tuple(i for i, one in enumerate(self.numerals) if _is_relevant(one))
+
+    @cached_property
+    def relevant_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that may affect the tree."""
+        return tuple(i for i, one in enumerate(self.numerals) if _is_relevant(one))
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
@@ -71,24 +73,7 @@ class SdfNumbers:
         del document.obstacles[count:]
         if not self._held or robot.tree is None or robot.body_model is None:
             return robot.tree
-        return robot.body_model.without(self._held).assembled().tree
-
-    @property
-    def read_numbers(self) -> frozenset[int]:
-        """Return nothing: no compiler reads this file for the laws."""
-        return frozenset()
-
-    def placing(self, candidates: Collection[int]) -> Collection[int]:
-        """Return nothing: no engine shows the shapes."""
-        return ()
-
-    def engine_variants(self) -> tuple[tuple[str, Tree], ...]:
-        """Return nothing: no engine compiles the file."""
-        return ()
-
-    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """Return the file with other values of some numbers."""
-        return {self._document.path: with_values(self._document.data, self.numerals, values)}
+        return assemble(robot.body_model.without(self._held)).tree
 
 
 def _above(element: XmlElement) -> Iterator[XmlElement]:

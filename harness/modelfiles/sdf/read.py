@@ -26,8 +26,7 @@ from physics_crosscheck.harness.documents.sdf.read import (
 from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
-from ..build_tree import build_tree, elements_of, enforceable, part_of, robot_of
-from ..link_shapes import placed_in
+from ..build_tree import build_robot, enforceable
 from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
@@ -84,6 +83,8 @@ def _all(file: SdfFile) -> Iterator[Note]:
             yield "collision geometry", name
         yield from _of_automatic(element, name)
     yield from _unread(model, "")
+    numbers = [one for surface in document.root.iter("surface") for one in surface.iter()]
+    yield from ((f"<{one.tag}> of <surface>", "") for one in numbers if _is_ignored(one))
     for element in (*document.root.children, *(world.children if world is not None else ())):
         name = element.attributes.get("name", "")
         if element.tag == "model" and element is not model:
@@ -93,6 +94,11 @@ def _all(file: SdfFile) -> Iterator[Note]:
             yield "<include> of another file", name
     if world is not None:
         yield from _unread(world, world.attributes.get("name", ""))
+
+
+def _is_ignored(number: XmlElement) -> bool:
+    """Return whether a number of a surface is not one of friction, which some engine reads."""
+    return bool(number.text.strip()) and number.tag not in ("mu", "mu2")
 
 
 def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
@@ -172,30 +178,21 @@ def read_document(document: Document, chosen: str = "") -> Robot:
     path, file = document.path, read_sdf(document, chosen)
     if file is None:
         return refused(path, path.stem, document.obstacles)
-    name = file.model.get("name") or path.stem
-    parts = tuple(part_of(document, link.element, link.body) for link in file.links.values())
-    rows = [(each.name, each.single, one.element) for one in file.joints.values()
-            for each in one.joints]  # fmt: skip
-    single = {name for name, is_single, _ in rows if is_single}
+    rows = [(each, joint) for joint in file.joints.values() for each in joint.joints]
+    single = {each.name for each, _ in rows if each.single}
     mimics = enforceable(file.mimics, single)
-    left_out = sdf_left_out(file, mimics)
-    if document.obstacles:
-        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
-    build = build_tree(
+    return build_robot(
         document,
-        elements_of(file.links),
-        {**elements_of(file.joints), **{name: element for name, _, element in rows}},
-        mimics,
-        lambda still: tuple(_bodies(file, still)),
-        file.gravity,
+        name=file.model.get("name") or path.stem,
+        links=file.links,
+        joints={**file.joints, **{each.name: joint for each, joint in rows}},
+        mimics=mimics,
+        bodies_with=lambda still: tuple(_bodies(file, still)),
+        left_out=sdf_left_out(file, mimics),
+        gravity=file.gravity,
+        floats=file.floats,
+        stated={**file.stated, **({"model": chosen} if chosen else {})},
     )
-    if document.obstacles:
-        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
-    stated = {**file.stated, **({"model": chosen} if chosen else {})}
-    return robot_of(
-        build, name=name, file=path, parts=parts, left_out=left_out, gravity=file.gravity,
-        placed=placed_in(file.links, path), floats=file.floats, stated=stated,
-    )  # fmt: skip
 
 
 def _bodies(file: SdfFile, still: Collection[str]) -> Iterator[RigidBody]:

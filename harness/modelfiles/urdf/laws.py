@@ -13,6 +13,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.documents.urdf import ENDLESS, UrdfFile, read_urdf
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
@@ -35,7 +36,6 @@ from physics_crosscheck.reference.mechanism.laws import (
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
-from ..numbers import Number
 from ..robot import Robot
 from .numbers import UrdfNumbers
 
@@ -105,7 +105,7 @@ def _fused(file: UrdfFile, tree: Tree, bodies: Sequence[str]) -> tuple[Array, Ar
         while root not in bodies and root in above:
             root = above[root]
         if root in bodies:
-            inertia, i = link.spatial_inertia, bodies.index(root)
+            inertia, i = link.body.spatial_inertia, bodies.index(root)
             (_, body), (_, place) = tree.frames[root], tree.frames[name]
             center = place.origin + place.rotation @ inertia.center
             masses[i] += inertia.mass

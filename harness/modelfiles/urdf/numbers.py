@@ -32,7 +32,7 @@ from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.tree import Tree
 from ..build_tree import couplings, enforceable
 from ..link_shapes import placed_in
-from ..numbers import NUDGE, Number, numerals, set_temporarily, with_values
+from ..numbers import NUDGE, ModelFile, set_temporarily
 from ..robot import PlacedShape
 from .read import bodies_of, body_of, singles
 
@@ -51,7 +51,7 @@ _SHAPES = re.compile(
 """Numbers on which collision shapes depend."""
 
 
-class UrdfNumbers:
+class UrdfNumbers(ModelFile):
     """The numbers of a URDF that has a tree.
 
     Args:
@@ -61,13 +61,8 @@ class UrdfNumbers:
         armatures: as in `Document`.
 
     Attributes:
-        numerals: all of them, in the file's order.
-        relevant_numbers: indices of those that may affect the tree.
         floats: whether its root moves freely.
-        unread: empty, since a file that is not XML is refused.
     """
-
-    unread: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -78,21 +73,22 @@ class UrdfNumbers:
         armatures: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._document = Document(path)
+        super().__init__([self._document])
         self._document.armatures = armatures
         self._file = file = read_urdf(self._document)
         self._held, self.floats = held, floating and file.can_float
-        every = numerals(self._document)
         if has_stand_ins(path):
-            every = tuple(one for one in every if "/inertial/" not in one.path)
-        self.numerals: tuple[Number, ...] = every
-        owners = {id(link.element) for link in file.links.values()}
-        owners |= {id(joint.element) for joint in file.joints.values()}
-        owners |= {id(one) for one in self._document.root.findall("gazebo")}
-        self.relevant_numbers = tuple(
-            i
-            for i, one in enumerate(self.numerals)
-            if _RELEVANT.fullmatch(one.path) and id(_owner(one.element)) in owners
-        )
+            self.numerals = tuple(one for one in self.numerals if "/inertial/" not in one.path)
+
+    @cached_property
+    def relevant_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that may affect the tree."""
+        owners = {one.element for one in self._file.links.values()}
+        owners |= {one.element for one in self._file.joints.values()}
+        owners |= set(self._document.root.findall("gazebo"))
+        numbers = enumerate(self.numerals)
+        kept = (i for i, one in numbers if _RELEVANT.fullmatch(one.path))
+        return tuple(i for i in kept if self._owner(i) in owners)
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
@@ -169,11 +165,6 @@ class UrdfNumbers:
         tree = assembled(bodies, GRAVITY, couplings=couplings(leaders)).tree
         return None if tree is None else (file, tree)
 
-    @property
-    def read_numbers(self) -> frozenset[int]:
-        """Return nothing: no compiler reads this file for the laws."""
-        return frozenset()
-
     def placing(self, candidates: Collection[int]) -> Collection[int]:
         """Return those on which the frame or the size of a collision shape depends."""
         shapes = (i for i in candidates if _SHAPES.fullmatch(self.numerals[i].path))
@@ -186,14 +177,6 @@ class UrdfNumbers:
         with ExitStack() as restored:
             set_temporarily(number, number.value + NUDGE * number.scale, restored)
             return any(map(_differ, before, placed_in(links, self._document.path)))
-
-    def engine_variants(self) -> tuple[tuple[str, Tree], ...]:
-        """Return nothing: no engine compiles the file."""
-        return ()
-
-    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """Return the file with other values of some numbers."""
-        return {self._document.path: with_values(self._document.data, self.numerals, values)}
 
     def _owner(self, index: int) -> XmlElement | None:
         return _owner(self.numerals[index].element)

@@ -24,8 +24,7 @@ from physics_crosscheck.harness.documents.urdf import (
     read_urdf,
 )
 from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
-from ..build_tree import build_tree, elements_of, enforceable, part_of, robot_of
-from ..link_shapes import placed_in
+from ..build_tree import build_robot, enforceable
 from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
 _VISUALS = ("visual", "material")
@@ -170,9 +169,7 @@ def read_urdf_robot(
 
 
 def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
-    path, file = document.path, read_urdf(document)
-    name = document.root.get("name") or path.stem
-    parts = tuple(part_of(document, link.element, link.body) for link in file.links.values())
+    file = read_urdf(document)
     mimics = enforceable(file.mimics, singles(file.joints))
     left_out = urdf_left_out(file, mimics)
     if not any(joint.kind for joint in file.joints.values()):
@@ -182,22 +179,17 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
     if floating and not file.can_float:
         floating = False
         left_out += (Omission(what="a free joint of the world", count=1, where=(file.root,)),)
-    if document.obstacles:
-        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
-    build = build_tree(
+    return build_robot(
         document,
-        elements_of(file.links),
-        elements_of(file.joints),
-        mimics,
-        lambda still: bodies_of(file, floating, still),
-        gravity,
+        name=document.root.get("name") or document.path.stem,
+        links=file.links,
+        joints=file.joints,
+        mimics=mimics,
+        bodies_with=lambda still: bodies_of(file, floating, still),
+        left_out=left_out,
+        gravity=gravity,
+        floats=floating,
     )
-    if document.obstacles:
-        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
-    return robot_of(
-        build, name=name, file=path, parts=parts, left_out=left_out, gravity=gravity,
-        placed=placed_in(file.links, path), floats=floating,
-    )  # fmt: skip
 
 
 def singles(joints: Mapping[str, UrdfJoint]) -> set[str]:

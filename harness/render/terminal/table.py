@@ -280,7 +280,7 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         print_wrapped(console, line)
     for system in results.systems:
         meshes = () if system.scene is None else system.scene.unread
-        missing = [one for one in meshes if one.problem == "missing"]
+        missing = [one for one in meshes if one.problem in ("missing", "not a regular file")]
         if missing:
             print_wrapped(console, f"{unread_words(missing)}; these shapes are left out")
     lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
