@@ -171,6 +171,11 @@ class MjcfModel(TreeModel):
         return np.array([refs[name] for name in self.coordinates])
 
     @property
+    def frees(self) -> tuple[str, ...]:
+        """Names of free joints."""
+        return tuple(one.name for one in self.declared.frees)
+
+    @property
     def stated_limits(self) -> Array:
         """Position limits of the file, (nz, 2); infinite for joints without one."""
         bounds = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))

@@ -38,12 +38,12 @@ class JointLayout:
     with angular velocities about the body's axes; a free joint's linear one is along the world's.
 
     Args:
-        sizes: number of coordinates of each joint: `FREE`, `BALL`, or 1.
+        sizes: number of coordinates of each joint: `FREE`, `BALL`, 2 for two hinges, or 1.
 
     Attributes:
         singles, singles_x: indices of slides and hinges in z and in x.
-        turns: slices of each rotation in z and in x.
-        origins: slices of the place of each of these joints in z and in x; empty for a ball.
+        turns, origins: slices of rotation and place of each other joint in z and in x; a ball's
+            place is empty.
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
@@ -51,10 +51,10 @@ class JointLayout:
         self.origins: list[tuple[slice, slice]] = []
         singles, plain, i = list[tuple[int, int]](), list[tuple[int, int]](), 0
         for size in sizes:
-            shift, turn = len(self.turns), i + (size - BALL if size > 1 else 1)
+            shift, turn = len(self.turns), i + (size - BALL if size >= BALL else size)
             rows = [(k, k + shift) for k in range(i, turn)]
             plain += rows
-            if size == 1:
+            if size < BALL:
                 singles += rows
             else:
                 self.origins.append((slice(i, turn), slice(i + shift, turn + shift)))

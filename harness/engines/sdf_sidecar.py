@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.sdf.read import SdfFile
+from physics_crosscheck.harness.documents.sdf.read import AXES, SdfFile
 from physics_crosscheck.harness.documents.sdf.shapes import has_automatic
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
 from physics_crosscheck.harness.engines.remark import Remark
@@ -53,7 +53,7 @@ def sdf_without_bounds(model: XmlElement) -> None:
 
 def sdf_without_bounds_of(joint: XmlElement) -> None:
     """Remove the position limits of one joint."""
-    for limit in joint.findall("axis/limit"):
+    for limit in (one for tag in AXES for one in joint.findall(f"{tag}/limit")):
         for part in list(limit):
             if part.tag in ("lower", "upper"):
                 limit.remove(part)
@@ -61,7 +61,7 @@ def sdf_without_bounds_of(joint: XmlElement) -> None:
 
 def sdf_without_friction(model: XmlElement) -> None:
     """Remove the dry friction of joints."""
-    for dynamics in model.findall("joint/axis/dynamics"):
+    for dynamics in (one for tag in AXES for one in model.findall(f"joint/{tag}/dynamics")):
         for part in dynamics.findall("friction"):
             dynamics.remove(part)
 
@@ -73,7 +73,7 @@ def sdf_with_held(names: Sequence[str]) -> Change:
         for joint in model.findall("joint"):
             if joint.get("name") in names:
                 joint.set("type", "fixed")
-                for axis in joint.findall("axis"):
+                for axis in (one for tag in AXES for one in joint.findall(tag)):
                     joint.remove(axis)
 
     return hold

@@ -258,6 +258,11 @@ class TreeModel(LoadedModel):
         self.step = float(settings["step"])  # type: ignore[arg-type]  # checked
         self.gravity = tuple(map(float, settings["gravity"]))  # type: ignore[call-overload]
 
+    @property
+    def frees(self) -> tuple[str, ...]:
+        """Names of free joints, which place roots in the world."""
+        return (self.root,) if self.floats else ()
+
     def name(
         self, joints: Sequence[str], damping: Array | None = None, sizes: Sequence[int] = ()
     ) -> SpringForces:
@@ -276,8 +281,11 @@ class TreeModel(LoadedModel):
             sizes, joints = [FREE] * len(free) + [1] * len(joints), [*free, *joints]
         self.layout, names = JointLayout(sizes), list[str]()
         for joint, size in zip(joints, sizes, strict=True):
+            if size == FREE and joint not in self.frees:
+                raise EngineError(f"{self.path}: joint {joint!r} is neither a slide nor a hinge")
             names += place_names(joint) if size == FREE else ()
-            names += rotation_names(joint) if size >= BALL else (joint,)
+            each = (joint,) if size == 1 else (f"{joint}:1", f"{joint}:2")
+            names += rotation_names(joint) if size >= BALL else each
         self.coordinates = tuple(names)
         if not self.coordinates:
             raise EngineError(f"{self.path}: it has no moving joint")

@@ -99,9 +99,12 @@ class Declarations(ABC):
             turns: whether those of continuous joints count.
         """
         file = self.file
-        bounds = {name: joint.bounds for name, joint in file.joints.items()}
-        if turns and isinstance(file, UrdfFile):
-            bounds = {name: file.stated_bounds(name) for name in bounds}
+        if isinstance(file, UrdfFile):
+            bounds = {name: file.stated_bounds(name) if turns else joint.bounds
+                      for name, joint in file.joints.items()}  # fmt: skip
+        else:
+            joints = [one for joint in file.joints.values() for one in joint.joints]
+            bounds = {one.name: one.limits for one in joints if one.limits}
         return {name: (lower, upper) for name, (lower, upper) in bounds.items() if lower < upper}
 
 

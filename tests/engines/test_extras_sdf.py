@@ -65,6 +65,10 @@ BALLS = text(kind="ball", xyz="").replace("<axis></axis>", "").replace(
 <joint name="k" type="ball"><pose>0 0 0.1 0.2 0.3 -0.4</pose><parent>a</parent><child>b</child>
 <axis><dynamics><damping>0.02</damping></dynamics></axis></joint></model>""",
 )  # fmt: skip
+UNIVERSAL = BALLS.replace('"ball"', '"universal"').replace("</child><pose>0.1", "</child>"
+    "<axis><xyz>0 0 1</xyz></axis><axis2><xyz>0 1 0</xyz></axis2><pose>0.1").replace(
+    "<axis><dyn", "<axis2><xyz>0 0.6 0.8</xyz><dynamics><damping>0.02</damping></dynamics></axis2>"
+    "<axis><xyz>1 0 0</xyz><dyn")  # fmt: skip
 LOOSE = BALLS.replace(BALLS[BALLS.index('<joint name="j"') : BALLS.index('<link name="b"')], "")
 
 
@@ -72,17 +76,18 @@ LOOSE = BALLS.replace(BALLS[BALLS.index('<joint name="j"') : BALLS.index('<link 
 @pytest.mark.parametrize(("sdf", "old", "new"), [
     (BALLS, "", ""), (LOOSE, "", ""), (BALLS, "<mass>0.7", "<mass>0.707"),
     (BALLS, "0 0 0.1 0.2", "0 0 0.1001 0.2"), (BALLS, "<damping>0.02", "<damping>0.0201"),
+    (UNIVERSAL, "", ""), (UNIVERSAL, "0 0.6 0.8", "0 0.8 0.6"),
 ])  # fmt: skip
-def test_ball_joints_match_the_equations_unless_a_number_differs(
+def test_joints_of_several_axes_match_the_equations_unless_a_number_differs(
     name: str, sdf: str, old: str, new: str, tmp_path: Path
 ) -> None:
     need(name)
     path = written(tmp_path, "robot.sdf", sdf)
     prepared = prepare_tree(path, states=8)
-    assert prepared.tree.nv == (9 if sdf == LOOSE else 6)
+    assert prepared.tree.nv == {BALLS: 6, LOOSE: 9, UNIVERSAL: 4}[sdf]
     path.write_text(sdf.replace(old, new, 1))
-    own = {"exact_turns": True, "ball_damping": True} if name == "dart" else {}
-    task = model_task(prepared, name).with_settings(**own)
+    settings = {"exact_turns": True, "ball_damping": True} if name == "dart" else {}
+    task = model_task(prepared, name).with_settings(**settings)
     assert judge(task).outcome is (Outcome.DIFFERS if old else Outcome.AGREES)
 
 

@@ -183,6 +183,27 @@ def test_only_limits_of_the_file_are_reported(tmp_path: Path, limit: str, bounds
     assert ranges == ([f"q is limited to {bounds}"] if bounds else [])
 
 
+def test_ball_and_universal_joints_are_read(tmp_path: Path) -> None:
+    inner = "<dynamics><damping>0.3</damping><friction>1</friction></dynamics>"
+    ball = joint(inner, pose=LATER).replace("revolute", "ball")
+    robot = read(tmp_path, BASE, ARM, WELD, ball)
+    (link,), (hinge,) = (
+        tree_of(one).links for one in (robot, read(tmp_path, BASE, ARM, WELD, joint(pose=LATER)))
+    )
+    assert (link.kind, link.damping) == ("ball", 0.3)
+    assert link.center == pytest.approx(hinge.center)
+    assert link.position == pytest.approx(hinge.position)
+    assert {"<xyz> of a ball joint", "<friction> of a ball joint"} <= set(left_out(robot))
+    two = joint(inner).replace("revolute", "universal")
+    second = "</axis><axis2><xyz>1 0.2 0</xyz></axis2>"
+    robot = read(tmp_path, BASE, ARM, WELD, two.replace("</axis>", second))
+    first, last = tree_of(robot).links
+    assert (first.name, first.damping, last.name, last.damping) == ("q:1", 0.3, "q:2", 0.0)
+    assert last.axis == pytest.approx(np.array([1, 0.2, 0]) / np.hypot(1, 0.2))
+    ((_, sentence),) = problems(read(tmp_path, BASE, ARM, WELD, two))
+    assert sentence == "joint 'q' has no <axis2>"
+
+
 def test_mimic_is_a_coupling_unless_it_has_an_offset(tmp_path: Path) -> None:
     mimic = '<mimic joint="q"><multiplier>0.5</multiplier>{}</mimic>'
     more = joint().replace('"q"', '"k"').replace(">arm<", ">tip<").replace(">base<", ">arm<")

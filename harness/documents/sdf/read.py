@@ -46,10 +46,17 @@ KINDS: Mapping[str, Kind | None] = MappingProxyType(
         "continuous": "hinge",
         "prismatic": "slide",
         "ball": "ball",
+        "universal": "hinge",
+        "revolute2": "hinge",
         "fixed": None,
     }
 )
 """The kind of joint in a tree; None for a fixed joint."""
+
+TWO_AXES = ("universal", "revolute2")
+"""Types of joints of two hinges in series, named `joint:1` and `joint:2`."""
+
+AXES = ("axis", "axis2")
 
 ENDLESS = 1e16
 """The format's value for a missing bound, rad or m."""
@@ -67,6 +74,7 @@ class SdfJoint:
         kind: None for a fixed joint.
         parent, child: names of links, or `world`.
         joint: in its child's frame; None for a fixed joint.
+        second: the one after it, of two axes.
         friction: dry, N or N m.
     """
 
@@ -77,12 +85,12 @@ class SdfJoint:
     child: str
     joint: Joint | None
     friction: float
+    second: Joint | None = None
 
     @property
-    def bounds(self) -> tuple[float, float]:
-        """Its position limits; infinite without a limit."""
-        limits = None if self.joint is None else self.joint.limits
-        return limits or (-math.inf, math.inf)
+    def joints(self) -> tuple[Joint, ...]:
+        """The moving joints in series."""
+        return tuple(one for one in (self.joint, self.second) if one is not None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -244,15 +252,19 @@ def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str
             )
     of_tree = KINDS.get(kind)
     is_valid = of_tree is not None and links["child"] not in ("", WORLD)
+    where = document, frames, element, links["child"]
+    first, second = None, None
+    if is_valid and of_tree is not None:
+        first = _moving(*where, f"{name}:1" if kind in TWO_AXES else name, of_tree, "axis")
+        second = _moving(*where, f"{name}:2", of_tree, "axis2") if kind in TWO_AXES else None
     return SdfJoint(
         name=name,
         element=element,
         kind=of_tree,
         parent=links["parent"],
         child=links["child"],
-        joint=_moving(document, frames, element, name, of_tree, links["child"])
-        if of_tree is not None and is_valid
-        else None,
+        joint=first,
+        second=second,
         friction=document.text_numbers(
             document.child(element, "axis/dynamics/friction"), (0.0,), what
         )[0]
@@ -261,24 +273,31 @@ def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str
 
 
 def _moving(
-    document: Document, frames: SdfFrames, element: XmlElement, name: str, kind: Kind, child: str
+    document: Document,
+    frames: SdfFrames,
+    element: XmlElement,
+    child: str,
+    name: str,
+    kind: Kind,
+    tag: str,
 ) -> Joint:
     """Return a joint with anchor and axis in the child link's frame.
 
     The `<axis>` of a ball joint has no direction: its damping opposes the angular velocity.
     """
-    what, axis = f"joint {quote(name)}", document.child(element, "axis")
+    frame = element.get("name")
+    what, axis = f"joint {quote(frame)}", document.child(element, tag)
     inward = inverse(frames.place(child))
-    anchor = _triple(inward.compose(frames.place(name)).origin)
+    anchor = _triple(inward.compose(frames.place(frame)).origin)
     damping = document.text_numbers(document.child(axis, "dynamics/damping"), (0.0,), what)[0]
     if kind == "ball":
         armature = document.armatures.get(name, 0.0)
         return Joint(name=name, kind=kind, at=anchor, damping=damping, armature=armature)
     if axis is None:
-        document.add_problem(element, f"{what} has no <axis>", "write one: <axis><xyz>...")
+        document.add_problem(element, f"{what} has no <{tag}>", f"write one: <{tag}><xyz>...")
     xyz = document.child(axis, "xyz")
     direction = np.array(document.text_numbers(xyz, (0.0, 0.0, 1.0), what))
-    frame = _expressed_in(document, axis, xyz) or name
+    frame = _expressed_in(document, axis, xyz) or frame
     direction = inward.rotation @ frames.place(frame).rotation @ direction
     if not direction.any():
         document.add_problem(
@@ -350,7 +369,8 @@ def read_mimics(document: Document, joints: Mapping[str, SdfJoint]) -> dict[str,
     mimics: dict[str, Mimic] = {}
     for name, joint in joints.items():
         mimic = document.child(joint.element, "axis/mimic")
-        if mimic is not None and joint.joint is not None and joint.joint.single:
+        first = joint.joint
+        if mimic is not None and first is not None and first.single and not joint.second:
             mimics[name] = _mimic(document, mimic, joints, name)
     return mimics
 
@@ -402,6 +422,9 @@ def chosen_model(
     if model is None:
         return None, None
     for element in _within(model):
+        joint = element.parent
+        if element.tag == "axis2" and joint is not None and joint.get("type") in TWO_AXES:
+            continue
         if element.tag in _UNCOVERED:
             document.add_problem(
                 element, f"<{element.tag}> is not covered", _UNCOVERED[element.tag], "unsupported"

@@ -81,6 +81,9 @@ from physics_crosscheck.reference.mechanism.rotations import (
     unit_quaternion,
 )
 
+TYPES = ("BallJoint", "FreeJoint", "UniversalJoint")
+"""DART's types of joints with several degrees of freedom that are covered."""
+
 INSTANT = 1e-200
 """Seconds."""
 
@@ -344,7 +347,7 @@ class DartModel(UrdfModel):
         moving = [self._body.getJoint(i) for i in range(self._body.getNumJoints())]
         joints = [joint for joint in moving if joint.getNumDofs()]
         for joint in joints:
-            if joint.getNumDofs() != 1 and joint.getType() not in ("BallJoint", "FreeJoint"):
+            if joint.getNumDofs() != 1 and joint.getType() not in TYPES:
                 raise EngineError(
                     f"{spec.path}: joint {joint.getName()!r} is neither a slide nor a hinge"
                 )
@@ -352,8 +355,9 @@ class DartModel(UrdfModel):
             if mimic and self.settings["couplers"]:
                 joint.setUseCouplerConstraint(True)
         sizes = [joint.getNumDofs() for joint in joints]
-        named = [self.root if size == FREE else joint.getName()
-                 for joint, size in zip(joints, sizes, strict=True)]  # fmt: skip
+        named = [joint.getName() for joint in joints]
+        if self.floats:
+            named[0] = self.root
         springs = self.name(named, sizes=sizes)
         each = [(joint, i) for joint in joints for i in range(joint.getNumDofs())]
         self._stiffness = np.diag([joint.getSpringStiffness(i) for joint, i in each])

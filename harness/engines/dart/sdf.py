@@ -10,7 +10,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint
+from physics_crosscheck.harness.documents.sdf.read import AXES, SdfFile, SdfJoint
 from physics_crosscheck.harness.documents.sdf.shapes import SIZES, WATER, has_automatic, solid
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.sdf import number
@@ -20,6 +20,7 @@ from physics_crosscheck.reference.mechanism.rotations import from_rpy
 
 _PARSED_VERSIONS = ("1.4", "1.5", "1.6")
 _IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")
+UNIT_WITHIN = 1e-10
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -44,7 +45,7 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
 
 def _axes_in_model(root: XmlElement) -> None:
     """Mark axes as given in the model's frame, the default of old versions that DART ignores."""
-    for axis in root.findall("model/joint/axis"):
+    for axis in (one for tag in AXES for one in root.findall(f"model/joint/{tag}")):
         if axis.find("use_parent_model_frame") is None:
             axis.add("use_parent_model_frame", text="true")
 
@@ -238,9 +239,13 @@ def _refuse_frames(file: SdfFile, joint: SdfJoint) -> None:
     for tag, link in (("parent", joint.parent), ("child", joint.child)):
         if element.findtext(tag).strip() != link:
             raise _newer(element, f"a frame for the {tag} of joint {joint.name!r}")
-    for xyz in element.findall("axis/xyz"):
+    for xyz in (one for tag in AXES for one in element.findall(f"{tag}/xyz")):
         if xyz.get("expressed_in", "") not in ("", "__model__", joint.name):
             raise _newer(xyz, f"expressed_in={xyz.get('expressed_in')!r}")
+        size = float(np.linalg.norm(np.array(xyz.text.split(), dtype=float)))
+        if joint.second and abs(size - 1) > UNIT_WITHIN:
+            what = f"joint {joint.name!r} has an axis of length {size:.7g}, which DART uses as is"
+            raise refused(xyz, f"{what}; write a unit vector")
 
 
 def _newer(element: XmlElement, what: str) -> EngineError:
@@ -259,7 +264,7 @@ def as_older(model: XmlElement) -> None:
         element.attributes.pop("relative_to", None)
     for frame in model.findall("frame"):
         model.remove(frame)
-    for axis in model.findall("joint/axis"):
+    for axis in (one for tag in AXES for one in model.findall(f"joint/{tag}")):
         if axis.find("xyz") is None:
             axis.add("xyz", text="0 0 1")
     _axes_as_older(model)
@@ -270,10 +275,11 @@ def _axes_as_older(model: XmlElement) -> None:
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
             sdf_without_bounds_of(joint)
-        axis, xyz = joint.find("axis"), joint.find("axis/xyz")
-        expressed = "" if xyz is None else xyz.attributes.pop("expressed_in", "")
-        if axis is not None and expressed == "__model__":
-            axis.add("use_parent_model_frame", text="true")
+        for axis in (one for tag in AXES for one in joint.findall(tag)):
+            xyz = axis.find("xyz")
+            expressed = "" if xyz is None else xyz.attributes.pop("expressed_in", "")
+            if expressed == "__model__":
+                axis.add("use_parent_model_frame", text="true")
 
 
 def _pose(element: XmlElement) -> Array:

@@ -228,6 +228,11 @@ class DrakeUrdf(DrakeModel, UrdfModel):
         if not self.floats and root != plant.world_frame().name():
             plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root))
 
+    def free_name(self, joint: Any) -> str:
+        """Return the file's name of one of Drake's free joints."""
+        is_root = joint.child_body().name() == self.declared.root
+        return self.root if is_root else str(joint.name())
+
     @property
     def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:
         """Elements that Drake leaves out with this stepping, with the settings that correct
@@ -321,9 +326,9 @@ class DrakeMjcf(DrakeModel, MjcfModel):
                 pair = (plant.GetJointByName(name) for name in (mimic.joint, mimic.leader))
                 plant.AddCouplerConstraint(*pair, mimic.multiplier, mimic.offset)
 
-    def free_name(self, body: str) -> str:
-        """Return the name of the free joint of a body."""
-        names = body_names(self.declared.source)
+    def free_name(self, joint: Any) -> str:
+        """Return the file's name of one of Drake's free joints."""
+        names, body = body_names(self.declared.source), joint.child_body().name()
         return next(one.name for one in self.declared.frees if names[one.body] == body)
 
     def _drawn(self) -> Iterator[tuple[str, Array]]:
@@ -332,7 +337,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
             if joint.num_velocities() == FREE:
                 turn, place = np.split(np.array(joint.default_positions()), [4])
                 drawn = np.concatenate([place, minimal_coordinates(turn, turn)])
-                yield self.free_name(joint.child_body().name()), drawn
+                yield self.free_name(joint), drawn
 
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:

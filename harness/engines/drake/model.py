@@ -122,16 +122,12 @@ class DrakeModel(TreeModel):
         self.integrator = "Runge-Kutta 4" if self._continuous else "semi-implicit euler"
         plant = self._plant = self._build(0.0 if self._continuous else self.step)
         joints = moving_joints(plant)
-        sizes = [SIZES.get(joint.type_name(), 1) for joint in joints]
+        sizes, names = [SIZES.get(joint.type_name(), 1) for joint in joints], list[str]()
         for joint, size in zip(joints, sizes, strict=True):
+            name = joint.name()
             if joint.num_velocities() != size:
-                raise EngineError(
-                    f"{self.path}: joint {joint.name()!r} is neither a slide nor a hinge"
-                )
-        names = [
-            self.free_name(joint.child_body().name()) if size == FREE else joint.name()
-            for joint, size in zip(joints, sizes, strict=True)
-        ]
+                raise EngineError(f"{self.path}: joint {name!r} is neither a slide nor a hinge")
+            names.append(self.free_name(joint) if size == FREE else name)
         self._springs = self.name(names, sizes=sizes)
         damping = [one for joint in joints for one in joint.default_damping_vector()]
         self._damping = np.diag(damping)
@@ -145,9 +141,9 @@ class DrakeModel(TreeModel):
             self.stepper = RungeKutta(forward, self.layout)
         self.forward = forward
 
-    def free_name(self, body: str) -> str:
-        """Return the name of the free joint of a body."""
-        return self.root
+    @abstractmethod
+    def free_name(self, joint: Any) -> str:
+        """Return the file's name of one of Drake's free joints."""
 
     @abstractmethod
     def complete(self, plant: Any) -> None:

@@ -23,8 +23,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     to_rpy,
 )
 
-SIZES = {"quaternion_floating": FREE, "ball_rpy": BALL}
-"""Numbers of coordinates of Drake's types of joints that rotate freely."""
+SIZES = {"quaternion_floating": FREE, "ball_rpy": BALL, "universal": 2}
+"""Numbers of coordinates of Drake's types of joints with several."""
 
 
 def moving_joints(plant: Any) -> list[Any]:
@@ -90,18 +90,17 @@ class Plant:
         ]
         self.context = plant.CreateDefaultContext() if context is None else context
         joints = moving_joints(plant)
-        singles = [joint for joint in joints if joint.type_name() not in SIZES]
-        self._q = np.array([joint.position_start() for joint in singles], dtype=int)
-        self._v = np.array([joint.velocity_start() for joint in singles], dtype=int)
-        places = zip(layout.turns, layout.origins, strict=True)
+        turning = [one for one in joints if SIZES.get(one.type_name(), 1) >= BALL]
+        singles = [one for one in joints if SIZES.get(one.type_name(), 1) < BALL]
+        each = [(joint, i) for joint in singles for i in range(joint.num_velocities())]
+        self._q = np.array([joint.position_start() + i for joint, i in each], dtype=int)
+        self._v = np.array([joint.velocity_start() + i for joint, i in each], dtype=int)
         self._turning = [
             _Turning(
                 *turn, *place, joint.position_start(), joint.velocity_start(),
                 joint.frame_on_child().GetFixedPoseInBodyFrame().rotation().matrix(),
             )
-            for joint, (turn, place) in zip(
-                (one for one in joints if one.type_name() in SIZES), places, strict=True
-            )
+            for joint, turn, place in zip(turning, layout.turns, layout.origins, strict=True)
         ]  # fmt: skip
         self._own_q, self._own_v = np.zeros(plant.num_positions()), np.zeros(plant.num_velocities())
         self._port = plant.get_applied_generalized_force_input_port()
@@ -127,10 +126,7 @@ class Plant:
         x[self.layout.singles_x] = q[self._q]
         for joint in self._turning:
             if joint.origin.start < joint.origin.stop:
-                x[joint.there], x[joint.origin_x] = (
-                    q[joint.q : joint.q + 4],
-                    q[joint.q + 4 : joint.q + 7],
-                )
+                x[joint.there], x[joint.origin_x] = np.split(q[joint.q : joint.q + 7], [4])
             else:
                 turn = joint.inward @ from_rpy(*q[joint.q : joint.q + 3]) @ joint.inward.T
                 x[joint.there] = to_quaternion(turn)

@@ -85,12 +85,13 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
             _attach_to_ground(root)
         if self.settings["all_geoms"]:
             _enable_contacts(root)
-        if self.floats:
-            drawn = self._read(root)
-            self.drawn = {free.name: _drawn(drawn, free.name) for free in self.declared.frees}
+        drawn = self._read(root) if self.floats else None
         model = self._read(without_pose(root))
         names = self._names(model)
         for free in self.declared.frees:
+            if not model.existJointName(free.name):
+                continue  # of a root that Pinocchio does not read
+            self.drawn[free.name] = _drawn(drawn, free.name)
             start = model.joints[model.getJointId(free.name)].idx_v
             model.armature[start : start + FREE] = free.armature
             model.damping[start : start + FREE] = free.damping

@@ -16,7 +16,13 @@ from physics_crosscheck.harness.documents.document import Document, read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, ReadError
 from physics_crosscheck.harness.documents.sdf.frames import WORLD, inverse
-from physics_crosscheck.harness.documents.sdf.read import SdfFile, SdfJoint, is_static, read_sdf
+from physics_crosscheck.harness.documents.sdf.read import (
+    AXES,
+    SdfFile,
+    SdfJoint,
+    is_static,
+    read_sdf,
+)
 from physics_crosscheck.harness.documents.sdf.shapes import is_automatic
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import to_quaternion
@@ -32,8 +38,8 @@ _READ: Mapping[str, Collection[str]] = MappingProxyType(
         "link": ("inertial", "pose", "collision", "gravity", "self_collide"),
         "inertial": ("pose", "mass", "inertia", "density"),
         "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
-        "joint": ("pose", "parent", "child", "axis"),
-        "axis": ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame"),
+        "joint": ("pose", "parent", "child", *AXES),
+        **dict.fromkeys(AXES, ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame")),
         "dynamics": ("damping", "friction", "spring_stiffness", "spring_reference"),
         "limit": ("lower", "upper", "effort", "velocity"),
         "mimic": ("multiplier", "offset", "reference"),
@@ -116,7 +122,7 @@ def _of_joint(joint: SdfJoint, mimics: Collection[str]) -> Iterator[Note]:
         yield "dry friction", joint.name
     if joint.name in mimics:
         yield FREE_MIMIC, joint.name
-    if joint.joint.limits is not None:
+    if any(one.limits is not None for one in joint.joints):
         yield "limits of position", joint.name
     for key in ("effort", "velocity"):
         values = read_numbers(joint.element.findtext(f"axis/limit/{key}"), 1)
@@ -172,13 +178,14 @@ def read_document(document: Document, chosen: str = "") -> Robot:
     path, file = document.path, read_sdf(document, chosen)
     if file is None:
         return refused(path, path.stem, document.obstacles)
-    single = {one.name for one in file.joints.values() if one.joint and one.joint.single}
+    rows = [(each, joint) for joint in file.joints.values() for each in joint.joints]
+    single = {each.name for each, _ in rows if each.single}
     mimics = enforceable(file.mimics, single)
     return build_robot(
         document,
         name=file.model.get("name") or path.stem,
         links=file.links,
-        joints=file.joints,
+        joints={**file.joints, **{each.name: joint for each, joint in rows}},
         mimics=mimics,
         bodies_with=lambda still: tuple(_bodies(file, still)),
         left_out=sdf_left_out(file, mimics),
@@ -201,13 +208,13 @@ def _bodies(file: SdfFile, still: Collection[str]) -> Iterator[RigidBody]:
         of_world = joint.parent == WORLD
         outer = file.frames.of_model() if of_world else inverse(file.frames.place(joint.parent))
         place = outer.compose(file.frames.place(joint.child))
-        moving = joint.joint is not None and joint.name not in still
+        moving = tuple(one for one in joint.joints if not {joint.name, one.name} & {*still})
         x, y, z = place.origin.tolist()
         yield replace(
             file.links[joint.child].body,
             parent=None if of_world else joint.parent,
             position=(x, y, z),
             quaternion=to_quaternion(place.rotation),
-            joints=(joint.joint,) if moving and joint.joint is not None else (),
+            joints=moving,
         )
         waiting += reversed(below.get(joint.child, []))
