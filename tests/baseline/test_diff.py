@@ -60,7 +60,7 @@ def difference(
     return diff_accepted(then, entry(**now), SNAPSHOT, measurement(move, equations))
 
 
-KNOWN = entry(outcome=DIFFERS, discrepancy=1e-3)
+DIFFERING = entry(outcome=DIFFERS, discrepancy=1e-3)
 OPEN = entry(outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
 LARGE = entry(global_error=0.9)
 NEWER = {"engine_version": "e 99.0"}
@@ -89,10 +89,10 @@ CHANGES: dict[str, dict[str, Any]] = {
     "step, integrator and orders": HIGHER,
     "a higher order with a higher error": {"global_error": 0.05, "claimed_order": 4},
     "a lower order with a lower error": {"global_error": 0.001, "claimed_order": 0},
-    "a known difference": {"then": KNOWN, "outcome": DIFFERS, "discrepancy": 1e-3 + 1e-14},
-    "a known difference that grew": {"then": KNOWN, "outcome": DIFFERS, "discrepancy": 1.1e-3},
+    "a known difference": {"then": DIFFERING, "outcome": DIFFERS, "discrepancy": 1e-3 + 1e-14},
+    "a known difference that grew": {"then": DIFFERING, "outcome": DIFFERS, "discrepancy": 1.1e-3},
     "a known difference that is fixed": {
-        "then": KNOWN, "move": 1e-6, "files": FILES | {"m.xml": "fixed"},
+        "then": DIFFERING, "move": 1e-6, "files": FILES | {"m.xml": "fixed"},
     },
     "unresolved as before": {
         "then": OPEN, "outcome": Outcome.UNRESOLVED, "discrepancy": None, "uncertainty": None,

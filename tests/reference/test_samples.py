@@ -1,4 +1,4 @@
-"""Trees, and segments from selected states: accurate, reused, and telling numbers apart."""
+"""Trees, and segments from selected states: accurate, reused, and different for each number."""
 
 import dataclasses
 from dataclasses import replace
