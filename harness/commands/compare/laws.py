@@ -9,13 +9,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import NoneType
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.law_comparison import (
-    Evaluated,
     ImpulseComparison,
     LawComparison,
     S,
@@ -23,7 +22,6 @@ from physics_crosscheck.harness.checks.law_comparison import (
 )
 from physics_crosscheck.harness.checks.law_states import SEED, evaluated_states
 from physics_crosscheck.harness.engines.protocol import (
-    Array,
     EngineError,
     ModelSpec,
     WholeModel,
@@ -42,9 +40,9 @@ from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
-from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.soft import Part
-from physics_crosscheck.reference.laws.step import LawModel, LawSolution
+from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     ImpulseLaws,
@@ -342,81 +340,70 @@ def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[Com
         assert row is not None
         key = row.key[0], difference.attribute, difference.values
         groups.setdefault(key, []).append(difference)
-    weights = _weights(a, differences)
-    rows: list[ComparedProperty] = []
-    for group in groups.values():
-        effect = weights.effect(group)
-        rows += [_property(one, effect) for one in group]
+    every = list(groups.values())
+    limits = [row for one in differences if one.attribute == "range" for row in (one.a, one.b)]
+    effects = (
+        _effects(LawComparison(a.model, a.whole), every, limits)
+        if isinstance(a.model, LawModel)
+        else _effects(ImpulseComparison(a.model, a.whole), every, limits)
+    )
+    rows = [_property(one, effect) for group, effect in zip(every, effects, strict=True)
+            for one in group]  # fmt: skip
     yield from sorted(rows, key=lambda row: -(row.effect or 0.0))
 
 
 M = TypeVar("M", LawModel, ImpulseModel)
 
 
-def _weights(
-    a: _LawSide, differences: Sequence[_LawDifference]
-) -> _Weights[LawModel, LawSolution] | _Weights[ImpulseModel, ImpulseStep]:
-    if isinstance(a.model, LawModel):
-        return _Weights(LawComparison(a.model, a.whole), differences)
-    return _Weights(ImpulseComparison(a.model, a.whole), differences)
+def _effects(
+    comparison: WholeStepComparison[M, S],
+    groups: Sequence[Sequence[_LawDifference]],
+    limits: Sequence[LawRow | None],
+) -> Iterator[float | None]:
+    """Yield the largest change of any component by each group, relative; None if it is unknown.
 
-
-class _Weights(Generic[M, S]):
-    """Effects of B's numbers on a step of A, at states where rows of A act.
-
-    Args:
-        comparison: of A.
-        differences: with limits that only B has.
+    A step of A takes the numbers of B, at states where rows of A act, and beyond these limits.
     """
-
-    def __init__(
-        self, comparison: WholeStepComparison[M, S], differences: Sequence[_LawDifference]
-    ) -> None:
-        self._comparison: WholeStepComparison[M, S] = comparison
-        self._evaluated: list[Evaluated[S]] = evaluated_states(self._comparison)
-        if not self._evaluated:
-            return
-        limits = [row for one in differences if one.attribute == "range" for row in (one.a, one.b)]
-        first = self._evaluated[0].state
-        self._evaluated += self._comparison.evaluate(
-            tuple(_at_limits(self._comparison, first, limits))
-        )
-        self._scale = self._comparison.compare(self._evaluated).scale
-        self._expected = np.array([self._comparison.expected(one) for one in self._evaluated])
-
-    def effect(self, group: Sequence[_LawDifference]) -> float | None:
-        """Return the largest change of any component, relative; None if it is unknown."""
-        model = self._comparison.laws
+    evaluated = evaluated_states(comparison)
+    if not evaluated:
+        yield from [None] * len(groups)
+        return
+    evaluated += comparison.evaluate(tuple(_at_limits(comparison, evaluated[0].state, limits)))
+    scale, model = comparison.compare(evaluated).scale, comparison.laws
+    expected = np.array([comparison.expected(one) for one in evaluated])
+    touched = [set(one.surfaces) for each in evaluated for one in each.engine.contacts]
+    parts = set[Part]()
+    if isinstance(comparison, LawComparison):
+        parts = {p for one in evaluated for p in comparison.laws.acting(one.solution)}
+    for group in groups:
         laws = _applied(group, model.laws)
-        if laws is None or not self._evaluated:
-            return None
-        changed = self._comparison.expected_by(model.under(laws), self._evaluated)
-        effects: Array = np.abs(changed - self._expected) / self._scale
-        effect = float(np.max(effects))
-        return effect if effect or all(map(self._acts, group)) else None
+        if laws is None:
+            yield None
+            continue
+        changed = comparison.expected_by(model.under(laws), evaluated)
+        effect = float(np.max(np.abs(changed - expected) / scale))
+        acts = effect or all(_acts(one, model.laws, touched, parts) for one in group)
+        yield effect if acts else None
 
-    def _acts(self, difference: _LawDifference) -> bool:
-        """Return whether the row of A acts at a state that is compared."""
-        row = difference.a
-        if row is None:
-            return False
-        table, index = row.key[0], row.index
-        if table in ("options", "surfaces", "pairs"):
-            touched = [one.surfaces for each in self._evaluated for one in each.engine.contacts]
-            wanted = {index} if table == "surfaces" else set[int]()
-            if table == "pairs" and isinstance(self._comparison.laws.laws, Laws):
-                wanted = set(self._comparison.laws.laws.pairs[index][:2])
-            return any(wanted <= set(surfaces) for surfaces in touched)
-        kinds = PARTS.get(table, {}).get(difference.attribute, PARTS.get(table, {}).get(""))
-        return any(part.kind == kinds and part.place == index for part in self._parts)
 
-    @cached_property
-    def _parts(self) -> set[Part]:
-        """Parts of the laws that act at the compared states; none for impulses."""
-        comparison = self._comparison
-        if not isinstance(comparison, LawComparison):
-            return set()
-        return {p for one in self._evaluated for p in comparison.laws.acting(one.solution)}
+def _acts(
+    difference: _LawDifference,
+    laws: Laws | ImpulseLaws,
+    touched: Sequence[set[int]],
+    parts: set[Part],
+) -> bool:
+    """Return whether the row of A acts at a state: its part of the laws, or its surfaces."""
+    row = difference.a
+    if row is None:
+        return False
+    table, index = row.key[0], row.index
+    if table in ("options", "surfaces", "pairs"):
+        wanted = {index} if table == "surfaces" else set[int]()
+        if table == "pairs" and isinstance(laws, Laws):
+            wanted = set(laws.pairs[index][:2])
+        return any(wanted <= surfaces for surfaces in touched)
+    kinds = PARTS.get(table, {}).get(difference.attribute, PARTS.get(table, {}).get(""))
+    return any(part.kind == kinds and part.place == index for part in parts)
 
 
 PARTS: Mapping[str, Mapping[str, str]] = {
