@@ -25,6 +25,7 @@ from physics_crosscheck.harness.baseline.known import (
     mark_known,
     mark_models,
 )
+from physics_crosscheck.harness.checks.shared_contacts import with_shared_contacts
 from physics_crosscheck.harness.documents.expanded import relocated
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
@@ -101,7 +102,8 @@ def run(
         run_jobs(chain.from_iterable(map(plan.target, readable)), workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
-    cases = mark_known(_sorted_cases(builder, order), builder.measured, before)
+    sorted_cases = with_shared_contacts(_sorted_cases(builder, order))
+    cases = mark_known(sorted_cases, builder.measured, before)
     models = mark_models(builder.models.values(), before)
     results = Results(
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

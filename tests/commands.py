@@ -3,8 +3,6 @@
 Tests of the process itself, such as its streams, signals or exit, start a new one.
 """
 
-from __future__ import annotations
-
 import io
 import subprocess
 from contextlib import redirect_stderr, redirect_stdout

@@ -1,7 +1,5 @@
 """Hooks and fixtures of all tests."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import io

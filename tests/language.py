@@ -3,8 +3,6 @@
 `python -m tests.language` removes from `language.toml` what has become clean; it adds nothing.
 """
 
-from __future__ import annotations
-
 import ast
 import gc
 import json

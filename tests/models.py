@@ -1,7 +1,5 @@
 """Model files that tests write, and the task that compares one with its own equations."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree

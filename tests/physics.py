@@ -1,7 +1,5 @@
 """The built-in systems, solved once in each process for all tests."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import pickle

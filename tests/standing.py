@@ -1,7 +1,5 @@
 """Changes of copied built-in folders: default engines only, and few and short motions."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Plain English in everything that a person reads; `tests/language.py` has the rules."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -73,7 +71,6 @@ PLANTED = {
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Yield an empty repository."""
     monkeypatch.setattr(language, "ROOT", tmp_path)
     caches = (language.trees, language.messages, language.exported)
     for cache in caches:

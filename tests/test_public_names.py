@@ -1,7 +1,5 @@
 """The public names that users import."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import subprocess

@@ -1,7 +1,5 @@
 """The documentation as a site: every page, every link and the reference of the public names."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

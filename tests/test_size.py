@@ -1,7 +1,5 @@
 """The size of the project: `size.toml` has a budget of lines for each room, which only falls."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import tomllib

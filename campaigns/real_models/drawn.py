@@ -83,7 +83,7 @@ class DrawnFile(Record, frozen=True, kw_only=True):
         code: exit code of `crosscheck run`; negative for a signal, -9 at the time limit.
         seconds: elapsed time.
         outcomes: outcome by engine.
-        reasons: `outcome engine code: reason` of each case that does not agree.
+        reasons: `outcome engine code: reason` of each case that does not agree, and its causes.
         loading: engines that load the file by themselves.
         mass: difference of the reference's mass matrix from an independent one; None without one.
     """
@@ -197,13 +197,21 @@ def run(kind: str, file: Path, clones: Path, limit: float) -> DrawnFile:
         code, text = finish([*program, str(file)], limit, file.parent)
         seconds = time.perf_counter() - began
         try:
-            cases = read_results(Path(out, "results.json")).cases
+            results = read_results(Path(out, "results.json"))
+            cases, models = results.cases, results.models
         except (ResultsError, OSError):
-            cases = ()
+            cases, models = (), ()
     reasons = [
         f"{case.outcome} {case.engine} {case.code or '-'}: {case.reason}"
         for case in cases
         if case.outcome is not Outcome.AGREES
+    ]
+    reasons += [
+        f"cause {model.engine} {cause.code}: {cause}"
+        for model in models
+        if model.diagnosis
+        for explanation in model.diagnosis.explanations[:1]
+        for cause in explanation.causes
     ]
     return DrawnFile(
         file=str(file.relative_to(clones)),

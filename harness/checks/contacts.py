@@ -65,7 +65,7 @@ SMALLER = 0.9
 PLACED, DEPTHS = 16, (0.2, 0.01)
 """Number of shapes that are put onto others, and their depths, as shares of the smaller one."""
 
-_INEXACT = "exact depths, normals and points of contacts without a closed form"
+_INEXACT = "exact depths, normals and points by the file, of contacts without a closed form,"
 
 Pair = tuple[int, int]
 
@@ -394,12 +394,23 @@ class _Judge:
             # Of a capsule or a cylinder, ends that are less deep lie inside.
             flat = {one.kind for one in pairs[k]} == {"plane", "box"}
             for contact in contacts if flat else (deepest,):
-                self._judge_place(surfaces, pairs[k], contact, expected)
+                # Surfaces of several shapes do not name the one that touches.
+                away = [self._off(surfaces, pair, contact) for pair in pairs]
+                near = k if away[k] == min(away) else away.index(min(away))
+                self._judge_place(surfaces, pairs[near], contact, rows[near], away[near])
         else:
             self._unjudged[_INEXACT] += len(contacts)
 
+    def _off(self, surfaces: Pair, pair: tuple[Solid, Solid], contact: ContactPoint) -> float:
+        return _off_surface(*pair, contact, surfaces, self._model.point_share)
+
     def _judge_place(
-        self, surfaces: Pair, pair: tuple[Solid, Solid], contact: ContactPoint, expected: _Expected
+        self,
+        surfaces: Pair,
+        pair: tuple[Solid, Solid],
+        contact: ContactPoint,
+        expected: _Expected,
+        off: float,
     ) -> None:
         """Judge the normal and the point of a contact of two shapes with a closed form."""
         slack, size = expected.error, _size(*pair)
@@ -408,12 +419,11 @@ class _Judge:
             turned = float(np.linalg.norm(normal - expected.normal))
             if turned > NORMAL + slack / _least(*pair):
                 self._note(surfaces, "has another normal", turned, f"{turned:.3g} rad off")
-        off = _off_surface(*pair, contact, surfaces, self._model.point_share)
         # Where a cylinder or box nearly lies, some engines take the middle of its side or edge.
         kinds, middle = {one.kind for one in pair}, False
         if self._model.point_share is None:
             middle = "cylinder" in kinds or (kinds == {"plane", "box"} and _lies(*pair))
-            slack += MIN_TILT * _extent(*pair)
+            slack += MIN_TILT * extent_of(*pair)
         if off > POINT * size + slack and not middle:
             self._note(surfaces, "is elsewhere", off / size, f"{off:.3g} m off the surfaces")
 
@@ -421,9 +431,9 @@ class _Judge:
         """Return the contact of two shapes, or the bound of its distance along a normal."""
         exact, model, size = distance(first, other), self._model, _size(first, other)
         off, turned = model.frame_errors
-        error = EXACT * size + 2 * (off + turned * _extent(first, other))
+        error = EXACT * size + 2 * (off + turned * extent_of(first, other))
         if "cylinder" in (first.kind, other.kind):
-            error += MIN_TILT * _extent(first, other)
+            error += MIN_TILT * extent_of(first, other)
         if exact is not None and model.finds_exactly(first.kind, other.kind):
             return _Expected(*exact, exact=True, error=error)
         if model.shape_error or not {first.kind, other.kind} <= FLAT:
@@ -502,7 +512,7 @@ def _onto(first: Solid, other: Solid, share: float) -> Array:
 def _size(first: Solid, other: Solid) -> float:
     """Return the size of two shapes with their places, m."""
     far = float(np.linalg.norm(first.origin) + np.linalg.norm(other.origin))
-    return _extent(first, other) + far
+    return extent_of(first, other) + far
 
 
 def _lies(first: Solid, other: Solid) -> bool:
@@ -511,7 +521,7 @@ def _lies(first: Solid, other: Solid) -> bool:
     return float(np.max(np.abs(box.rotation.T @ plane.axis))) > 1 - MIN_TILT
 
 
-def _extent(first: Solid, other: Solid) -> float:
+def extent_of(first: Solid, other: Solid) -> float:
     """Return the size of two shapes, m; a plane has none."""
     return sum(one.extent for one in (first, other) if np.isfinite(one.extent))
 

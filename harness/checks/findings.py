@@ -77,7 +77,7 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
             (one.link, one.kind),
             f"{one.sentence}; {one.remedy}",
             location=SourceLine(file=str(one.file), line=one.line or None),
-            severity="note" if one.link in still and robot.tree else "finding",
+            severity="note" if one.rounded or (one.link in still and robot.tree) else "finding",
         )
         for one in impossible_inertias(robot)
     )

@@ -205,7 +205,8 @@ class WholeStepComparison(ABC, Generic[M, S]):
     def acting_elements(self, sample: Evaluated[S]) -> Iterator[tuple[str, str]]:
         """Yield the kind and the name of the elements that act at a state."""
 
-    def _shape(self, index: int) -> str:
+    def shape_name(self, index: int) -> str:
+        """Return the name of a surface of contacts."""
         return self._shapes[index] if index < len(self._shapes) else f"shape {index}"
 
     def outward_speed(
@@ -394,15 +395,15 @@ class LawComparison(WholeStepComparison[LawModel, LawSolution]):
         paired = {i for first, other, _ in pairs for i in (first, other)}
         for i, surface in enumerate(laws.surfaces):
             if surface.body and (any(surface.masks) or i in paired):
-                yield "contact", self._shape(i)
-        yield from (("contact", self._shape(i)) for i in range(1, len(laws.compliant)))
+                yield "contact", self.shape_name(i)
+        yield from (("contact", self.shape_name(i)) for i in range(1, len(laws.compliant)))
 
     def acting_elements(self, sample: Evaluated[LawSolution]) -> Iterator[tuple[str, str]]:
         """Yield the elements that act at a state; both shapes of a contact do."""
         for part in self.laws.acting(sample.solution):
             if part.kind == "contact":
                 surfaces = sample.solution.contacts[part.place].surfaces
-                yield from (("contact", self._shape(i)) for i in surfaces)
+                yield from (("contact", self.shape_name(i)) for i in surfaces)
             else:
                 yield self._element(part)
         for i in np.flatnonzero(sample.solution.law.driven.forces):
@@ -654,7 +655,7 @@ class ImpulseComparison(WholeStepComparison[ImpulseModel, ImpulseStep]):
         for contact in sample.engine.contacts:
             assert isinstance(contact, ImpulseContact)
             if contact.impulse[0]:
-                yield from (("contact", self._shape(i)) for i in contact.surfaces)
+                yield from (("contact", self.shape_name(i)) for i in contact.surfaces)
 
     def efforts(self, sample: Evaluated[ImpulseStep]) -> Iterator[tuple[int, float, float]]:
         """Yield joints with the force of their motor and its limit."""

@@ -52,6 +52,7 @@ from .law_comparison import Evaluated, ImpulseComparison, LawComparison, M, S, W
 from .law_states import KeptSteps
 from .prepare import Prepared, PreparedTree
 from .scene import acting_state, compiled_inertias, inertia_differences
+from .shared_contacts import shared_contacts
 from .task import ModelTask
 from .verdict import CaseJudgement, decided, motions_in_words
 
@@ -345,6 +346,7 @@ def _check(
     rows = [sample for sample, keep in zip(evaluated, kept, strict=True) if keep]
     covered, inactive = _covered(comparison, rows, omissions)
     contacts = check_contacts(touching, comparison, evaluated)
+    postures, touches = shared_contacts(touching, comparison)
     check = WholeStepCheck.compared(
         judged,
         resolution,
@@ -363,6 +365,8 @@ def _check(
         contact_faults=tuple(one.sentence for one in contacts.faults),
         unjudged=tuple(f"{count} {what}" for what, count in contacts.unjudged.items()),
         contact_counts=contacts.counts,
+        postures=postures,
+        touches=touches,
     )
     return replace(check, contacts=contacts.faults)
 

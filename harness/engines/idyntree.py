@@ -20,18 +20,14 @@ from physics_crosscheck.harness.engines.installed import (
 )
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import each_alone, to_state
+from physics_crosscheck.harness.engines.runge_kutta import FREE, each_alone
 from physics_crosscheck.harness.engines.source import one_line
 from physics_crosscheck.harness.engines.stepped_here import (
     ADDED_HERE,
     SteppedHere,
     dampers_not_added,
 )
-from physics_crosscheck.harness.engines.tree_model import (
-    FREE,
-    constrained_accelerations,
-    leader_matrix,
-)
+from physics_crosscheck.harness.engines.tree_model import constrained_accelerations, leader_matrix
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 from physics_crosscheck.harness.engines.urdf_copy import with_masses, without_shapes
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
@@ -211,7 +207,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return poses by iDynTree's forward kinematics."""
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
-        x = to_state(z, 0 * z)[0] if self.floats else z
+        x = self.layout.to_state(z, 0 * z)[0]
         for i, row in enumerate(x):
             turn = from_quaternion(row[3:7]) if self.floats else np.eye(3)
             origin, q = (row[:3], row[FREE + 1 :]) if self.floats else (np.zeros(3), row)

@@ -99,8 +99,7 @@ class _Copy:
         self._source, self._inertias = declared.source, declared.inertias
         self._names = body_names(declared.source)
         self._joints, self._gone, self._defaults = joints, gone, defaults
-        root = declared.root
-        self._aligned = root.body if root and is_aligned(self._source, root) else None
+        self._aligned = [one.body for one in declared.frees if is_aligned(self._source, one)]
 
     def body(self, parent: XmlElement, body: XmlElement, inherited: str) -> None:
         """Copy a body and its children, under a `childclass`."""
@@ -111,7 +110,7 @@ class _Copy:
         if compiled := self._inertias.get(body):
             weighing = ""
             _state_inertia(copy, compiled)
-            if body is self._aligned:
+            if body in self._aligned:
                 _place(copy, compiled.position, compiled.turn)
         if inherited and self._defaults is None:
             copy.set("childclass", inherited)

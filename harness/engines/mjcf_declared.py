@@ -78,9 +78,9 @@ class JointForces:
             if joint.kind in (SLIDE, HINGE):
                 if joint.stiffness and on:
                     yield Spring({name: 1.0}, joint.stiffness, 0.0, joint.rest)
-            elif joint.stiffness or joint.damping:
+            elif joint.stiffness:
                 raise self.source.unsupported(
-                    joint.element, f"a spring or damper of a {joint.kind} joint is not added here"
+                    joint.element, f"a spring of a {joint.kind} joint is not added here"
                 )
 
     def tendons(self) -> Iterator[Spring]:
@@ -224,9 +224,9 @@ class DeclaredMjcf:
     lifts: tuple[GravityCompensation, ...]
 
     @property
-    def root(self) -> MjcfJoint | None:
-        """The joint of the floating body."""
-        return next((one for one in self.joints if one.kind == FREE), None)
+    def frees(self) -> tuple[MjcfJoint, ...]:
+        """The joints of floating bodies."""
+        return tuple(one for one in self.joints if one.kind == FREE)
 
     @property
     def singles(self) -> tuple[MjcfJoint, ...]:

@@ -21,7 +21,8 @@ from physics_crosscheck.harness.engines.protocol import (
     clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
-from physics_crosscheck.harness.engines.tree_model import FREE, TreeModel, Weight
+from physics_crosscheck.harness.engines.tree_model import TreeModel, Weight
+from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
 
 ADDED: Mapping[str, bool] = MappingProxyType({
     # Whether elements that the engine leaves out are added: springs of joints, springs and dampers
@@ -104,7 +105,7 @@ class MjcfModel(TreeModel):
         resolved: whether defaults are written into each element before the engine reads it.
         lifts: gravity compensation that is added: body's name, centre (m), mass (kg).
         misread: whether the engine loses some of the file's defaults; set by a subclass.
-        drawn: coordinates of a floating body in the drawn configuration, (6,).
+        drawn: coordinates of floating bodies in the drawn configuration, (6,) each, by joint.
         no_fromto: shapes whose `fromto` its parser ignores.
     """
 
@@ -127,9 +128,8 @@ class MjcfModel(TreeModel):
         self._compiler = compiler.title if compiler and self.declared.inertias else ""
         several = len(self.declared.source.root.findall("default")) > 1
         self.resolved = several or bool(self.settings["resolved"])
-        if root := self.declared.root:
-            self.floats, self.root = True, root.name
-        self.drawn = np.zeros(FREE)
+        self.floats = bool(self.declared.frees)
+        self.drawn: dict[str, Array] = {}
         there = {
             "springs": self.declared.springs,
             "tendons": self.declared.tendons,
@@ -166,9 +166,9 @@ class MjcfModel(TreeModel):
     def home(self) -> Array:
         """Positions of the drawn configuration."""
         refs = {one.name: one.ref for one in self.declared.singles}
-        names = self.coordinates[FREE if self.floats else 0 :]
-        return np.concatenate([self.drawn[: len(self.coordinates) - len(names)],
-                               [refs[name] for name in names]])  # fmt: skip
+        for name, drawn in self.drawn.items():
+            refs.update(zip((*place_names(name), *rotation_names(name)), drawn, strict=True))
+        return np.array([refs[name] for name in self.coordinates])
 
     @property
     def stated_limits(self) -> Array:

@@ -169,8 +169,6 @@ def _unsupported_joints(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iter
             yield joint.element, "a ball joint"
         elif joint.kind not in (FREE, SLIDE, HINGE):
             yield joint.element, f"a joint of type {joint.kind!r}"
-    for joint in free[1:]:
-        yield joint.element, "a second body that floats"
     for joint in free:
         if sum(other.body is joint.body for other in joints) > 1:
             yield joint.element, "a free joint beside others"

@@ -1,9 +1,8 @@
-"""The classical Runge-Kutta method of order 4 on an engine's accelerations, Munthe-Kaas's for a
-free root.
+"""The classical Runge-Kutta method of order 4 on an engine's accelerations, Munthe-Kaas's for
+rotations.
 
 Munthe-Kaas (1999), Appl. Numer. Math. 29, 115-127: the stages add displacements from the step's
-start. A root's rotation is a quaternion here. Its velocity is along the world's axes at its origin,
-and angular about its own axes (`reference.mechanism.rotations` defines the coordinates).
+start. The rotation of a free or ball joint is a quaternion here.
 
 All states of a batch step together, because for few numbers a call of Python and numpy takes longer
 than an engine's accelerations.
@@ -11,7 +10,7 @@ than an engine's accelerations.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +26,92 @@ from physics_crosscheck.reference.mechanism.rotations import (
     unit_quaternion,
 )
 
+FREE, BALL = 6, 3
+"""Numbers of coordinates of a free and of a ball joint."""
+
+
+class JointLayout:
+    """Places of the joints among the numbers of a state.
+
+    Positions x are the coordinates z with a quaternion, real part first, for the three coordinates
+    of each rotation (`reference.mechanism.rotations` defines them). Velocities m are the rates w
+    with angular velocities about the body's axes; a free joint's linear one is along the world's.
+
+    Args:
+        sizes: number of coordinates of each joint: `FREE`, `BALL`, or 1.
+
+    Attributes:
+        singles, singles_x: indices of slides and hinges in z and in x.
+        turns: slices of each rotation in z and in x.
+        origins: slices of the place of each of these joints in z and in x; empty for a ball.
+    """
+
+    def __init__(self, sizes: Sequence[int]) -> None:
+        self.turns: list[tuple[slice, slice]] = []
+        self.origins: list[tuple[slice, slice]] = []
+        singles, plain, i = list[tuple[int, int]](), list[tuple[int, int]](), 0
+        for size in sizes:
+            shift, turn = len(self.turns), i + (size - BALL if size > 1 else 1)
+            rows = [(k, k + shift) for k in range(i, turn)]
+            plain += rows
+            if size == 1:
+                singles += rows
+            else:
+                self.origins.append((slice(i, turn), slice(i + shift, turn + shift)))
+                self.turns.append((slice(turn, turn + 3), slice(turn + shift, turn + shift + 4)))
+            i += size
+        self.singles, self.singles_x = np.array(singles, dtype=int).reshape(-1, 2).T
+        self._plain, self._plain_x = np.array(plain, dtype=int).reshape(-1, 2).T
+
+    def to_state(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return positions x and velocities m of coordinates and their rates, (..., nz)."""
+        if not self.turns:
+            return q, v
+        x, m = np.empty((*q.shape[:-1], q.shape[-1] + len(self.turns))), v.copy()
+        x[..., self._plain_x] = q[..., self._plain]
+        for here, there in self.turns:
+            p, rate = q[..., here].T, v[..., here].T
+            x[..., there], m[..., here] = unit_quaternion(p).T, angular_velocity(p, rate).T
+        return x, m
+
+    def place(self, x: Array) -> Array:
+        """Return the coordinates of positions x, near to their quaternions."""
+        if not self.turns:
+            return x
+        z = np.empty((*x.shape[:-1], x.shape[-1] - len(self.turns)))
+        z[..., self._plain] = x[..., self._plain_x]
+        for here, there in self.turns:
+            z[..., here] = minimal_coordinates(x[..., there].T, x[..., there].T).T
+        return z
+
+    def rates(self, z: Array, m: Array) -> Array:
+        """Return the rates of coordinates z, by velocities m."""
+        return self._turned(coordinate_rate, z, m)
+
+    def displaced(self, x: Array, moved: Array) -> Array:
+        """Return positions after a displacement; bodies rotate about their own axes."""
+        out = x.copy()
+        out[..., self._plain_x] += moved[..., self._plain]
+        for here, there in self.turns:
+            turn = exponential(moved[..., here].T)
+            out[..., there] = quaternion_product(x[..., there].T, turn).T
+        return out
+
+    def displacement_rate(self, moved: Array, m: Array) -> Array:
+        """Return velocities m as rates of the displacement."""
+        return self._turned(exponential_rate, moved, m)
+
+    def _turned(self, how: Callable[[Array, Array], Array], z: Array, m: Array) -> Array:
+        out = m.copy() if self.turns else m
+        for here, _ in self.turns:
+            out[..., here] = how(z[..., here].T, m[..., here].T).T
+        return out
+
+
 Accelerations = Callable[[Array, Array, Array], Array]
 """dm/dt, (B, n), of positions x, velocities m and forces of B states.
 
-For a free root, x begins with its position and its quaternion, real part first; m and the forces
-begin with three numbers along the world's axes and three about its own. The rows are independent.
+`JointLayout` defines x and m; forces have the axes of m. The rows are independent.
 """
 
 SingleAccelerations = Callable[[Array, Array, Array], Array]
@@ -52,14 +132,17 @@ class RungeKutta:
 
     Args:
         accelerations: of the engine.
-        floats: whether the first six coordinates are those of a free root.
-        single: a faster function for one state; not for a free root.
+        layout: of the joints.
+        single: a faster function for one state; not with rotations.
     """
 
     def __init__(
-        self, accelerations: Accelerations, floats: bool, single: SingleAccelerations | None = None
+        self,
+        accelerations: Accelerations,
+        layout: JointLayout,
+        single: SingleAccelerations | None = None,
     ) -> None:
-        self._accelerations, self._floats, self._single_state = accelerations, floats, single
+        self._accelerations, self._layout, self._single_state = accelerations, layout, single
 
     @np.errstate(all="ignore")  # a diverging motion is returned as it is
     def rollout(
@@ -74,14 +157,14 @@ class RungeKutta:
             pushed = None if force is None else force[row]
             self._single_rollout(q[row], v[row], h, n, pushed, every, out_q[row], out_v[row])
             return out_q, out_v
-        x, m = to_state(q[rows], v[rows]) if self._floats else (q[rows], v[rows])
+        x, m = self._layout.to_state(q[rows], v[rows])
         for row in range(n // every):
             if not len(rows):
                 break
             for i in range(row * every, (row + 1) * every):
                 x, m = self.stepped(x, m, self._held(force, rows, i, x), h)
-            z = place(x) if self._floats else x
-            w = rates(z, m) if self._floats else m
+            z = self._layout.place(x)
+            w = self._layout.rates(z, m)
             out_q[rows, row], out_v[rows, row] = z, w
             fine = np.isfinite(z).all(axis=1) & np.isfinite(w).all(axis=1)
             if not fine.all():
@@ -112,9 +195,9 @@ class RungeKutta:
     def _held(self, force: Force, rows: NDArray[np.intp], i: int, x: Array) -> Array:
         """Return the forces on states over step i, (B, n)."""
         if force is None:
-            return np.zeros((len(x), x.shape[1] - self._floats))
+            return np.zeros((len(x), x.shape[1] - len(self._layout.turns)))
         if isinstance(force, StateForce):
-            positions = (place(x) if self._floats else x).tolist()
+            positions = self._layout.place(x).tolist()
             inputs = force.inputs[rows, i].tolist()
             return np.array(
                 [force.evaluate(z, u) for z, u in zip(positions, inputs, strict=True)], dtype=float
@@ -124,16 +207,17 @@ class RungeKutta:
 
     def stepped(self, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
         """Return the next positions and velocities, by four accelerations."""
-        acceleration = self._accelerations
-        if not self._floats:
+        acceleration, layout = self._accelerations, self._layout
+        if not layout.turns:
             return _step_plain(acceleration, x, m, f, h)
         half, sixth = 0.5 * h, h / 6
         speeds, gains = [m], [acceleration(x, m, f)]
         for share in (half, half, h):
             moved, now = share * speeds[-1], m + share * gains[-1]
-            speeds.append(displacement_rate(moved, now))
-            gains.append(acceleration(displaced(x, moved), now, f))
-        return displaced(x, sixth * _weighted_sum(speeds)), m + sixth * _weighted_sum(gains)
+            speeds.append(layout.displacement_rate(moved, now))
+            gains.append(acceleration(layout.displaced(x, moved), now, f))
+        moved = sixth * _weighted_sum(speeds)
+        return layout.displaced(x, moved), m + sixth * _weighted_sum(gains)
 
 
 def _step_plain(
@@ -157,37 +241,3 @@ def _step_plain(
 def _weighted_sum(stages: list[Array]) -> Array:
     first, second, third, fourth = stages
     return first + fourth + 2 * (second + third)
-
-
-def to_state(q: Array, v: Array) -> tuple[Array, Array]:
-    """Return positions x and velocities m of coordinates and their rates, (..., nz)."""
-    p, rate = q[..., 3:6].T, v[..., 3:6].T
-    turn, spin = unit_quaternion(p).T, angular_velocity(p, rate).T
-    return _joined(q[..., :3], turn, q[..., 6:]), _joined(v[..., :3], spin, v[..., 6:])
-
-
-def place(x: Array) -> Array:
-    """Return the coordinates of positions x, near to their quaternions."""
-    return _joined(x[..., :3], minimal_coordinates(x[..., 3:7].T, x[..., 3:7].T).T, x[..., 7:])
-
-
-def rates(z: Array, m: Array) -> Array:
-    """Return the rates of coordinates z, by velocities m."""
-    return _joined(m[..., :3], coordinate_rate(z[..., 3:6].T, m[..., 3:6].T).T, m[..., 6:])
-
-
-def displaced(x: Array, moved: Array) -> Array:
-    """Return positions after a displacement; the root rotates about its own axes."""
-    turned = quaternion_product(x[..., 3:7].T, exponential(moved[..., 3:6].T)).T
-    return _joined(x[..., :3] + moved[..., :3], turned, x[..., 7:] + moved[..., 6:])
-
-
-def displacement_rate(moved: Array, m: Array) -> Array:
-    """Return velocities m as rates of the displacement."""
-    turning = exponential_rate(moved[..., 3:6].T, m[..., 3:6].T).T
-    return _joined(m[..., :3], turning, m[..., 6:])
-
-
-def _joined(*parts: Array) -> Array:
-    joined: Array = np.concatenate(parts, axis=-1)
-    return joined

@@ -24,7 +24,8 @@ from physics_crosscheck.harness.engines.protocol import (
     StepRule,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper
+from physics_crosscheck.harness.engines.runge_kutta import FREE
+from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
 from physics_crosscheck.harness.engines.urdf_copy import Change, temporary_urdf, without_visuals
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel

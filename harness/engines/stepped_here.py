@@ -18,7 +18,6 @@ from physics_crosscheck.harness.engines.runge_kutta import (
     Accelerations,
     RungeKutta,
     SingleAccelerations,
-    to_state,
 )
 from physics_crosscheck.harness.engines.tree_model import SpringForces, TreeModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
@@ -42,13 +41,15 @@ class SteppedHere(TreeModel):
     integrator = "Runge-Kutta 4"
     _undamped: bool = False
 
-    def dampers(self, joints: Sequence[str], damping: Array) -> SpringForces:
+    def dampers(
+        self, joints: Sequence[str], damping: Array, sizes: Sequence[int] = ()
+    ) -> SpringForces:
         """Set the names as `name` does, and return forces that include joint dampers if they are
         added.
         """
         added = bool(self.settings["damping"])
         self._undamped = not added and bool(damping.any())
-        return self.name(joints, damping if added else None)
+        return self.name(joints, damping if added else None, sizes)
 
     def step_by(self, forward: Accelerations, single: SingleAccelerations | None = None) -> None:
         """Step by accelerations of many states, and optionally a faster function for one.
@@ -56,10 +57,9 @@ class SteppedHere(TreeModel):
         Raises:
             UnsupportedError: if accelerations are not finite.
         """
-        self.forward, self.stepper = forward, RungeKutta(forward, self.floats, single)
+        self.forward, self.stepper = forward, RungeKutta(forward, self.layout, single)
         z = np.zeros((1, len(self.coordinates)))
-        x, m = to_state(z, z) if self.floats else (z, z)
-        if not np.isfinite(forward(x, m, z)).all():
+        if not np.isfinite(forward(*self.layout.to_state(z, z), z)).all():
             raise UnsupportedError(f"{self.path}: a joint moves nothing with inertia")
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:

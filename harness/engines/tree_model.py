@@ -22,7 +22,13 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeModel,
     WholeState,
 )
-from physics_crosscheck.harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
+from physics_crosscheck.harness.engines.runge_kutta import (
+    BALL,
+    FREE,
+    Accelerations,
+    JointLayout,
+    RungeKutta,
+)
 from physics_crosscheck.harness.engines.source import engine_errors
 from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
 
@@ -203,10 +209,6 @@ def held(stepper: Stepper, force: Array | StateForce, b: int, i: int) -> Array:
     return row
 
 
-FREE = 6
-"""Number of coordinates of a floating root; they come first."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Weight:
     """A weight that gravity compensation cancels on an engine's body.
@@ -231,8 +233,9 @@ class TreeModel(LoadedModel):
         settings: all of them, including defaults.
 
     Attributes:
-        floats: whether the first six coordinates are those of a free root.
-        root: the name of its joint.
+        floats: whether a root is free.
+        root: the name of its joint, for a format with a single root.
+        layout: of the joints.
         springs: of the file and of its sidecar.
         mimics: joints that follow others.
         pushes: constant forces on joints, by name, N or N m.
@@ -244,6 +247,7 @@ class TreeModel(LoadedModel):
     """The engine's accelerations, if no soft constraint acts on joints."""
     floats: bool = False
     root: str = ""
+    layout: JointLayout
     springs: tuple[Spring, ...] = ()
     mimics: tuple[Mimic, ...] = ()
     pushes: Mapping[str, float] = {}
@@ -254,22 +258,32 @@ class TreeModel(LoadedModel):
         self.step = float(settings["step"])  # type: ignore[arg-type]  # checked
         self.gravity = tuple(map(float, settings["gravity"]))  # type: ignore[call-overload]
 
-    def name(self, joints: Sequence[str], damping: Array | None = None) -> SpringForces:
-        """Set the names of slides and hinges, in the engine's order.
+    def name(
+        self, joints: Sequence[str], damping: Array | None = None, sizes: Sequence[int] = ()
+    ) -> SpringForces:
+        """Set the names of joints, in the engine's order.
 
         Args:
-            joints: their names.
-            damping: of each, if the spring forces include it.
+            joints: their names; without `sizes` those of slides and hinges, after a free root.
+            damping: of each slide and hinge, if the spring forces include it.
+            sizes: number of coordinates of each joint, as in `JointLayout`.
 
         Returns:
-            The forces of springs and constant inputs along them.
+            The forces of springs and constant inputs along slides and hinges.
         """
-        free = (*place_names(self.root), *rotation_names(self.root)) if self.floats else ()
-        self.coordinates = (*free, *joints)
+        if not sizes:
+            free = [self.root] if self.floats else []
+            sizes, joints = [FREE] * len(free) + [1] * len(joints), [*free, *joints]
+        self.layout, names = JointLayout(sizes), list[str]()
+        for joint, size in zip(joints, sizes, strict=True):
+            names += place_names(joint) if size == FREE else ()
+            names += rotation_names(joint) if size >= BALL else (joint,)
+        self.coordinates = tuple(names)
         if not self.coordinates:
             raise EngineError(f"{self.path}: it has no moving joint")
-        pushed = np.array([self.pushes.get(joint, 0.0) for joint in joints])
-        return SpringForces(self.springs, tuple(joints), self.path, damping, pushed)
+        singles = [names[i] for i in self.layout.singles]
+        pushed = np.array([self.pushes.get(joint, 0.0) for joint in singles])
+        return SpringForces(self.springs, tuple(singles), self.path, damping, pushed)
 
     @property
     def stated_limits(self) -> Array:
@@ -281,7 +295,7 @@ class TreeModel(LoadedModel):
         if self.forward is None:
             return None
         with engine_errors(self.path, self.title), np.errstate(all="ignore"):
-            return self.forward(*(to_state(z, w) if self.floats else (z, w)), force)
+            return self.forward(*self.layout.to_state(z, w), force)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int

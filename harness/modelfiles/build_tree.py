@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
@@ -197,7 +199,22 @@ def elements_of(named: Mapping[str, Named]) -> Elements:
 
 def part_of(document: Document, element: XmlElement, body: RigidBody) -> LinkPart:
     """Return a link as a separate part."""
-    return LinkPart(link=body, line=document.line(element))
+    stated = element.find("inertial/inertia")
+    return LinkPart(link=body, line=document.line(element), rounding=_rounding(stated))
+
+
+def _rounding(stated: XmlElement | None) -> float:
+    """Return half units of the last digits of a tensor, in sum; zeros are exact."""
+    total = 0.0
+    if stated is None:
+        return total
+    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+        with suppress(ArithmeticError):  # its reader reports it
+            number = Decimal((stated.get(key) or stated.findtext(key)).strip())
+            if number.is_finite() and number:
+                half = Decimal(5 if key[1] == key[2] else 10)
+                total += float(half.scaleb(int(number.as_tuple().exponent) - 1))
+    return total
 
 
 def robot_of(

@@ -20,6 +20,9 @@ from .robot import Robot
 MARGIN = 1e-9
 """Tolerance of a tensor's rules, relative to the largest moment: for the digits of a file."""
 
+MAX_ROUNDING = 1e-2
+"""Largest rounding of a tensor's digits that excuses it, relative to the largest moment."""
+
 MOMENT_ROUNDING = 1e-14
 """Rounding error of a moment moved to the center of mass, relative to m r^2."""
 
@@ -48,6 +51,7 @@ class Finding:
         file: that contains it.
         line: of the link's element, from 1.
         remedy: the correction.
+        rounded: whether the rounding of the written digits explains it.
     """
 
     kind: Kind
@@ -56,6 +60,7 @@ class Finding:
     file: Path
     line: int
     remedy: str
+    rounded: bool = False
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}: {self.sentence}; {self.remedy}"
@@ -70,9 +75,13 @@ def impossible_inertias(robot: Robot) -> tuple[Finding, ...]:
             sentence=f"link {quote(part.name)} {sentence}",
             file=robot.file,
             line=part.line,
-            remedy=remedy,
+            remedy="its digits are rounded, so that some engines refuse it: write more of them"
+            if (rounded := kind not in exact)
+            else remedy,
+            rounded=rounded,
         )
         for part in robot.parts
+        for exact in [{kind for kind, *_ in _violations(part.inertia, part.rounding)}]
         for kind, sentence, remedy in _violations(part.inertia)
     )
 
@@ -82,7 +91,7 @@ def breaks_rule(inertia: SpatialInertia) -> bool:
     return any(kind != "massless" for kind, _, _ in _violations(inertia))
 
 
-def _violations(body: SpatialInertia) -> Iterator[tuple[Kind, str, str]]:
+def _violations(body: SpatialInertia, rounding: float = 0.0) -> Iterator[tuple[Kind, str, str]]:
     mass, center, inertia = body
     numbers = [mass, *center, *inertia.ravel()]
     if not np.isfinite(numbers).all():
@@ -92,7 +101,9 @@ def _violations(body: SpatialInertia) -> Iterator[tuple[Kind, str, str]]:
         yield "negative mass", f"has a mass of {mass:g} kg", "write a positive mass"
     small, middle, large = np.linalg.eigvalsh(inertia).tolist()
     far = float(center @ center)
-    allowed = MARGIN * max(abs(small), abs(large)) + MOMENT_ROUNDING * abs(mass) * far
+    size = max(abs(small), abs(large))
+    allowed = MARGIN * size + MOMENT_ROUNDING * abs(mass) * far
+    allowed += rounding if rounding <= MAX_ROUNDING * size else 0.0
     moments = f"{small:.4g}, {middle:.4g} and {large:.4g} kg m^2"
     if small < -allowed:
         yield (
@@ -121,7 +132,7 @@ def impossible_links(robot: Robot) -> tuple[ReadError, ...]:
         ReadError(sentence=one.sentence, file=one.file, line=one.line, remedy=one.remedy, kind=kind)
         for one in impossible_inertias(robot)
         for kind in kinds
-        if kind == one.kind
+        if kind == one.kind and not one.rounded
     )
 
 

@@ -19,7 +19,7 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Fluid, Tree
 
 HELD = "joints that move nothing with inertia (held still)"
 
-LOCKED = "joints that their damping locks (held still)"
+LOCKED = "joints that their damping or spring locks (held still)"
 
 FREE_MIMIC = "mimic without a gear: the joint is free"
 
@@ -51,11 +51,13 @@ class LinkPart:
         line: of its element, from 1; 0 if unknown.
         body: index of the tree's link that contains it; `WORLD` for fixed parts, and without a
             tree.
+        rounding: half units of the last written digits of its tensor, in sum, kg m^2.
     """
 
     link: RigidBody
     line: int
     body: int = WORLD
+    rounding: float = 0.0
 
     @property
     def name(self) -> str:

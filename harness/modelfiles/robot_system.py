@@ -40,11 +40,7 @@ def robot_system(robot: Robot) -> TreeSystem:
     if robot.tree is None:
         raise _refused(robot)
     if not robot.tree.links:
-        # Only a URDF's root can be freed, and none named `world`.
-        names = {one.name for one in robot.parts}
-        can_float = robot.file.suffix == ".urdf" and "world" not in names
-        remedy = "free its root with --floating" if can_float else "add a joint"
-        raise RobotError(f"{robot.file}: it has no joint that moves; {remedy}")
+        raise RobotError(f"{robot.file}: it has no joint that moves, and no free mass; add a joint")
     return tree_system(
         name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
     )

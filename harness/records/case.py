@@ -427,6 +427,28 @@ class LawTerm(Record, frozen=True, kw_only=True):
     count: Count
 
 
+class Touch(Record, frozen=True, kw_only=True):
+    """The deepest contact of two shapes without a closed form, at a posture of their file.
+
+    Attributes:
+        posture: Its digest, one of `WholeStep.postures`.
+        shapes: Names of the shapes, sorted.
+        distance: Signed distance, m.
+        normal: From the first shape to the other one, in the world.
+        point: Position in the world, m.
+        bound: Smallest right distance, of supporting planes along the normal, m; None if unknown.
+        error: Error of the distance that the engine's methods explain, m.
+    """
+
+    posture: str
+    shapes: tuple[str, str]
+    distance: float
+    normal: Numbers
+    point: Numbers
+    bound: Number
+    error: float
+
+
 class WholeStep(Record, frozen=True, kw_only=True):
     """The engine's steps with limits, friction, contacts and drives, compared with their law.
 
@@ -452,6 +474,9 @@ class WholeStep(Record, frozen=True, kw_only=True):
         contact_faults: Contacts that the engine finds otherwise, one sentence each.
         unjudged: Contacts that were not compared, with their counts.
         contact_counts: Pairs of shapes for which another engine finds another number of contacts.
+        postures: Digests of the postures at which contacts without a closed form were looked for.
+        touches: These contacts, for comparisons between engines.
+        between: Comparisons of `touches` with other engines of the run, one sentence each.
     """
 
     outcome: Outcome | None = None
@@ -475,6 +500,9 @@ class WholeStep(Record, frozen=True, kw_only=True):
     contact_faults: tuple[str, ...] = ()
     unjudged: tuple[str, ...] = ()
     contact_counts: tuple[str, ...] = ()
+    postures: tuple[str, ...] = ()
+    touches: tuple[Touch, ...] = ()
+    between: tuple[str, ...] = ()
 
     @property
     def differs(self) -> bool:

@@ -49,8 +49,8 @@ MAX_SAMPLED_RATE = 20.0
 MAX_RATE = 1e9
 """Rate above which positions move by rounding only while a joint settles, rad/s."""
 
-LOCKED_RATE = 1e8
-"""Rate above which a joint's own dampers lock it, rad/s."""
+LOCKED_RATE, STIFF_RATE = 1e8, 2e8
+"""Rates above which a joint's own dampers, or its spring, lock it, rad/s."""
 
 MIN_EIGENVALUE = 1e-13
 """Threshold of eigenvalues of a mass matrix with unit diagonal; smaller ones are rounding."""
@@ -78,7 +78,7 @@ def samples(
         seed: seed of the random numbers.
 
     Raises:
-        LockedError: if dampers lock joints.
+        LockedError: if dampers or springs lock joints.
         ReferenceError: if the mass matrix is singular, or the two solutions differ.
     """
     pool = candidates(equations, limits, home, count, seed)
@@ -89,8 +89,13 @@ def samples(
     start = np.concatenate([q, v], axis=1)
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
     fastest = max(pool.swing, _rates(equations, start, forces)[0], pool.rate, spinning)
+    if fastest > STIFF_RATE:
+        slopes = equations.pushed_slopes(start[:RATE_STATES], forces[:RATE_STATES])
+        swinging = np.sqrt(np.max(np.abs(np.einsum("kii->ki", slopes[:, :, : len(home)])), axis=0))
+        _check_springs(equations, home, swinging)
     if fastest > MAX_RATE:
-        joint = equations.system.coordinates[int(np.argmax(pool.settling))].name
+        rates = np.maximum(pool.settling, swinging)
+        joint = equations.system.coordinates[int(np.argmax(rates))].name
         raise ReferenceError(
             f"its fastest motion takes {1 / fastest:.0e} s, too short to move any "
             f"position by more than rounding; joint {joint!r} is the fastest; check the inertia "
@@ -101,7 +106,7 @@ def samples(
 
 
 class LockedError(ReferenceError):
-    """Joints that their own dampers lock."""
+    """Joints that their own dampers or springs lock."""
 
     def __init__(self, message: str, joints: tuple[str, ...]) -> None:
         super().__init__(message)
@@ -138,6 +143,26 @@ def _check_locks(equations: TreeEquations, settling: Array) -> None:
             f"damping {damper:g} stops joint {name!r}, of inertia {damper / rate:.2g}, within "
             f"{1 / rate:.0e} s: lower the damping, or fix the joint",
             tuple(name for name, _, _ in locked),
+        )
+
+
+def _check_springs(equations: TreeEquations, home: Array, swinging: Array) -> None:
+    """Refuse joints that their own springs lock at home, by the rates of their swings, rad/s."""
+    springs = {
+        link.name: link.stiffness
+        for link, there in zip(
+            equations.system.tree.links, equations.system.tree.velocities, strict=True
+        )
+        if link.stiffness > 0 and link.kind in ("hinge", "slide")
+        and link.rest[0] == home[there.start]
+    }  # fmt: skip
+    names = [coordinate.name for coordinate in equations.system.coordinates]
+    rates = {name: rate for name, rate in zip(names, swinging, strict=True) if name in springs}
+    if locked := tuple(name for name, rate in rates.items() if rate > STIFF_RATE):
+        raise LockedError(
+            f"stiffness {springs[locked[0]]:g} moves joint {locked[0]!r} within "
+            f"{1 / rates[locked[0]]:.0e} s: lower the stiffness, or fix the joint",
+            locked,
         )
 
 

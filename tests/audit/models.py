@@ -1,7 +1,5 @@
 """Built-in systems, prepared once, and audits of their models."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -21,7 +19,6 @@ def audit(prepared: PreparedSystem, sidecar: Sidecar, engine: str) -> tuple[Audi
 
 
 def messages(findings: Iterable[AuditFinding], kind: str, severity: str = "finding") -> str:
-    """Return the messages of one kind as one text."""
     return "\n".join(f.message for f in findings if f.kind == kind and f.severity == severity)
 
 

@@ -1,30 +1,41 @@
-"""Audits report planted faults of models, and nothing in the built-in models."""
-
-from __future__ import annotations
+"""Audits report planted faults of models, terms and contacts, and nothing in built-in models."""
 
 import time
 from pathlib import Path
 
 import msgspec
 import numpy as np
+import pybullet_data
 import pytest
 
 from physics_crosscheck.engine import Force, LoadedModel, StateForce
-from physics_crosscheck.harness.checks.audit import audit_declared, declared_bindings
+from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.checks.audit import (
+    audit_acting,
+    audit_declared,
+    audit_terms,
+    declared_bindings,
+)
 from physics_crosscheck.harness.checks.compiled_terms import Compiled
 from physics_crosscheck.harness.checks.findings import source_line
+from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.finding import BEYOND
+from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.failure import audit_lines
 from physics_crosscheck.records import AuditFinding
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from tests.audit.models import MODELS, AuditCopy, audit, messages, severe
+from tests.cases.test_dynamics import ARM
+from tests.models import written
 from tests.physics import physics as prepared
+from tests.robots.files import TIPPED
 
 DRUM = "drum_pendulum"
 
@@ -248,3 +259,117 @@ def test_thousands_of_invalid_bindings_are_summarized(tmp_path: Path) -> None:
     assert problems[-1].message == (
         "2990 more bindings were not checked, after 10 unreadable ones; fix these first"
     )
+
+
+DATA = Path(pybullet_data.getDataPath())
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), [
+    ('damping="0.7"', 'damping="0.75"', "damping of lift is 0.75 in the model and 0.7 in the"),
+    ('iyy="0.018"', 'iyy="0.02"', "inertia of lift is 0.1375 in the model and 0.1355 in the"),
+    ("0.02 0 -0.3", "0.12 0 -0.3", "a force of -1.67832 acts on lift at rest where lift = 0.8"),
+])  # fmt: skip
+def test_wrong_number_is_reported_by_its_term(
+    tmp_path: Path, old: str, new: str, expected: str
+) -> None:
+    file, copy = tmp_path / "arm.urdf", tmp_path / "copy.urdf"
+    file.write_text(ARM)
+    copy.write_text(ARM.replace(old, new))
+    task = model_task(prepare_tree(file, states=8), "mujoco")
+    assert not [one for one in audit_terms(task).findings if one.severity == "finding"]
+    findings = audit_terms(task.with_file(copy)).findings
+    messages = [one.message for one in findings if one.severity == "finding"]
+    assert any(message.startswith(expected) for message in messages), messages
+
+
+def test_audit_command_reports_massless_inertia_in_mujoco(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, "arm.urdf", TIPPED)
+    assert main(["audit", str(file), "--engine", "mujoco", "--jobs", "1"]) == 1
+    out = " ".join(capsys.readouterr().out.split())
+    assert "inertia of hinge is" in out
+    assert "in the model and" in out
+
+
+@pytest.mark.slow
+def test_large_robot_is_compared_by_accelerations_only() -> None:
+    (note,) = audit_terms(
+        model_task(prepare_tree(DATA / "a1" / "a1.urdf", floating=True, states=4), "mujoco")
+    ).findings
+    assert note.severity == "note"
+    assert "18 coordinates are not compared one by one" in note.message
+
+
+def test_file_rejected_by_an_engine_keeps_its_reading_findings(tmp_path: Path) -> None:
+    """Use an inertia that no body can have, which MuJoCo rejects."""
+    file = written(tmp_path, "arm.urdf", ARM.replace('iyy="0.018"', 'iyy="0.028"'))
+    (result,) = audits([file], engines=("mujoco",))
+    assert not result.failure
+    inertia, note = (row for row in result.findings if row.severity != "advice")
+    assert inertia.code == "XC107"
+    assert note.severity == "note"
+    assert note.message.startswith("its compiled terms are not compared: ")
+
+
+ROBOT = """<mujoco><compiler angle="radian"/><option cone="{cone}"/><worldbody>
+<geom name="floor" type="plane" size="5 5 1" friction="0.4"/>
+<body name="base" pos="0 0 0.3"><freejoint/><geom name="pad" size="0.1" mass="2" friction="0.9"/>
+<geom name="shell" size="0.2" mass="0" contype="0" conaffinity="0"/>
+<body name="arm" pos="0 0 0.2"><joint name="lift" axis="0 1 0" range="-1 1" solreflimit="0.02 0.3"/>
+<geom name="bar" type="capsule" fromto="0 0 0 0.4 0 0" size="0.02" mass="1" priority="1"
+ friction="0.2"/></body></body></worldbody>
+<actuator><position name="servo" joint="lift" kp="50" kv="1" forcerange="-4 4"/></actuator>
+</mujoco>"""
+
+
+def acting(folder: Path, cone: str = "pyramidal") -> dict[tuple[str, str], ActingQuantity]:
+    file = folder / "robot.xml"
+    file.write_text(ROBOT.format(cone=cone))
+    result = audit_acting(model_task(prepare_tree(file), "mujoco"))
+    return {(one.subject, one.quantity): one for one in result.acting}
+
+
+def test_each_pair_has_its_friction_and_its_rule(tmp_path: Path) -> None:
+    """Catch a lost rule: the larger of two, a higher priority, no contact, a pyramid."""
+    rows = acting(tmp_path)
+    pad, bar = rows["floor with pad", "friction"], rows["floor with bar", "friction"]
+    assert (pad.value, pad.rule) == (0.9, "the larger of 0.4 and 0.9")
+    assert (bar.value, bar.rule) == (0.2, "of the higher priority, of 0.4 and 0.2")
+    assert not [one for one in rows if "shell" in one[0]]
+    across = rows["floor with pad", "friction at 45 degrees"].value
+    assert across == pytest.approx(0.9 / 2**0.5)
+    elliptic = acting(tmp_path, "elliptic")
+    assert ("floor with pad", "friction at 45 degrees") not in elliptic
+    assert elliptic["floor with pad", "restitution"].value == pytest.approx(0.135335, rel=1e-4)
+
+
+def test_limits_and_drives_report_their_dynamics(tmp_path: Path) -> None:
+    rows = acting(tmp_path)
+    assert rows["limits of lift", "damping ratio"].value == pytest.approx(0.3)
+    assert rows["limits of lift", "time constant"].value == pytest.approx(0.02)
+    weight = rows["drive of lift", "share of force for weight"].value
+    assert weight == pytest.approx(9.81 * 0.2 / 4)
+    assert rows["drive of lift", "sag"].value == pytest.approx(9.81 * 0.2 / 50)
+    assert (rows["drive of lift", "gain over unstable gain"].value or 1) < 1e-2
+
+
+def test_limit_without_damping_has_no_time_constant(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    text = ROBOT.format(cone="elliptic")
+    file.write_text(text.replace('solreflimit="0.02 0.3"', 'solreflimit="-400 0"'))
+    result = audit_acting(model_task(prepare_tree(file), "mujoco"))
+    rows = {(one.subject, one.quantity): one.value for one in result.acting}
+    assert rows["limits of lift", "damping ratio"] == 0
+    assert ("limits of lift", "time constant") not in rows
+
+
+def test_command_prints_a_line_for_each_subject(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    acting(tmp_path)
+    assert main(["audit", str(tmp_path / "robot.xml"), "--engine", "mujoco"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "acts as floor with pad: friction 0.9 (the larger of 0.4 and 0.9)," in out
+    assert "acts as drive of lift: largest force 4 N m (the drive is clamped, before" in out
+    assert " share of force for weight 0.4905 (as drawn)," in out

@@ -1,7 +1,5 @@
 """Sample baseline of a system with one case, and sample measurements of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec
@@ -16,7 +14,8 @@ from physics_crosscheck.harness.records.baseline import (
     OnAccepted,
     Snapshot,
 )
-from physics_crosscheck.records import Case, FullRun, Outcome, Verdict
+from physics_crosscheck.records import Case, Outcome
+from tests.records import made
 
 SYSTEM = "spring"
 NUMERICS = 7
@@ -83,7 +82,6 @@ DECLARED = AcceptedDeclaration(
 
 
 def entry(**fields: Any) -> AcceptedCase:
-    """Return the entry with some fields changed."""
     return msgspec.structs.replace(ENTRY, **fields)
 
 
@@ -115,31 +113,12 @@ def _moved(share: float) -> tuple[tuple[float, ...], ...]:
 
 
 def case(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Case:
-    """Build the record of a run's case."""
-    verdict = Verdict(
-        discrepancy=fields.pop("discrepancy", ENTRY.discrepancy),
-        uncertainty=ENTRY.uncertainty,
-        component="x_dot",
-        time=1.0,
-        largest_discrepancy=ENTRY.discrepancy,
-        largest_uncertainty=ENTRY.uncertainty,
-        order=1.0,
-        claimed_order=1,
-        rungs=(2, 3, 5),
-        steps=100,
-    )
-    full_run = FullRun(
-        time_step=0.002,
-        integrator="euler",
-        global_error=fields.pop("global_error", ENTRY.global_error),
-        order=1.0,
-        residual=0.0,
-        decomposition=None,
-        steps_for=(),
-        checked_step=None,
-        energy_error=0.0,
-        constraint_drift=None,
-    )
-    names = {"system": SYSTEM, "model": "m.xml", "scenario": "free", "engine": "e"}
-    given = {"folder": "models/spring", "verdict": verdict, "full_run": full_run, **names, **fields}
-    return Case(outcome=outcome, **given)
+    discrepancy = fields.pop("discrepancy", ENTRY.discrepancy)
+    verdict = made.verdict(
+        discrepancy=discrepancy, uncertainty=ENTRY.uncertainty, component="x_dot", order=1.0,
+        largest_discrepancy=ENTRY.discrepancy, largest_uncertainty=ENTRY.uncertainty,
+    )  # fmt: skip
+    error = fields.pop("global_error", ENTRY.global_error)
+    full_run = made.full_run(integrator="euler", global_error=error)
+    names = {"system": SYSTEM, "model": "m.xml", "engine": "e", "folder": "models/spring"}
+    return made.case(outcome, **{"verdict": verdict, "full_run": full_run, **names, **fields})

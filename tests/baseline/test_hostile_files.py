@@ -1,7 +1,5 @@
 """Baseline files with arbitrary content: accepted unmodified, or rejected in one sentence."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable
@@ -81,7 +79,6 @@ def resealed(table: Table) -> Table:
 
 
 def rejection(folder: Path, data: bytes) -> str:
-    """Return the sentence that rejects a file."""
     file = folder / f"{SYSTEM}.json"
     file.write_bytes(data)
     with pytest.raises(BaselineError) as caught:
@@ -109,22 +106,6 @@ def table_of(table: Table, place: str) -> Table:
     return part
 
 
-@pytest.mark.parametrize(("place", "name"), FIELDS)
-def test_field_of_wrong_type_is_rejected(tmp_path: Path, place: str, name: str) -> None:
-    table = plain()
-    table_of(table, place)[name] = WRONG
-    message = rejection(tmp_path, json.dumps(table).encode())
-    assert "is malformed" in message or "is damaged, badly merged or edited by hand" in message
-
-
-@pytest.mark.parametrize(("place", "name"), FIELDS)
-def test_missing_field_is_rejected(tmp_path: Path, place: str, name: str) -> None:
-    table = plain()
-    del table_of(table, place)[name]
-    message = rejection(tmp_path, json.dumps(table).encode())
-    assert "is malformed" in message or "is damaged, badly merged or edited by hand" in message
-
-
 def other(value: Any) -> Any:
     """Return a different value of the same type."""
     if isinstance(value, bool):
@@ -138,14 +119,24 @@ def other(value: Any) -> Any:
     return [other(each) for each in value]
 
 
-@pytest.mark.parametrize(("place", "name"), FIELDS)
-def test_modified_field_is_rejected(tmp_path: Path, place: str, name: str) -> None:
-    table = plain()
-    part = table_of(table, place)
+def _spoil(part: Table, name: str) -> None:
+    part[name] = WRONG
+
+
+def _modify(part: Table, name: str) -> None:
     part[name] = other(part[name])
-    assert "is damaged, badly merged or edited by hand" in rejection(
-        tmp_path, json.dumps(table).encode()
-    )
+
+
+@pytest.mark.parametrize(("place", "name"), FIELDS)
+@pytest.mark.parametrize("damage", [_spoil, _modify, dict.pop])
+def test_wrong_modified_or_missing_field_is_rejected(
+    tmp_path: Path, place: str, name: str, damage: Callable[[Table, str], object]
+) -> None:
+    table = plain()
+    damage(table_of(table, place), name)
+    message = rejection(tmp_path, json.dumps(table).encode())
+    edited = "is damaged, badly merged or edited by hand" in message
+    assert edited or (damage is not _modify and "is malformed" in message)
 
 
 SHAPES: dict[str, Callable[[Table], object]] = {

@@ -1,7 +1,5 @@
 """Known differences in a run, and what changed since the baseline."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Dependencies of cases on files that a model file names, as the parser reads them."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 
@@ -73,9 +71,7 @@ def test_include_is_followed_for_any_file_extension(folder: Path, name: str) -> 
     }
 
 
-def test_meshdir_of_an_include_applies_to_the_whole_model(
-    folder: Path,
-) -> None:
+def test_meshdir_of_an_include_applies_to_the_whole_model(folder: Path) -> None:
     """Treat includes as MuJoCo does: an include is pasted, so its compiler applies to the model."""
     shared = folder.parent / "shared"
     (shared / "one.xml").write_text('<x><include file="../shared/two.xml"/></x>')

@@ -1,7 +1,5 @@
 """Reuse of results of a folder, whose code may open, query, list or import anything."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import py_compile
@@ -19,7 +17,6 @@ from physics_crosscheck.harness.baseline.fingerprint import (
 )
 from physics_crosscheck.harness.modelfiles import code_reads
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
-from physics_crosscheck.harness.modelfiles.path_states import ABSENT, UNKNOWN
 from physics_crosscheck.harness.planning.cache import Cache, CacheKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.reference.load import load_system
@@ -44,11 +41,10 @@ def folder(tmp_path: Path) -> Path:
 
 def present(states: dict[str, str]) -> dict[str, str]:
     """Return the states of paths that exist, or are unknown."""
-    return {name: state for name, state in states.items() if state != ABSENT}
+    return {name: state for name, state in states.items() if state != "absent"}
 
 
 def reads(folder: Path, code: str) -> dict[str, str]:
-    """Return the inputs of a declaration with some code."""
     (folder / "system.py").write_text(HERE + code + SYSTEM)
     with record_reads(folder) as recording:
         load_system(folder)
@@ -164,7 +160,7 @@ def test_changed_reads_invalidate_earlier_results(folder: Path, way: str) -> Non
     cache.store(key, Coverage(note="kept"), states)
     changed(shared)
     assert cache.find(key, Coverage) is None
-    assert UNKNOWN in accepted.values() or as_now(model, accepted) != accepted
+    assert "unknown" in accepted.values() or as_now(model, accepted) != accepted
 
 
 INSIDE: dict[str, tuple[str, Callable[[Path], None]]] = {
@@ -218,7 +214,7 @@ UNOBSERVED = {
 @pytest.mark.parametrize("code", UNOBSERVED.values(), ids=UNOBSERVED)
 def test_folder_whose_inputs_are_unknown_always_runs_again(folder: Path, code: str) -> None:
     (folder / ".link").symlink_to(".mass")
-    assert UNKNOWN in reads(folder, code).values()
+    assert "unknown" in reads(folder, code).values()
 
 
 @pytest.mark.parametrize("code", [
@@ -242,7 +238,7 @@ def test_bytecode_is_neither_read_nor_written(folder: Path) -> None:
     before = cached.read_bytes()
     states = reads(folder, "import sys\nsys.path.insert(0, str(HERE))\nimport local_mass\n")
     assert "local_mass.py" in states
-    assert UNKNOWN not in states.values()
+    assert "unknown" not in states.values()
     assert cached.read_bytes() == before
     assert str(folder) not in sys.path
 
@@ -269,7 +265,7 @@ def test_files_read_elsewhere_count_and_folder_files_count_once(folder: Path) ->
     (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
     (folder / "mass.txt").write_text("1.3")
     (model,) = folder_files(folder).models
-    accepted = with_reads(model, {"mass.txt": CONTENT, ".mass": CONTENT, "../shared": UNKNOWN})
+    accepted = with_reads(model, {"mass.txt": CONTENT, ".mass": CONTENT, "../shared": "unknown"})
     assert set(accepted) == {*model.copies, OTHER_FILES, ".mass", "../shared"}
     assert as_now(model, accepted)[".mass"] not in (CONTENT, "absent")
     (folder / ".mass").unlink()

@@ -1,7 +1,5 @@
 """Ratios by version: stored, and reported if they grew."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from benchmarks.ratios import FILE, current_version, read_ratios, slower, store

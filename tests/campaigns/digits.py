@@ -4,8 +4,6 @@ The code uses no angular velocities, Jacobians or inertia tensors: poses are pro
 matrices, their derivatives are finite differences with 90 digits, and a body is its second moments.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -113,7 +111,6 @@ def turned(turn: Sequence[float], form: str) -> Matrix:
 
 
 def _rotation(vector: Sequence[Any]) -> Matrix:
-    """Return the rotation about a vector by its length."""
     x, y, z = vector
     cross = mp.matrix([[0, -z, y, 0], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]])
     angle = mp.sqrt(x * x + y * y + z * z)

@@ -1,7 +1,5 @@
 """Random 3-D mechanisms: correct ones pass, all limits hold, and visible faults are reported."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -197,12 +195,7 @@ OPEN = msgspec.structs.replace(RIGHT, index=1, outcome="UNRESOLVED")
 
 
 @pytest.mark.parametrize(
-    ("results", "code"),
-    [
-        ([RIGHT], 0),
-        ([RIGHT, WRONG], 1),
-        ([RIGHT] * 9 + [OPEN], 1),
-    ],
+    ("results", "code"), [([RIGHT], 0), ([RIGHT, WRONG], 1), ([RIGHT] * 9 + [OPEN], 1)]
 )
 def test_exit_code_is_0_only_if_all_results_are_right(
     results: list[MechanismResult],

@@ -1,7 +1,5 @@
 """Reference equations of random mechanisms, compared with mpmath and with planted faults."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

@@ -1,14 +1,42 @@
-"""Faults planted into a robot file, classified by their visible effect."""
+"""Campaigns: faults planted into files, real models, records, and motions with events."""
 
-from __future__ import annotations
-
+import json
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from msgspec import structs
 
+from campaigns.events import (
+    EVENTS,
+    PEER_TESTS,
+    RESOLUTION,
+    Tally,
+    compare,
+    drawn,
+    judged,
+    peer_row,
+    planted_edits,
+)
 from campaigns.planted import __main__ as command
 from campaigns.planted.compared import judge_by_compare
 from campaigns.planted.fates import FaultBaseline, FaultFate, judge_by_equations, table
+from campaigns.real_models.__main__ import is_done
+from campaigns.real_models.check import digest_of
+from campaigns.real_models.entry import EngineResult, FileEntry, append_entry, read_entries
+from campaigns.real_models.summary import FileKind, kind_of, summary
+from campaigns.records import PLACE, commands, diff_lines, main, read_store
+from physics_crosscheck.harness.checks.prepare import prepare_system
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.commands.mutation.mistakes import Edit
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
+from physics_crosscheck.harness.modelfiles.bindings import at_constants
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
+from physics_crosscheck.records import Outcome
+from physics_crosscheck.reference.load import load_system
 from tests.models import written
 from tests.robots.files import joint, link
 
@@ -74,3 +102,218 @@ def test_comparison_with_the_original_names_the_line(tmp_path: Path) -> None:
 def test_numbers_are_spread_over_the_file() -> None:
     assert command.spread_indices(5) == [0, 4, 2, 1, 3]
     assert sorted(command.spread_indices(37)) == list(range(37))
+
+
+def store(folder: Path, record: dict[str, Any], rows: list[dict[str, Any]] | None = None) -> Path:
+    (folder / "run").mkdir(parents=True, exist_ok=True)
+    (folder / "exit_codes.json").write_text("{}")
+    (folder / "run/results.json").write_text(json.dumps(record))
+    (folder / "run/rows.jsonl").write_text("\n".join(json.dumps(row) for row in rows or []))
+    return folder
+
+
+def lines_of(
+    tmp_path: Path, old: Any, new: Any, renamed: dict[str, str] | None = None
+) -> list[str]:
+    a, b = store(tmp_path / "a", old), store(tmp_path / "b", new)
+    names = renamed or {}
+    return diff_lines(read_store(a, names), read_store(b, names), 160)
+
+
+def test_changed_last_digit_is_reported(tmp_path: Path) -> None:
+    (line,) = lines_of(tmp_path, {"cases": [{"e": 1.0}]}, {"cases": [{"e": 1.0 + 2**-52}]})
+    assert line.startswith("1 x run/results.json:.cases[].e  ")
+    assert "(2.2e-16 relative)" in line
+
+
+def test_times_and_folders_are_ignored(tmp_path: Path) -> None:
+    old = {"created": "then", "seconds": 1.0, "out": str(tmp_path / "a/run"), "at": "/old/m.xml"}
+    new = {"created": "now", "seconds": 2.0, "out": str(tmp_path / "b/run"), "at": "/new/m.xml"}
+    for name, place in (("a", "/old"), ("b", "/new")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / PLACE).write_text(place)
+    assert lines_of(tmp_path, old, new) == []
+
+
+def test_renamed_key_is_equal_and_missing_key_is_reported(tmp_path: Path) -> None:
+    old, new = {"global_error": 0.1, "step": 1}, {"error_at_dt": 0.1}
+    (line,) = lines_of(tmp_path, old, new, {"global_error": "error_at_dt"})
+    assert "run/results.json:.step gone" in line
+
+
+def test_changed_type_is_reported(tmp_path: Path) -> None:
+    lines = lines_of(tmp_path, {"u": 1.0, "ok": True}, {"u": None, "ok": 1})
+    assert len(lines) == 2
+
+
+def test_additional_case_is_reported(tmp_path: Path) -> None:
+    lines = lines_of(tmp_path, {"cases": []}, {"cases": [{}]})
+    assert [line for line in lines if ".cases#" in line]
+
+
+def test_rows_are_paired_by_index(tmp_path: Path) -> None:
+    rows = [{"index": 0, "e": 1.0}, {"index": 1, "e": 2.0}]
+    a, b = store(tmp_path / "a", {}, rows), store(tmp_path / "b", {}, rows[::-1])
+    assert diff_lines(read_store(a, {}), read_store(b, {}), 160) == []
+
+
+def test_folder_that_is_not_a_store_is_rejected_with_a_hint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["records", "diff", str(tmp_path), str(tmp_path)])
+    with pytest.raises(
+        SystemExit, match=r"is not a store; run `python -m campaigns\.records store"
+    ):
+        main()
+
+
+def test_commands_cover_six_systems_and_six_robots(tmp_path: Path) -> None:
+    names = [name for name, _ in commands(tmp_path, ("run", "gate", "compare", "mutate", "sweep"))]
+    assert len([name for name in names if name.startswith("run/")]) == 1 + 6
+    assert len([name for name in names if name.startswith("mutate/")]) == 6
+    assert {"gate", "sweep"} < set(names)
+
+
+PENDULUM = """<mujoco model="p"><worldbody><body><joint name="q" axis="0 1 0"/>
+<geom size="0.1" pos="0 0 -1" mass="1"/></body></worldbody></mujoco>"""
+ARM = """<robot name="r"><link name="g"/><link name="a"><inertial><origin xyz="0 0 -1"/>
+<mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="q" type="continuous"><parent link="g"/><child link="a"/><axis xyz="0 1 0"/></joint>
+</robot>"""
+FILES = {
+    "one/p.xml": PENDULUM,
+    "one/part.xml": '<mujoco><include file="none.xml"/></mujoco>',
+    "one/whole.xml": '<mujoco><include file="part.xml"/><worldbody/></mujoco>',
+    "one/still.xml": '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>',
+    "two/r.urdf": ARM,
+    "two/light.urdf": ARM.replace('value="1"', 'value="0"').replace('"0.1"', '"0"'),
+}
+
+
+def run_campaign(folder: Path) -> str:
+    """Run the campaign on both folders; return its output."""
+    command = [sys.executable, "-m", "campaigns.real_models", f"{folder}/one", f"{folder}/two",
+               "--jobs", "1", "--kept", f"{folder}/read_entries.jsonl"]  # fmt: skip
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
+    )
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_each_robot_has_a_line_and_each_rejection_a_reason(tmp_path: Path) -> None:
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    output = run_campaign(tmp_path)
+    assert "[1/6, " in output
+    assert f"AGREES     mujoco    {tmp_path}/one/p.xml E " in output
+    assert f"AGREES     pybullet  {tmp_path}/two/r.urdf E " in output
+    assert "MJCF: 4 files, 2 robots that move" in output
+    assert "URDF: 2 files, 2 robots that move" in output
+    assert "1  part of another file" in output
+    assert "1  verdict: AGREES or DIFFERS in at least one engine   50.0%" in output
+    assert "1  URDF: joint * moves nothing with inertia, so its acceleration is undefined" in output
+    assert "1  MJCF: MuJoCo can't load it: XML Error: Error opening file *" in output
+
+
+def test_finished_robots_are_repeated_only_on_request(tmp_path: Path) -> None:
+    file, lines = tmp_path / "r.urdf", tmp_path / "kept.jsonl"
+    file.write_text(ARM)
+    wrong = EngineResult(engine="a", outcome=Outcome.FAILED, reason="a crash")
+    failed = structs.replace(entry(wrong), file=str(file), digest=digest_of(file))
+    append_entry(lines, failed)
+    append_entry(lines, entry())
+    lines.write_bytes(lines.read_bytes()[:-20])  # the last line is incomplete
+    assert dict(read_entries(lines)) == {str(file): failed}
+    append_entry(lines, entry())
+    assert len(read_entries(lines)) == 2
+    assert is_done(file, failed, None)
+    assert is_done(file, failed, "UNRESOLVED")
+    assert not is_done(file, failed, "FAILED .*crash")
+    assert not is_done(file, None, None)
+    file.write_text(ARM + " ")
+    assert not is_done(file, failed, None)
+
+
+def entry(*cases: EngineResult, obstacles: tuple[str, ...] = ()) -> FileEntry:
+    return FileEntry(
+        file="/a/r.urdf", digest="0", tree=not obstacles, dof=2, obstacles=obstacles,
+        left_out=("contact geometry",), impossible=(), cases=cases,
+    )  # fmt: skip
+
+
+def test_crashes_and_faulty_files_are_not_verdicts() -> None:
+    slow = EngineResult(
+        engine="a", outcome=Outcome.FAILED, reason="out of its 120 processor seconds"
+    )
+    wrong = EngineResult(
+        engine="b", outcome=Outcome.FAILED, reason="/a/r.urdf: PyBullet sets to zero"
+    )
+    vague = EngineResult(
+        engine="b", outcome=Outcome.UNRESOLVED, uncertainty=2e-9, discrepancy=1e-10
+    )
+    differs = EngineResult(
+        engine="c", outcome=Outcome.DIFFERS, reason="off", cause="moments of 'x'"
+    )
+    assert kind_of(entry(slow), ()) is FileKind.BROKEN
+    assert kind_of(entry(wrong), ()) is FileKind.FAULT
+    assert kind_of(entry(slow, vague), ()) is FileKind.UNRESOLVED
+    assert kind_of(entry(wrong, differs), ()) is FileKind.VERDICT
+    assert kind_of(entry(obstacles=("/a/r.urdf: joint 'x' is planar",)), ()) is FileKind.REFUSED
+    text = summary([entry(wrong, differs)], ())
+    assert "/a/r.urdf in c: off\n    moments of 'x'" in text
+    assert "URDF b FAILED: PyBullet sets to zero  [r.urdf]" in text
+
+
+def test_drawn_balls_are_within_their_uncertainty() -> None:
+    folder: Path = EVENTS / "bouncing_ball"
+    sidecar, tally = read_sidecar(folder / "space.py.toml"), Tally()
+    random = np.random.default_rng(3)
+    lines = [*compare(drawn(load_system(folder), random), sidecar, "pymunk", tally)]
+    assert not any(line.startswith("OUTSIDE") for line in lines)
+    assert tally.segments > 10
+    assert tally.resolved > 0.9 * tally.segments
+    assert tally.outside == 0
+
+
+def test_peer_stop_distance_is_measured_below_its_tolerance() -> None:
+    test = next(each for each in PEER_TESTS if each.peer == "Newton, stop distance, mu 0.7")
+    *_, error, uncertainty = peer_row(test).strip("| ").split(" | ")
+    assert float(error) < float(uncertainty) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("model", "numbers"),
+    [
+        ("bouncing_ball/space.py", {"RESTITUTION"}),
+        ("bouncing_ball/mujoco.xml", {"geom[ball]@solref[0]"}),
+        ("pendulum_stop/mujoco.xml", {"joint[theta]@range[1]", "joint[theta]@solreflimit[0]"}),
+    ],
+)
+def test_faults_are_planted_in_contacts_but_not_in_masses(model: str, numbers: set[str]) -> None:
+    sidecar = read_sidecar(EVENTS / f"{model}.toml")
+    edits = planted_edits(load_system(sidecar.model.parent), sidecar)
+    assert {address for address, _, _ in edits} == numbers
+
+
+@pytest.mark.slow
+def test_drive_that_leaves_its_limit_early_is_resolved() -> None:
+    # The coarsest time step has one step before the event; with finer ones it is two steps early.
+    folder = EVENTS / "saturated_servo"
+    constants = {"m": 0.74384823821388705, "kp": 65.07412584242924, "kd": 5.618584911875705,
+                 "F": 8.6691978778863561, "target": 0.4592167831077551}  # fmt: skip
+    system = at_constants(load_system(folder), constants)
+    sidecar = read_sidecar(folder / "space.py.toml")
+    _, error, total = judged(system, sidecar, "pymunk", system.scenarios[0])
+    assert np.all(error < total)
+    assert total.max() < RESOLUTION
+
+
+@pytest.mark.slow
+def test_wrong_event_limit_is_named(tmp_path: Path) -> None:
+    sidecar = read_sidecar(EVENTS / "pendulum_stop" / "space.py.toml")
+    task = model_task(prepare_system(sidecar.model.parent, described=False), "pymunk", sidecar)
+    wrong = Edit({"LIMIT": 0.404}).apply(sidecar, "pymunk", tmp_path)
+    (cause,) = diagnose_model(task.with_sidecar(wrong)).explanations[0].causes
+    assert cause.subject == ("LIMIT",)

@@ -1,22 +1,33 @@
-"""Verdicts that combine accelerations with motions."""
+"""Accelerations and linearizations in a case, also of robots and of built-in systems."""
 
-from __future__ import annotations
-
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
+import pybullet_data
 import pytest
 
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.linearizations import run_linearizations
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, with_dynamics
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.forward_dynamics import FORCE_KINDS, AccelerationComparison
 from physics_crosscheck.harness.numerics.judgement import judge
+from physics_crosscheck.harness.records.case import CheckedStep
 from physics_crosscheck.harness.render.terminal.table import dynamics_lines
-from physics_crosscheck.records import Outcome
+from physics_crosscheck.records import Case, EngineLinearization, Outcome
 from tests.cases.test_robot import SERVO
+from tests.models import written
+from tests.physics import physics
+from tests.records.made import case, full_run, verdict
+from tests.robots.files import ADRIFT
 
 MOTION = CaseJudgement(
     outcome=Outcome.UNRESOLVED,
@@ -99,3 +110,145 @@ def test_accelerations_resolve_a_servo_that_no_step_resolves(tmp_path: Path) -> 
     assert case.forward_dynamics is not None
     (line,) = dynamics_lines([case])
     assert line.startswith("accelerations of 1 case at 200 states agree to ")
+
+
+DATA = Path(pybullet_data.getDataPath())
+ARM = """<robot name="arm"><link name="base"/>
+<link name="boom"><inertial><origin xyz="0.02 0 -0.3"/><mass value="1.3"/>
+<inertia ixx="0.02" iyy="0.018" izz="0.006" ixy="0.001" ixz="0" iyz="0"/></inertial></link>
+<joint name="lift" type="revolute"><parent link="base"/><child link="boom"/><axis xyz="0 1 0"/>
+<limit lower="0.2" upper="1.4" effort="9" velocity="9"/><dynamics damping="0.7"/></joint></robot>
+"""
+
+
+def linearize(file: Path, engine: str = "mujoco", *, floating: bool = False) -> EngineLinearization:
+    prepared = prepare_tree(file, motion=0.1, states=4, floating=floating)
+    (result,) = run_linearizations(model_task(prepared, engine))
+    return result
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_linearization_of_an_arm_matches_its_formula(tmp_path: Path, engine: str) -> None:
+    """J a + c v + m g (sin, cos) . center = u about 0.8 rad, by hand."""
+    if engines()[engine].version() is None:
+        pytest.skip(f"{engine} is not installed")
+    file = written(tmp_path, "arm.urdf", ARM)
+    result = linearize(file, engine)
+    inertia = 0.018 + 1.3 * (0.3**2 + 0.02**2)
+    # The height of the center is -0.02 sin q - 0.3 cos q.
+    stiffness = 1.3 * 9.81 * (0.02 * np.sin(0.8) + 0.3 * np.cos(0.8))
+    by_hand = np.array([[0, 1], [-stiffness / inertia, -0.7 / inertia]])
+    np.testing.assert_allclose(np.array(result.a, dtype=float), by_hand, atol=1e-7)
+    np.testing.assert_allclose(np.array(result.b, dtype=float)[1], 1 / inertia, rtol=1e-8)
+    assert not result.differs
+
+
+@pytest.mark.slow
+def test_step_of_a_floating_robot_matches_mujoco_differences(tmp_path: Path) -> None:
+    file = written(tmp_path, "adrift.urdf", ADRIFT)
+    result = linearize(file, floating=True)
+    assert (result.a_error or 1) < 1e-9
+    assert (result.b_error or 1) < 1e-9
+    assert not result.differs
+    assert result.one_step is not None
+    assert (result.one_step.error or 1) < 1e-11
+
+
+def test_step_of_a_cartpole_matches_mujoco_transition() -> None:
+    file = DATA / "cartpole.urdf"
+    result = linearize(file)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    expected = np.zeros((4, 4))
+    mujoco.mjd_transitionFD(model, data, 1e-6, True, expected, None, None, None)
+    assert result.one_step is not None
+    np.testing.assert_allclose(np.array(result.one_step.a, dtype=float), expected, atol=1e-8)
+
+
+def test_changed_damping_differs(tmp_path: Path) -> None:
+    file, copy = tmp_path / "arm.urdf", tmp_path / "copy.urdf"
+    file.write_text(ARM)
+    copy.write_text(ARM.replace('damping="0.7"', 'damping="0.70001"'))
+    prepared = prepare_tree(file, motion=0.1, states=4)
+    (result,) = run_linearizations(model_task(prepared, "mujoco").with_file(copy))
+    assert result.differs
+    assert (result.a_error or 0.0) > 1e-7
+
+
+FOLDERS = sorted(path.parent for path in builtin().glob("*/system.py"))
+
+SIX = {
+    "anchored_pair", "drum_pendulum", "free_pair", "mass_spring_damper", "simple_pendulum",
+    "torsional_disc",
+}  # fmt: skip
+"""Systems that have a model in every engine and format. Other systems may have fewer."""
+
+
+def sidecars(folder: Path) -> list[Sidecar]:
+    return [one for one in model_files(folder) if isinstance(one, Sidecar)]
+
+
+def test_all_six_systems_run_in_all_four_pairings() -> None:
+    pairings = {("mujoco", ".xml"), ("mujoco", ".urdf"), ("pybullet", ".urdf"), ("pymunk", ".py")}
+    seen = {
+        (folder.name, engine, sidecar.model.suffix)
+        for folder in FOLDERS
+        for sidecar in sidecars(folder)
+        for engine in sidecar.engines
+        if folder.name in SIX and not engines()[engine].extra
+    }
+    assert seen == {(name, *pairing) for name, pairing in itertools.product(SIX, pairings)}
+
+
+def test_make_target_runs_builtin_models_with_required_engines() -> None:
+    text = (Path(__file__).parents[2] / "Makefile").read_text()
+    lines = text.replace("\\\n", "").splitlines()
+    assert any("--crosscheck models" in line and "--require-engines" in line for line in lines)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["drum_pendulum", "free_pair"])
+def test_engine_linearizations_match_the_equations(name: str) -> None:
+    """Catch a wrong matrix about each equilibrium, with gears, and with springs of sidecars."""
+    folder, prepared = builtin() / name, physics(name)
+    registered = engines()
+    for sidecar in sidecars(folder):
+        for engine in sidecar.engines:
+            if registered[engine].version() is None:
+                pytest.skip(f"{engine} is not installed")
+            results = run_linearizations(model_task(prepared, engine, sidecar))
+            assert len(results) == len(prepared.equilibria)
+            for result in results:
+                assert result.a_error is not None
+                assert result.a_error <= 1e-8
+                assert result.b_error is not None
+                assert result.b_error <= 1e-8
+                assert result.transfer_error is not None
+                assert result.transfer_error <= 1e-6
+                assert result.mode_similarity is not None
+                assert result.mode_similarity > 1 - 1e-9
+
+
+TOO_LARGE = CheckedStep(target=0.001, step=1e-4, measured=0.002)
+
+
+@pytest.mark.parametrize(("fault", "count"), [
+    (case(), 0),
+    (case(verdict=verdict(discrepancy=2e-10)), 1),
+    (case(verdict=verdict(uncertainty=2e-10)), 1),
+    (case(verdict=verdict(order=1.4)), 1),
+    (case(verdict=verdict(order=None)), 1),
+    (case(full_run=full_run(order=0.6)), 1),
+    (case(full_run=full_run(order=None)), 1),
+    (case(full_run=full_run(checked_step=None)), 1),
+    (case(full_run=full_run(checked_step=TOO_LARGE)), 1),
+    (case(full_run=full_run(energy_error=0.3)), 1),
+    (case(full_run=full_run(constraint_drift=0.1)), 1),
+    (case(system="drum_pendulum", model="mujoco_rolling.xml"), 1),
+])  # fmt: skip
+def test_builtin_models_have_stricter_demands(
+    pytestconfig: pytest.Config, fault: Case, count: int
+) -> None:
+    (demands,) = pytestconfig.hook.pytest_crosscheck_case(record=fault)
+    assert len(demands) == count

@@ -1,7 +1,5 @@
 """Models whose contacts, limits and friction switch: verdicts in the engines."""
 
-from __future__ import annotations
-
 import io
 import re
 import shutil

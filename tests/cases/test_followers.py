@@ -1,7 +1,5 @@
 """Robot files whose joints follow others: mimics and joint equalities."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

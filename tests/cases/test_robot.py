@@ -1,7 +1,5 @@
 """Standalone robot files: read, solved, and compared with every engine that reads them."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """One case from its files to its record, in this process, with the known-answer engine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,8 +45,6 @@ HELD = 'engines = ["known"]\n[coordinates]\nfall = 0\n'
 
 @pytest.fixture(autouse=True)
 def only_known_engine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Register the known-answer engine only."""
-
     def engines() -> dict[str, Engine]:
         return {"known": KnownEngine()}
 

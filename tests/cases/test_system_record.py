@@ -1,6 +1,8 @@
-"""The record of a system: complete, unchanged by JSON, and readable by SymPy."""
+"""The record of a system, its sketch, and a folder that cannot run."""
 
+import math
 from functools import cache
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -8,10 +10,17 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck import System
+from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
+from physics_crosscheck.harness.checks.system_record import sketch_record, tree
+from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.render.html.systems import drawing, evaluate
+from physics_crosscheck.records import CaseId
 from physics_crosscheck.reference.dynamics.derive import derive
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.sketch import Link
 
 NAMES = ("mass_spring_damper", "free_pair")
 
@@ -84,3 +93,62 @@ def test_zero_matrices_are_left_out_of_the_formula() -> None:
         r" \begin{bmatrix} \ddot{x}_{1} \\ \ddot{x}_{2} \end{bmatrix} + "
     )
     assert derivation.equations[0].latex.endswith("+ f"), "the inputs come last"
+
+
+CASE = CaseId(system="s", model="robot.urdf", scenario="free", engine="mujoco")
+
+
+@pytest.mark.parametrize("reason", [
+    "the process died (SIGKILL); other cases are not affected",
+    "it used up its limit of 120 processor seconds; --limit raises it",
+])  # fmt: skip
+def test_reason_without_a_file_gets_the_file_of_the_case(reason: str) -> None:
+    actual = failed_case(CASE, "folder", Failure(reason, "")).reason
+    assert actual == f"{Path('folder') / 'robot.urdf'}: {reason}"
+
+
+def test_reason_with_a_file_is_unchanged() -> None:
+    reason = "folder/robot.urdf:7: <mass value> is 'a', where a finite number"
+    assert failed_case(CASE, "folder", Failure(reason, "")).reason == reason
+
+
+SKETCHED = sorted(path.parent.name for path in builtin().glob("*/system.py"))
+
+
+@pytest.fixture(scope="module")
+def drum() -> System:
+    return load_system(builtin() / "drum_pendulum")
+
+
+@pytest.mark.parametrize("name", SKETCHED)
+def test_builtin_sketches_show_every_coordinate(name: str) -> None:
+    """Compare trees with their expressions at a random position."""
+    system = load_system(builtin() / name)
+    record = sketch_record(system)
+    assert record is not None
+    kinds = {shape.kind for shape in record.shapes}
+    assert kinds & {"spring", "rod", "spiral"}
+    labels = {shape.label for shape in record.shapes}
+    assert {c.name for c in system.coordinates} <= labels
+    random = np.random.default_rng(3)
+    q = list(random.uniform(-2, 2, len(system.coordinates)))
+    values = dict(zip(system.q, map(float, q), strict=True)) | system.values
+    for shape, declared in zip(record.shapes, system.sketch, strict=True):
+        if shape.center is not None:
+            assert not isinstance(declared, Link)
+            for actual, expected in zip(shape.center, declared.at, strict=True):
+                exact = float(sp.sympify(expected).subs(values))
+                assert evaluate(actual, q) == pytest.approx(exact, abs=1e-7)
+    assert drawing(record, [c.name for c in system.coordinates]).description
+
+
+def test_tree_of_an_expression_contains_the_constants(drum: System) -> None:
+    length = next(c for c in drum.constants if c.name == "l")
+    theta = drum.coordinates[1]
+    assert tree(length * sp.sin(theta.q), drum) == ["*", 0.6, ["sin", ["q", 1]]]
+    assert tree(sp.pi / 2, drum) == pytest.approx(math.pi / 2)
+
+
+def test_unknown_operation_of_a_sketch_is_refused() -> None:
+    with pytest.raises(ValueError, match="unknown operation 'exec'"):
+        evaluate(["exec", 1.0], [0.0])

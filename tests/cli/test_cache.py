@@ -1,7 +1,5 @@
 """Reuse of cached results, and the changes that make cases run again."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -16,8 +14,8 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.planning import cache as caches
 from physics_crosscheck.harness.planning.cache import with_environment
-from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.case import ModelKey
+from physics_crosscheck.harness.run import Options
 from physics_crosscheck.harness.run import run as run_all
 from physics_crosscheck.records import Outcome, Results, read_results
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
@@ -68,7 +66,6 @@ def ran(ran_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 @pytest.fixture
 def submitted(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """Collect the functions that are submitted to workers."""
     submit = Workers.submit
     functions: list[object] = []
 
@@ -81,7 +78,6 @@ def submitted(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 
 
 def first() -> Results:
-    """Return the results of the first run."""
     return read_results(Path("out/results.json"))
 
 
@@ -222,7 +218,6 @@ def test_files_that_a_python_model_reads_count(
 
 def test_declared_bodies_are_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    pytest.importorskip("mujoco")
     arm = tmp_path / "arm"
     arm.mkdir()
     (arm / "system.py").write_text(SYSTEM)
@@ -243,7 +238,6 @@ ARM = "\n".join((
 
 
 def test_robot_files_are_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     file = written(tmp_path, "arm.urdf", ARM)
     before = run("--engine", "mujoco", target="arm.urdf")
@@ -269,7 +263,6 @@ def test_failed_case_runs_again(folder: Path) -> None:
 
 
 def kind(entry: Path) -> str:
-    """Return the kind of work of an entry."""
     return str(json.loads(entry.read_bytes())["key"]["kind"])
 
 

@@ -1,7 +1,5 @@
 """The command line as a user runs it: exit codes, messages, files."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -33,7 +31,6 @@ ROOT = Path(__file__).parents[2]
 
 
 def in_new_process(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run `crosscheck` in a new process."""
     return subprocess.run(
         [sys.executable, "-m", "physics_crosscheck", *map(str, arguments)],
         cwd=cwd,

@@ -1,7 +1,5 @@
 """Commands import only what they need: more would cost a second every time."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

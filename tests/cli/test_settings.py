@@ -1,7 +1,5 @@
 """Settings of a project are defaults of the command line; an invalid one is named."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from pathlib import Path
@@ -86,10 +84,7 @@ def test_settings_of_a_parent_folder_apply_with_its_paths(
             "jobs = 2\ncache = '/tmp/kept'",
             "pyproject.toml:5: [tool.crosscheck] cache must be inside",
         ),
-        (
-            "baseline = 'link/kept'",
-            'not "link/kept". Use the option instead.',
-        ),
+        ("baseline = 'link/kept'", 'not "link/kept". Use the option instead.'),
         (
             "scheduler = 'tcp://there:8786'",
             "pyproject.toml:4: [tool.crosscheck] scheduler is not allowed",

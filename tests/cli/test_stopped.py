@@ -1,7 +1,5 @@
 """Interrupted runs that are resumed, concurrent runs, and folders that cannot be written."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -14,11 +12,11 @@ import pytest
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.planning import cache as caches
 from physics_crosscheck.harness.planning.cache import CacheKey
-from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.records.hold import locked
 from physics_crosscheck.harness.render.terminal.progress import Progress
+from physics_crosscheck.harness.run import Options
 from physics_crosscheck.records import Case, read_results
 from tests.faults.known_folder import KNOWN_ANSWER, KNOWN_MODEL, SYSTEM, known_folder
 from tests.robots.files import joint, link

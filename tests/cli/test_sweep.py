@@ -1,7 +1,5 @@
 """`crosscheck sweep` from its arguments to its page."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil
@@ -114,7 +112,6 @@ Rows = list[dict[str, Any]]
 
 
 def in_row(number: int, **fields: object) -> Callable[[Rows], None]:
-    """Return damage to one row."""
     return lambda rows: rows[number - 1].update(fields)
 
 

@@ -1,7 +1,5 @@
 """`run --watch` runs a saved file again and keeps the other results."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -113,7 +113,6 @@ def acting(
 
 
 def printed(comparison: ComparisonResult, width: int = 300) -> str:
-    """Return the printed comparison with single spaces."""
     text = io.StringIO()
     print_comparison(Console(file=text, width=width, highlight=False, emoji=False), comparison)
     return " ".join(text.getvalue().split())

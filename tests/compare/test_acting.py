@@ -1,7 +1,5 @@
 """Compare how the numbers of two files act, and name the usual mistake."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from types import SimpleNamespace
@@ -41,7 +39,6 @@ def lines_of(folder: Path, a: str, b: str) -> str:
 
 
 def lines(rows: tuple[ComparedActing, ...]) -> str:
-    """Return rows as they are printed."""
     out = io.StringIO()
     _print_acting(Console(file=out, width=300), cast(Compared, SimpleNamespace(acting=rows)))
     return " ".join(out.getvalue().split())

@@ -82,9 +82,7 @@ def test_joint_with_another_name_direction_and_zero_agrees_if_mapped(tmp_path: P
     agrees(compared(path, other, joints="theta=0.3-swing"))
 
 
-def test_step_and_integrator_of_a_sidecar_are_differences_that_move_nothing(
-    tmp_path: Path,
-) -> None:
+def test_step_and_integrator_of_a_sidecar_are_differences_that_move_nothing(tmp_path: Path) -> None:
     """Catch a doubled step that ends with 0, since extrapolation removes it from all motions."""
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))

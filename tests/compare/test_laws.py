@@ -1,7 +1,5 @@
 """Differences of limits, friction, contacts and drives: their lines, and effects over a step."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """One edit of a file: red where it changes what a run judges, green where it is only a spelling."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

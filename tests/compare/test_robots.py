@@ -59,9 +59,7 @@ def shaped(shape: str) -> tuple[tuple[str, str], ...]:
     )
 
 
-def test_base_touching_its_first_link_is_no_difference(
-    tmp_path: Path,
-) -> None:
+def test_base_touching_its_first_link_is_no_difference(tmp_path: Path) -> None:
     path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[1]))
     comparison = agrees(compared(path, path, "pybullet", "mujoco"))
     assert "not compared: limits of position, collision geometry (2)" in result(comparison).notes
@@ -297,7 +295,6 @@ MIXED = '<joint joint="elbow" coef="0.1"/><joint joint="reach" coef="1"/>'
 
 
 def driven(folder: Path, name: str, actuators: str, *replaced: tuple[str, str]) -> Path:
-    """Write the arm with actuators."""
     whole = f"<actuator>{actuators}</actuator></mujoco>"
     return written(folder, f"{name}.xml", MJCF, *replaced, ("</mujoco>", whole))
 
@@ -397,9 +394,7 @@ def test_servo_much_faster_than_the_step_locks_no_joint(tmp_path: Path) -> None:
     assert result(comparison).runs.lost == 0
 
 
-def test_free_body_at_half_a_turn_rotates_about_every_axis(
-    tmp_path: Path,
-) -> None:
+def test_free_body_at_half_a_turn_rotates_about_every_axis(tmp_path: Path) -> None:
     hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
     text = MJCF.replace(hinge, '<freejoint name="base"/>').replace(
         'euler="0.3 0 0"', 'quat="0 0 0 1"'

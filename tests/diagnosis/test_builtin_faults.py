@@ -1,7 +1,5 @@
 """Faults in the built-in models: the command names them from motions alone."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable

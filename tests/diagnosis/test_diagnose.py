@@ -1,18 +1,25 @@
-"""The ranking of causes, with synthetic sensitivities and known faults."""
+"""Causes are ranked by the discrepancy that remains, in one process or in a task."""
 
-from __future__ import annotations
-
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.fit import Fit, Hypothesis
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
+from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.cause import CauseKind
-from physics_crosscheck.records import CauseId
+from physics_crosscheck.harness.results.causes import cause_sentences
+from physics_crosscheck.records import CauseId, Diagnosis, SourceLine
 from physics_crosscheck.reference.mechanism.numeric import Array
+from tests.physics import physics
 
 N = 400
 RNG = np.random.default_rng(5)
@@ -121,9 +128,7 @@ def test_indistinguishable_causes_are_tied_and_the_literal_is_first() -> None:
 
 
 @pytest.mark.parametrize("noise", [1e-12, 1e-11, 1e-10])
-def test_tied_literals_are_in_file_order_for_any_rounding(
-    noise: float,
-) -> None:
+def test_tied_literals_are_in_file_order_for_any_rounding(noise: float) -> None:
     """Prevent that rounding, which differs between engines, decides the order."""
     shapes = [SHAPES[2], 2 * SHAPES[2], -3 * SHAPES[2]]
     causes = [cause(i, kind="literal", shape=shape) for i, shape in enumerate(shapes)]
@@ -240,3 +245,84 @@ def test_causes_with_equal_names_are_distinguished_by_kind() -> None:
     first = rank(noisy(causes[3].shift(1e-3)), causes).fits[0]
     assert first.causes == (CauseId(kind="literal", subject=("nut and bolt",)),)
     assert first.tied_with == (CauseId(kind="constant", subject=("nut and bolt",)),)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A discrepancy, (N,), and the effects of unit faults, (H, N)."""
+
+    discrepancy: Array
+    rows: Array
+
+    @property
+    def hypotheses(self) -> Sequence[Hypothesis]:
+        return [
+            Hypothesis(id=CauseId(kind="literal", subject=(f"{i}",)), value=1.0, size=1.0, rank=0)
+            for i in range(len(self.rows))
+        ]
+
+    def defect(self, faults: Mapping[int, float]) -> Array:
+        residual: Array = self.discrepancy - sum(by * self.rows[i] for i, by in faults.items())
+        return residual
+
+    def slopes(self, faults: Mapping[int, float], indices: Sequence[int] | None = None) -> Array:
+        return self.rows if indices is None else self.rows[list(indices)]
+
+
+def test_precise_ends_without_effect_do_not_decide_the_diagnosis() -> None:
+    """Combine a precise component without effect with one of large uncertainty."""
+    random = np.random.default_rng(2)
+    precise, imprecise = slice(0, 30), slice(90, 120)
+    rows = random.normal(size=(6, 120))
+    rows[:, precise] = 1e-9 * random.normal(size=(6, 30))
+    uncertainty = np.full(120, 2e-9)
+    uncertainty[precise], uncertainty[imprecise] = 1e-12, 3e-6
+    discrepancy = 1e-7 * rows[4] + 0.1 * uncertainty * random.normal(size=120)
+    ranking = diagnose(Linear(discrepancy, rows), uncertainty)
+    assert ranking.explained
+    assert ranking.fits[0].members == (4,)
+    assert abs(ranking.fits[0].faults[0] / 1e-7 - 1) < 1e-2
+
+
+MASS = "body[nut and bolt]/inertial@mass"
+
+
+def make_task(tmp_path: Path, mass: str) -> SystemTask:
+    """Return a task of the mass on a spring whose body is called `nut and bolt`."""
+    folder = tmp_path / "mass_spring_damper"
+    shutil.copytree(builtin() / "mass_spring_damper", folder)
+    for name, old, new in (
+        ("mujoco.xml", '<body name="mass"', '<body name="nut and bolt"'),
+        ("mujoco.xml", 'mass="1.3"', f'mass="{mass}"'),
+        ("mujoco.xml.toml", "body[mass]", "body[nut and bolt]"),
+    ):
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new))
+    prepared = physics("mass_spring_damper")
+    task = model_task(prepared, "mujoco", read_sidecar(folder / "mujoco.xml.toml"))
+    motions = dict(list(prepared.motions.items())[:2])  # free and forced
+    return task.with_target(motions=motions)
+
+
+def test_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
+    task = make_task(tmp_path, "1.313")
+    diagnosis = diagnose_model(task)
+    assert diagnosis.explained
+    assert not diagnosis.failure
+    first = diagnosis.explanations[0]
+    (cause,) = first.causes
+    assert cause.id == CauseId(kind="literal", subject=(MASS,))
+    text = task.declared.model.read_text()
+    line = text[: text.index('mass="1.313"')].count("\n") + 1
+    start = text.encode().index(b'mass="1.313"') + len(b'mass="')
+    where = SourceLine(file="mujoco.xml", line=line, span=(start, start + 5), text="1.313")
+    assert cause.locations == (where,)
+    assert cause.replacement == "1.3"
+    assert cause.estimate == pytest.approx(1.3, rel=1e-6)
+    sentence, residual = cause_sentences(first)
+    assert sentence.startswith(f"{MASS} (mujoco.xml:{line}) is 1.313; the motion implies 1.3")
+    assert residual.startswith("residual ")
+    assert diagnosis.corrected is not None
+    assert len(diagnosis.corrected.causes) == 1
+    assert msgspec.json.decode(msgspec.json.encode(diagnosis), type=Diagnosis) == diagnosis

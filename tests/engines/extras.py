@@ -1,7 +1,5 @@
 """Optional engines: tests run where they are installed, and report a skip elsewhere."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,7 +29,6 @@ def load(
     gravity: float = 0.0,
     settings: Mapping[str, object] | None = None,
 ) -> LoadedModel:
-    """Load a URDF of this text."""
     need(name)
     path = folder / f"{name}.urdf"
     path.write_text(text)

@@ -1,7 +1,5 @@
 """Small MJCFs in engines that read parts of the format, and in MuJoCo."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,7 +19,6 @@ EXACT: Mapping[str, object] = {"integrator": "RK4"}
 
 
 def hinge(name: str = "j", more: str = "", axis: str = "0 1 0") -> str:
-    """Return a hinge about y."""
     return f'<joint name="{name}" type="hinge" axis="{axis}" {more}/>'
 
 

@@ -148,7 +148,6 @@ def joint(
     damping: float = 0.0,
     extra: str = "",
 ) -> str:
-    """Return a URDF joint."""
     limit = '<limit lower="-1e6" upper="1e6" effort="0" velocity="0"/>'
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'

@@ -13,16 +13,7 @@ from unittest.mock import patch
 import numpy as np
 from sympy import Heaviside, exp, sin
 
-from physics_crosscheck import (
-    Constant,
-    Coordinate,
-    Equilibrium,
-    Input,
-    Output,
-    Scenario,
-    System,
-    t,
-)
+from physics_crosscheck import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
 from physics_crosscheck.harness.checks.verdict import component_scale, judge
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
@@ -307,7 +298,6 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> DrawnRe
 
 
 def sweep(seed: int, count: int, pairing: str) -> Iterator[DrawnResult]:
-    """Judge `count` systems of one pairing."""
     rng = np.random.default_rng([seed, PAIRINGS.index(pairing)])
     with tempfile.TemporaryDirectory() as folder:
         for number in range(count):

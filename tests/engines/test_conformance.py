@@ -281,7 +281,6 @@ WRONG = {
 
 
 def checked(engine: WrongEngine) -> tuple[Check, ...]:
-    """Return the checks of the first sample."""
     (sample,) = (one for one in engine.samples() if one.file == "euler.known")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / sample.file
@@ -308,10 +307,7 @@ def test_mistake_fails_only_its_check(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("model", "name"),
-    [
-        (WordsForRemarks, "hooks have their shapes"),
-        (PushesOnAndOn, "a force acts in its own step"),
-    ],
+    [(WordsForRemarks, "hooks have their shapes"), (PushesOnAndOn, "a force acts in its own step")],
 )
 def test_other_mistakes_fail_too(model: type[Wrong], name: str) -> None:
     assert name in failed(WrongEngine(model))

@@ -1,8 +1,9 @@
-"""Optional engines: a sidecar that names them runs without those that are not installed."""
+"""Engines of extras: their installation, refusals, and cases of built-in systems."""
 
-from __future__ import annotations
-
+import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,9 @@ from physics_crosscheck.harness.modelfiles.folders import FolderError, check_eng
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.records import Outcome
+from tests.engines.extras import need
+from tests.faults.known_folder import environment
+from tests.installed.documents import ROOT, check_shown, commands
 from tests.standing import shorten_scenarios
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -131,3 +135,26 @@ def test_slow_compiling_engines_run_only_on_request() -> None:
     for suffix in (".urdf", ".xml"):
         assert "mjx" not in [engine.name for engine in engines_to_run(suffix)]
         assert "mjx" in [engine.name for engine in engines_reading(suffix)]
+
+
+CROSSCHECK = f'crosscheck() {{ {shlex.quote(sys.executable)} -m physics_crosscheck "$@"; }}\n'
+
+
+def test_constraint_that_drake_ignores_is_reported_as_on_the_page(tmp_path: Path) -> None:
+    need("drake")
+    shutil.copy(ROOT / "docs" / "cases" / "fingers.urdf", tmp_path)
+    _, excepted = commands((ROOT / "docs" / "cases.md").read_text())
+    (last,) = (i for i, one in enumerate(excepted) if one.text == "crosscheck run hand")
+    for command in excepted[last - 3 : last + 1]:
+        done = subprocess.run(
+            ["bash", "-c", CROSSCHECK + command.text],
+            cwd=tmp_path,
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=600,
+            check=False,
+        )
+        assert done.returncode == command.code, done.stdout + done.stderr
+        check_shown(command, done.stdout)
+    assert len(excepted[last].shown) == 4

@@ -1,7 +1,5 @@
 """Whole steps of DART: dry friction of joints by its law, and planted faults."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

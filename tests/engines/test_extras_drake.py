@@ -1,7 +1,5 @@
 """Whole steps of Drake's discrete plants: limits and contacts by the law of SAP, and faults."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +12,7 @@ from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.acting import urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_engine import LawEngine
-from physics_crosscheck.harness.diagnosis.law_problem import (
-    diagnose_laws,
-)
+from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.jobs.workers import Workers

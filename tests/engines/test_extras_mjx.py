@@ -1,7 +1,5 @@
 """MJX is MuJoCo in JAX: the same file gives the same model to the last digits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

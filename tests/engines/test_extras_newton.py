@@ -1,7 +1,5 @@
 """How Newton reads URDFs and MJCFs, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -71,9 +69,7 @@ def test_small_inertias_are_enlarged_by_default(tmp_path: Path) -> None:
     assert corrected.corrective_settings == {}
 
 
-def test_merged_fixed_links_are_heavier_and_their_setting_is_a_cause(
-    tmp_path: Path,
-) -> None:
+def test_merged_fixed_links_are_heavier_and_their_setting_is_a_cause(tmp_path: Path) -> None:
     text = urdf(extra=WELDED.format(BODY.replace('value="0"', 'value="1"')))
     whole = load("newton", text, tmp_path)
     joined = load("newton", text, tmp_path, settings={"collapse_fixed_joints": True})

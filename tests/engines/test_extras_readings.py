@@ -1,7 +1,5 @@
 """Readings of a URDF by optional engines alone, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -119,9 +117,7 @@ def test_joints_that_idyntree_ignores_with_an_error_are_rejected(tmp_path: Path)
         load("idyntree", urdf(kind="floating"), tmp_path)
 
 
-def test_idyntree_drops_inertia_of_massless_links_unless_set(
-    tmp_path: Path,
-) -> None:
+def test_idyntree_drops_inertia_of_massless_links_unless_set(tmp_path: Path) -> None:
     tip = '<inertial><mass value="0"/><inertia ixx="1" iyy="0.04" izz="1" ixy="0" ixz="0" iyz="0"/>'
     text = urdf(extra=WELDED.format(f"{tip}</inertial>"))
     push = np.full((1, 100, 1), 0.1)
@@ -148,12 +144,7 @@ def test_drake_accepts_a_revolute_joint_without_limits(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "accepted"),
-    [
-        ("pinocchio", False),
-        ("drake", True),
-        ("dart", False),
-    ],
+    ("name", "accepted"), [("pinocchio", False), ("drake", True), ("dart", False)]
 )
 def test_only_drake_accepts_empty_dynamics(name: str, accepted: bool, tmp_path: Path) -> None:
     if accepted:

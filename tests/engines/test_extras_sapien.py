@@ -1,7 +1,5 @@
 """How SAPIEN reads URDFs, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -159,11 +157,7 @@ def test_invalid_inertias_and_solvers_are_rejected(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("length", "outcome"),
-    [
-        ("-0.75", Outcome.AGREES),
-        ("-0.7515", Outcome.DIFFERS),
-    ],
+    ("length", "outcome"), [("-0.75", Outcome.AGREES), ("-0.7515", Outcome.DIFFERS)]
 )
 def test_built_in_model_agrees_and_a_wrong_length_differs(
     length: str, outcome: Outcome, tmp_path: Path

@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physics_crosscheck.command import AGREE, DIFFER
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_system, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli import main as cli
-from physics_crosscheck.harness.interfaces.cli.exit_codes import AGREE, DIFFER
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -55,6 +56,42 @@ def outcome(name: str, sdf: str, folder: Path, **settings: object) -> Outcome:
     path = written(folder, "robot.sdf", sdf)
     task = model_task(prepare_tree(path), name)
     return judge(task.with_settings(**settings)).outcome
+
+
+BALLS = text(kind="ball", xyz="").replace("<axis></axis>", "").replace(
+    "</model>",
+    """<link name="b"><pose>0 0.1 0.4 0.1 -0.4 0.2</pose><inertial><pose>0 0.03 -0.2 0 0 0</pose>
+<mass>0.7</mass><inertia><ixx>0.01</ixx><iyy>0.012</iyy><izz>0.005</izz></inertia></inertial></link>
+<joint name="k" type="ball"><pose>0 0 0.1 0.2 0.3 -0.4</pose><parent>a</parent><child>b</child>
+<axis><dynamics><damping>0.02</damping></dynamics></axis></joint></model>""",
+)  # fmt: skip
+LOOSE = BALLS.replace(BALLS[BALLS.index('<joint name="j"') : BALLS.index('<link name="b"')], "")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("sdf", "old", "new"), [
+    (BALLS, "", ""), (LOOSE, "", ""), (BALLS, "<mass>0.7", "<mass>0.707"),
+    (BALLS, "0 0 0.1 0.2", "0 0 0.1001 0.2"), (BALLS, "<damping>0.02", "<damping>0.0201"),
+])  # fmt: skip
+def test_ball_joints_match_the_equations_unless_a_number_differs(
+    name: str, sdf: str, old: str, new: str, tmp_path: Path
+) -> None:
+    need(name)
+    path = written(tmp_path, "robot.sdf", sdf)
+    prepared = prepare_tree(path, states=8)
+    assert prepared.tree.nv == (9 if sdf == LOOSE else 6)
+    path.write_text(sdf.replace(old, new, 1))
+    own = {"exact_turns": True, "ball_damping": True} if name == "dart" else {}
+    task = model_task(prepared, name).with_settings(**own)
+    assert judge(task).outcome is (Outcome.DIFFERS if old else Outcome.AGREES)
+
+
+def test_damping_of_a_ball_joint_that_dart_ignores_is_named(tmp_path: Path) -> None:
+    need("dart")
+    task = model_task(prepare_tree(written(tmp_path, "r.sdf", BALLS), states=8), "dart")
+    explanations = diagnose_robot(task, is_reference=True).explanations
+    causes = {str(one) for each in explanations for one in each.causes}
+    assert any("<damping> of ball joints (k)" in one for one in causes), causes
 
 
 DYNAMICS = (
@@ -198,7 +235,7 @@ def test_file_sets_step_and_gravity_unless_the_sidecar_does(name: str, tmp_path:
     ("</sdf>", "<model name='n'/></sdf>", ":7: it has 2 models that move"),
     ("</model>", "<include/></model>", ":7: <include> is not covered; write what it includes"),
     ("</model>", "<model name='n'/></model>", ":7: <model> is not covered; write the links"),
-    ("revolute", "ball", ":6: joint 'j' is of type 'ball', which is not covered"),
+    ("revolute", "screw", ":6: joint 'j' is of type 'screw', which is not covered"),
     ("<mass>0.5", "<mass>0.5 kg", ":3: <mass> of link 'a' is '0.5 kg'; expected a finite number"),
     ("</model>", "<link name='b'/></model>", "no joint holds 'b'"),
     ("<mass>0.5</mass>", "<mass>0.5</mass><mass>0.6</mass>", ":3: a second <mass> in one"),

@@ -1,7 +1,5 @@
 """Steps and callbacks of a script are part of its model; their errors are reported."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

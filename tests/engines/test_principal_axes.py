@@ -1,7 +1,5 @@
 """PyBullet's rounding of principal axes: its size, its setting, and its distinction from faults."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,6 +15,7 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking
+from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.diagnosis.task import ranked
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli.main import main
@@ -224,3 +223,34 @@ def test_exact_axes_is_true_or_false(tmp_path: Path) -> None:
     settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": 1.0}
     with pytest.raises(RuntimeError, match="true or false"):
         engines()["pybullet"].load(ModelSpec(path, settings=settings))
+
+
+def test_a_default_explains_beside_axes_that_only_its_correction_shows(tmp_path: Path) -> None:
+    """Report PyBullet's own kilogram, not the inertia that both links have together."""
+    lines = (
+        '<robot name="gripper"><link name="body"><inertial><origin xyz="0 0 0.03"/>',
+        '<mass value="0.6"/><inertia ixx="4.7106e-4" ixy="3.9292e-7" ixz="2.6537e-6"',
+        ' iyy="3.3072e-4" iyz="-1.0975e-5" izz="2.5642e-4"/></inertial></link><link name="tip"/>',
+        '<joint name="j" type="fixed"><parent link="body"/><child link="tip"/>',
+        '<origin xyz="0 0 0.1"/></joint></robot>',
+    )
+    task = model_task(prepare_tree(written(tmp_path, "gripper.urdf", "\n".join(lines))), "pybullet")
+    (explanation,) = diagnose_robot(task, is_reference=True).explanations
+    (cause,) = explanation.causes
+    assert (
+        str(cause) == "PyBullet's own 1 kg and 1 kg m^2 of a link without <inertial> (tip, line 3)"
+    )
+
+
+HEAVY = """<robot name="heavy"><link name="world"/><link name="arm"><inertial>
+<origin xyz="0 -1.5 0" rpy="1 3 4"/><mass value="200"/>
+<inertia ixx="5" ixy="0" ixz="0" iyy="6" iyz="0" izz="7"/></inertial></link>
+<joint name="j" type="continuous"><parent link="world"/><child link="arm"/><axis xyz="1 0 0"/>
+</joint></robot>"""
+
+
+def test_a_heavy_link_whose_frame_is_turned_runs(tmp_path: Path) -> None:
+    """Bullet's own mass matrix refuses inertias whose halves differ by rounding."""
+    file = written(tmp_path, "heavy.urdf", HEAVY)
+    case = run_case(model_task(prepare_tree(file, states=8), "pybullet"))
+    assert case.outcome is Outcome.AGREES, case.reason

@@ -1,7 +1,5 @@
 """How engines read one URDF, as listed in `docs/engines/`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +39,6 @@ def urdf(
 
 
 def limit(lower: float, upper: float, velocity: float = 100) -> str:
-    """Return a hinge between limits."""
     inside = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="{velocity}"/>'
     return urdf(inside, kind="revolute")
 
@@ -143,9 +140,7 @@ def test_setting_normalizes_axes_in_pybullet(tmp_path: Path) -> None:
     assert turned[0] == turned[1]
 
 
-def test_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(
-    tmp_path: Path,
-) -> None:
+def test_massless_link_is_rejected_by_mujoco_and_a_kilogram_in_pybullet(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="mass and inertia"):
         load("mujoco", urdf(body=""), tmp_path)
     model = load("pybullet", urdf(body=""), tmp_path)

@@ -142,7 +142,6 @@ def test_other_roots_and_springs_on_missing_joints_are_refused(
 
 
 def test_mujoco_splits_a_planar_joint_into_two_slides_and_a_hinge(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
     path = urdf(tmp_path, link("b", 1), joint("flat", "planar", "b"))
     model = engines()["mujoco"].load(ModelSpec(path, (), SETTINGS))
     assert model.coordinates == ("flat_TX", "flat_TY", "flat_RZ")

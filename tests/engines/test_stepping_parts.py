@@ -12,11 +12,11 @@ from physics_crosscheck.engine import Array, EngineError, ModelSpec, Spring, Sta
 from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.runge_kutta import (
+    BALL,
+    FREE,
+    JointLayout,
     RungeKutta,
-    displaced,
-    displacement_rate,
     each_alone,
-    to_state,
 )
 from physics_crosscheck.harness.engines.tree_model import (
     SpringForces,
@@ -33,12 +33,13 @@ from physics_crosscheck.reference.mechanism.rotations import (
 
 def test_runge_kutta_matches_the_taylor_series() -> None:
     """Compare with the Taylor series of x'' = -x from (1, 0) to order four."""
-    stepper = RungeKutta(lambda x, m, f: f - x, floats=False)
+    stepper = RungeKutta(lambda x, m, f: f - x, JointLayout([1]))
     q, v = stepper.rollout(np.ones((1, 1)), np.zeros((1, 1)), 0.1, 1, None, 1)
     assert q[0, 0, 0] == pytest.approx(1 - 0.1**2 / 2 + 0.1**4 / 24, abs=1e-16)
     assert v[0, 0, 0] == pytest.approx(-0.1 + 0.1**3 / 6, abs=1e-16)
 
 
+FREE_ROOT = JointLayout([FREE])
 INERTIA = np.array([0.3, 0.5, 0.9])
 
 
@@ -52,8 +53,8 @@ def tumbling(x: Array, m: Array, f: Array) -> Array:
 def tumbled(n: int, span: float = 0.8) -> tuple[Array, Array]:
     z = np.array([0.1, -0.2, 0.3, 0.4, -0.9, 1.1])
     m = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3])
-    stepper = RungeKutta(each_alone(tumbling), floats=True)
-    x, m = to_state(z, np.zeros(6))[0][None], m[None]
+    stepper = RungeKutta(each_alone(tumbling), FREE_ROOT)
+    x, m = FREE_ROOT.to_state(z, np.zeros(6))[0][None], m[None]
     for _ in range(n):
         x, m = stepper.stepped(x, m, np.zeros((1, 6)), span / n)
     return x[0], m[0]
@@ -81,29 +82,34 @@ def test_tumbling_body_conserves_angular_momentum() -> None:
 def test_displacement_rates_invert_the_differential_of_the_exponential(angle: float) -> None:
     by = angle * np.array([0.36, -0.48, 0.8])
     spin = np.array([0.3, 0.9, -0.4])
-    rate = displacement_rate(
+    rate = FREE_ROOT.displacement_rate(
         np.concatenate([np.zeros(3), by]), np.concatenate([np.zeros(3), spin])
     )[3:6]
     h = 1e-5
     x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0]])
-    start, end = (displaced(x, np.concatenate([np.zeros(3), by + s * h * rate])) for s in (-1, 1))
+    start, end = (
+        FREE_ROOT.displaced(x, np.concatenate([np.zeros(3), by + s * h * rate])) for s in (-1, 1)
+    )
     turn = from_quaternion(start[3:7]).T @ from_quaternion(end[3:7]) / (2 * h)
     doubled = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     np.testing.assert_allclose(doubled / 2, spin, atol=1e-9)
 
 
-def test_coordinates_of_a_free_root_are_returned_as_set() -> None:
+@pytest.mark.parametrize("sizes", [[FREE, 1], [1, BALL, BALL], [BALL, 1, BALL]])
+def test_coordinates_of_rotations_are_returned_as_set(sizes: list[int]) -> None:
     z = np.array([0.1, -0.2, 0.3, 5.0, -0.9, 1.1, 0.6])  # rotated by more than half a turn
-    w = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3, 0.4])
-    stepper = RungeKutta(lambda x, m, f: f, floats=True)
+    w, layout = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3, 0.4]), JointLayout(sizes)
+    stepper = RungeKutta(lambda x, m, f: f, layout)
     result = stepper.rollout(z[None], w[None], 1e-30, 1, None, 1)
     for actual, expected in zip(result, (z, w), strict=True):
-        np.testing.assert_allclose(actual[0, 0], expected, rtol=1e-14)
-    np.testing.assert_allclose(to_state(z, w)[1][3:6], angular_velocity(z[3:6], w[3:6]))
+        np.testing.assert_allclose(actual[0, 0], expected, rtol=1e-14, atol=1e-15)
+    m = layout.to_state(z, w)[1]
+    for here, _ in layout.turns:
+        np.testing.assert_allclose(m[here], angular_velocity(z[here], w[here]))
 
 
 def test_motion_that_blows_up_does_not_change_its_batch() -> None:
-    stepper = RungeKutta(lambda x, m, f: x**3 + f, floats=False)
+    stepper = RungeKutta(lambda x, m, f: x**3 + f, JointLayout([1]))
     q = np.array([[1e200], [0.1], [np.nan]])
     z, w = stepper.rollout(q, 0 * q, 0.1, 4, None, 2)
     assert np.isfinite(z[:, :, 0]).tolist() == [[False] * 2, [True] * 2, [False] * 2]
@@ -111,7 +117,7 @@ def test_motion_that_blows_up_does_not_change_its_batch() -> None:
 
 
 def test_forces_by_state_are_evaluated_at_the_start_of_each_step() -> None:
-    stepper = RungeKutta(lambda x, m, f: f, floats=False)
+    stepper = RungeKutta(lambda x, m, f: f, JointLayout([1]))
     given = StateForce(np.ones((1, 3, 1)), lambda z, u: [u[0] - z[0]])
     z, _ = stepper.rollout(np.zeros((1, 1)), np.zeros((1, 1)), 1.0, 3, given, 1)
     # Each step adds v + f/2 with f = 1 - z of its start, and v grows by f.

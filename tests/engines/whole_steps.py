@@ -1,7 +1,5 @@
 """Whole steps of URDFs in engines whose laws have settings of their own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.engine import ModelSpec

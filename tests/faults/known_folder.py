@@ -1,7 +1,5 @@
 """Folders with faults, and functions that run them in real workers."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
@@ -12,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.planning.options import Selection
+from physics_crosscheck.harness.jobs.workers import Limits
 from physics_crosscheck.harness.records.write import encoded, write_whole
-from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.harness.run import Options, Selection, run
 from physics_crosscheck.records import Case, Results, read_results
 
 ROOT = Path(__file__).parents[2]
@@ -125,14 +122,12 @@ def by_case(results: Results) -> dict[tuple[str, str, str], Case]:
 
 
 def discrepancy(case: Case) -> float:
-    """Return E of a case with a verdict."""
     assert case.verdict is not None
     assert case.verdict.discrepancy is not None
     return case.verdict.discrepancy
 
 
 def uncertainty(case: Case) -> float:
-    """Return U of a case with a verdict."""
     assert case.verdict is not None
     return math.inf if case.verdict.uncertainty is None else case.verdict.uncertainty
 

@@ -1,7 +1,5 @@
 """Expected outcome of each known fault of an engine, in real workers."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -213,9 +211,7 @@ def test_invalid_sidecar_is_reported_by_name_and_line(ran: Results) -> None:
     assert "line 1" in case.reason or "end of document" in case.reason
 
 
-def test_invalid_system_fails_only_its_own_folder(
-    ran: Results,
-) -> None:
+def test_invalid_system_fails_only_its_own_folder(ran: Results) -> None:
     (case,) = (c for c in ran.cases if c.folder.endswith("broken"))
     assert case.outcome == "FAILED"
     line = len(SYSTEM.splitlines()) + 2

@@ -1,7 +1,5 @@
 """The same faults in real engines, in copies of the built-in model files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

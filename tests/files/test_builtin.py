@@ -100,9 +100,7 @@ def test_literal_off_by_a_few_roundings_is_reported(sidecar: Sidecar, tmp_path: 
         assert [m.address for m in mismatches(bindings(system, copy))] == [b.address]
 
 
-def test_every_physical_number_is_bound_or_excepted(
-    model: tuple[System, Sidecar],
-) -> None:
+def test_every_physical_number_is_bound_or_excepted(model: tuple[System, Sidecar]) -> None:
     system, sidecar = model
     places = {b.address: b.place for b in bindings(system, sidecar)}
     assert unaccounted(sidecar, places, excepted(system.name)) == []

@@ -1,6 +1,4 @@
-"""Selection of cases by name and by keyword expression."""
-
-from __future__ import annotations
+"""Models and folders are chosen by name and pattern, and similar names are suggested."""
 
 from pathlib import Path
 
@@ -12,7 +10,13 @@ from physics_crosscheck.harness.modelfiles.choice import (
     matching,
     named_model,
 )
-from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin
+from physics_crosscheck.harness.modelfiles.folders import (
+    FolderError,
+    builtin,
+    similar_path,
+    system_folders,
+)
+from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.records import CaseId
 
 FREE = CaseId(system="arm", model="robot.urdf", scenario="free", engine="mujoco")
@@ -90,3 +94,35 @@ def test_selection_combines_models_words_and_cases(folder: Path) -> None:
     assert not CaseSelection(only=[("f", FREE)]).includes("g", FREE)
     assert CaseSelection().everything
     assert not CaseSelection(only=[]).everything
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robots").mkdir()
+    for name in ("robot.xml", "robot.urdf", "robots/panda.urdf", ".robotx.urdf", "b.urdf"):
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize(("missing", "similar"), [
+    ("robo.urdf", "robot.urdf"),
+    ("robo.xml", "robot.xml"),
+    ("robot.sdf", "robot.urdf"),
+    ("robts/pnda.urdf", "robots/panda.urdf"),
+    ("robts/panda.urdf", "robots/panda.urdf"),
+])  # fmt: skip
+def test_missing_file_suggests_a_similar_name(place: Path, missing: str, similar: str) -> None:
+    fault = f"{missing}: there is no such file; did you mean {similar}?"
+    assert robot_files([missing]).faults == {missing: fault}
+
+
+@pytest.mark.parametrize("missing", ["a.urdf", "nothing/robot.urdf", "/nowhere/at/all.urdf"])
+def test_equal_suffix_alone_makes_no_suggestion(place: Path, missing: str) -> None:
+    assert similar_path(Path(missing)) == ""
+
+
+def test_misspelled_system_suggests_a_similar_name(place: Path) -> None:
+    for name, similar in (("simple_pendlum", "simple_pendulum"), ("robts", "robots")):
+        with pytest.raises(FolderError, match=f"^{name}: no such folder; did you mean {similar}"):
+            system_folders([name])

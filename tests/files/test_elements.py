@@ -1,7 +1,5 @@
 """Copies of elements keep the bytes of everything that is not changed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A repository with one accepted built-in system, and how users edit, gate and accept it."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -72,7 +70,6 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
 
 @pytest.fixture
 def repository(pristine: Repository, tmp_path: Path) -> Repository:
-    """Copy that repository for a test to change."""
     return copy_of(pristine, tmp_path / "repository")
 
 

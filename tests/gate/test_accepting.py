@@ -1,7 +1,5 @@
 """Acceptance by case or of all, with a reason and a small readable diff; known differences."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import re
@@ -94,9 +92,7 @@ def test_accepting_unchanged_motions_changes_only_hashes(
     assert repository.file.read_bytes() == written
 
 
-def test_gone_case_is_removed_with_its_text_and_snapshots(
-    repository: Repository,
-) -> None:
+def test_gone_case_is_removed_with_its_text_and_snapshots(repository: Repository) -> None:
     for name in ("space.py", "space.py.toml"):
         (repository.folder / name).unlink()
     assert len(repository.accept("not simulated in pymunk any more").cases) == 2

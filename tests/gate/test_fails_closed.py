@@ -1,7 +1,5 @@
 """Whatever fails, the gate does not pass, and the accepted baseline stays intact."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import os
@@ -43,7 +41,6 @@ def gate(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> Gating:
 
 
 def contents(repository: Repository) -> dict[Path, bytes]:
-    """Return the content of every file of the baseline."""
     return {path: path.read_bytes() for path in repository.baseline.rglob("*") if path.is_file()}
 
 
@@ -57,18 +54,9 @@ def flip(text: str, after: str) -> str:
 
 @pytest.mark.parametrize(("damage", "sentence"), [
     (lambda text: text[: len(text) // 2], "not JSON"),
-    (lambda text: "", "not JSON"),
-    (lambda text: f"<<<<<<< HEAD\n{text}", "not JSON"),
-    (lambda text: text.replace('"format": 2', '"format": 3'), "baseline of format 2"),
     (lambda text: flip(text, '"end": '), "is damaged, badly merged or edited by hand"),
-    (lambda text: flip(text, '"start": '), "is damaged, badly merged or edited by hand"),
-    (lambda text: text.replace('"outcome": "AGREES"', '"outcome": "DIFFERS"', 1),
-     "is damaged, badly merged or edited by hand"),
     (lambda text: text.replace('"scenarios": ["free", ', '"scenarios": ['),
      "is damaged, badly merged or edited by hand"),
-    (lambda text: text.replace('"cases"', '"causes"'), "is malformed"),
-    (lambda text: text.replace("0.", "NaN, 0.", 1), "not JSON"),
-    (lambda text: "[" * 100_000, "not JSON"),
     (lambda text: "null", "baseline of format 2"),
 ])  # fmt: skip
 def test_damaged_baseline_is_reported_and_never_passes(

@@ -1,7 +1,5 @@
 """Kinds of change to a system and its models: each has its own status and message."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from dataclasses import replace
@@ -149,9 +147,7 @@ def test_changes_of_scenarios_are_described(repository: Repository) -> None:
     assert "input f = 1.5*sin(5.9*t) -> f = 1.4*sin(5.9*t)" in resonance.messages[0]
 
 
-def test_constant_off_by_a_millionth_changes_the_equations(
-    repository: Repository,
-) -> None:
+def test_constant_off_by_a_millionth_changes_the_equations(repository: Repository) -> None:
     repository.edit("system.py", '"k", 47.0', '"k", 47.000047')
     result = repository.gate("pymunk")
     assert {(c.status, c.kinds) for c in result.changes} == {(CHANGED, ("equations",))}

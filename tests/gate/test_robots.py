@@ -1,7 +1,5 @@
 """Robot files without a folder: accepted and gated like the models of a folder."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
@@ -148,7 +146,6 @@ def robots(accepted: Robots, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def statuses(result: GateResult) -> dict[str, Status]:
-    """Return the status of each case."""
     return {str(change.id): change.status for change in result.changes}
 
 

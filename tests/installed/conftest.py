@@ -1,7 +1,5 @@
 """The wheel, built once and installed in a separate environment outside the checkout."""
 
-from __future__ import annotations
-
 import os
 import site
 import subprocess

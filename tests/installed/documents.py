@@ -6,8 +6,6 @@ states its exit code. A block without a language must be output of the last comm
 the same section, except for numbers.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from pathlib import Path

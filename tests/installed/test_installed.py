@@ -1,7 +1,5 @@
 """The installed wheel, in folders that contain packages with the names of ours."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from importlib.metadata import distribution

@@ -1,7 +1,5 @@
 """A repository from the first run to the gate: run, pytest, accept, gate, break, gate."""
 
-from __future__ import annotations
-
 import html
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The shell steps of a GitHub workflow, run as GitHub runs them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -79,7 +77,6 @@ def run_job(
 
 
 def steps_of(file: Path, job: str) -> list[dict[str, Any]]:
-    """Return the steps of a workflow's job."""
     steps: list[dict[str, Any]] = yaml.safe_load(file.read_text())["jobs"][job]["steps"]
     return steps
 

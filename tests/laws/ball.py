@@ -1,7 +1,5 @@
 """A ball on a plane that may be tilted, as bodies and numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,7 +19,6 @@ NOTHING = np.zeros(0)
 
 
 def surface(body: int, softness: Softness, **changes: object) -> Surface:
-    """Return a surface with friction 0.6."""
     numbers = dict[str, object](
         body=body, dimension=3, friction=(0.6, 0.005, 0.0001), priority=0, mix=1.0, margin=0.0,
         softness=softness,

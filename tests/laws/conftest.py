@@ -1,7 +1,5 @@
 """A fixture that draws few states, since each shows most of a scene's rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,8 +15,6 @@ FEW_STATES = 6
 
 @pytest.fixture
 def few_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw few states of each scene."""
-
     def draw_few(comparison: Any) -> Iterator[Any]:
         return drawn_states(comparison, FEW_STATES if type(comparison) is LawComparison else STATES)
 

@@ -1,7 +1,5 @@
 """Small scenes in which every kind of row or drive acts."""
 
-from __future__ import annotations
-
 HEAD = '<mujoco><option timestep="0.002" {}/>'
 
 DRIVES = (

@@ -1,7 +1,5 @@
 """Spaces of pymunk in which every kind of joint acts, or shapes touch."""
 
-from __future__ import annotations
-
 HEAD = """import pymunk
 
 def build():

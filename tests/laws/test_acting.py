@@ -1,7 +1,5 @@
 """Physical quantities computed from a file's numbers match the engine's motion."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +9,11 @@ import pytest
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
-from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, rest_on
+from physics_crosscheck.reference.laws.acting import Servo, pressed, rest_on
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.step import LawModel
+
+SLOPE = np.deg2rad(10)
 
 G = 9.81
 SLIDE = """<mujoco><option {option} gravity="{x} 0 {z}" tolerance="0" iterations="200"/>

@@ -1,7 +1,5 @@
 """Physical quantities computed from a URDF's numbers match PyBullet's motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +28,6 @@ def spec_of(tmp_path: Path, text: str, *, floating: bool = False) -> ModelSpec:
 
 
 def quantities(spec: ModelSpec) -> dict[tuple[str, str], float]:
-    """Return the quantities by subject and name."""
     rows = urdf_quantities(spec, "pybullet")
     return {(row.subject, row.quantity): float(row.value or 0.0) for row in rows}
 

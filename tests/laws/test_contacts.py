@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from campaigns.compiled_arrays import plant_in
 from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.law_states import KeptSteps
+from physics_crosscheck.harness.checks.shared_contacts import with_shared_contacts
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.reference.laws.solids import KINDS, Solid, distance, gap, overlap
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
 from tests.laws.scenes import URDF_BOX, URDF_LEG
 from tests.models import written
+from tests.report import samples
 
 pytest.importorskip("mujoco")
 
@@ -127,6 +131,48 @@ ARM = """<mujoco><option density="900" viscosity="1" integrator="implicitfast"/>
 <joint joint="b" coef="-.5"/></fixed></tendon>
 <equality><joint joint1="b" joint2="a" polycoef="0 .5 0 0 0" solref=".1 1"/></equality>
 <actuator><position joint="a" kp="20" ctrlrange="-1 1" forcerange="-5 5"/></actuator></mujoco>"""
+_CYLINDER = '<geom type="cylinder" size=".05 .06" mass="1" {}/>'
+CYLINDERS = f"""<mujoco><option gravity="0 0 0"/><worldbody><geom type="box" size=".1 .06 .05"/>
+<body pos=".1 .02 .03"><joint axis="0 0 1" range="-60 60"/>{_CYLINDER.format("")}
+<body pos="0 0 .1"><joint axis="1 .5 0" range="-40 40"/>{_CYLINDER.format('pos=".1 0 .02"')}
+</body></body></worldbody><contact><exclude body1="world" body2="world"/></contact></mujoco>"""
+BETWEEN = {
+    "same": (
+        _no_change,
+        r"depth of (\d+) of \1 contacts .*, on the normal of \1 and the point of \1",
+    ),
+    "larger": (scale("geom_size", 1.2), "depth of 0 of .*m deep in mjx.* in mjx is too large"),
+    "lost": (scale("geom_contype", 0), r"depth of 0 of 0 .*; \d+ contacts in mujoco alone: geom:"),
+}
+
+
+@pytest.mark.usefixtures("few_states")
+@pytest.mark.parametrize("name", BETWEEN)
+def test_contacts_without_a_closed_form_are_compared_between_engines(
+    tmp_path: Path, name: str
+) -> None:
+    """Catch a contact of two cylinders that another engine finds deeper, or not at all."""
+    plant, words = BETWEEN[name]
+    case = samples.results().cases[0]
+    cases = [
+        replace(case, engine=engine, whole_step=check(tmp_path, CYLINDERS, change).record)
+        for engine, change in (("mujoco", _no_change), ("mjx", plant))
+    ]
+    for compared in with_shared_contacts([*cases, replace(cases[0], scenario="other")])[:2]:
+        assert compared.whole_step is not None
+        (sentence,) = compared.whole_step.between
+        assert re.search(words, sentence)
+
+
+def test_contacts_of_one_link_belong_to_the_nearest_shape(tmp_path: Path) -> None:
+    """Catch a contact of one of two boxes of a link that is looked for on the other box."""
+    pytest.importorskip("pybullet")
+    shape = '<collision><origin xyz="{} 0 .02"/><geometry>{}</geometry></collision>'
+    box, end = '<box size=".1 .1 .1"/>', '</link>\n<link name="wheel">'
+    text = URDF_BOX.replace(end, shape.format(-0.2, box) + shape.format(0.2, box) + end)
+    assert not check(tmp_path, text, _no_change, "pybullet").record.contact_faults
+
+
 PLANTED = {
     "mujoco": (BOX, "geom_(size|pos|solref)|body_mass|opt.timestep", 5),
     "mujoco, all kinds": (

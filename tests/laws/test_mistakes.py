@@ -1,7 +1,5 @@
 """Engines with a known answer, whose laws contain one mistake: it is caught, and named in words."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -18,7 +16,6 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
 from physics_crosscheck.records import Outcome
 from tests.laws.scenes import URDF_ARM, URDF_BALLS
 
-pytest.importorskip("mujoco")
 pytest.importorskip("pybullet")
 
 RESOLUTION = 1e-9

@@ -1,7 +1,5 @@
 """Numbers that whole steps depend on: the diagnosis of a step that differs from its law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +14,6 @@ from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.records import Diagnosis
 from tests.coverage.test_robot import STOP
 from tests.laws.scenes import LIMITS, URDF_ARM, URDF_BOX
-
-pytest.importorskip("mujoco")
 
 BOX = """<mujoco><option {}/><worldbody>
 <geom name="floor" type="plane" size="3 3 .1" friction=".7 .02 .003"/>
@@ -99,8 +95,7 @@ def test_number_of_impulses_and_its_value_are_named(tmp_path: Path, fault: str) 
 
 
 @pytest.mark.parametrize(
-    ("text", "floating"),
-    [(URDF_ARM, False), pytest.param(URDF_BOX, True, marks=pytest.mark.slow)],
+    ("text", "floating"), [(URDF_ARM, False), pytest.param(URDF_BOX, True, marks=pytest.mark.slow)]
 )
 def test_cached_effect_equals_a_new_solution(tmp_path: Path, text: str, floating: bool) -> None:
     """Catch a known solution that is kept although a number changes it."""

@@ -1,7 +1,5 @@
 """Steps of pymunk against the law of its impulses, and planted faults."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """URDFs in MuJoCo: whole steps by its soft law, and masses from shapes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,8 +60,7 @@ def test_wrong_number_is_detected(tmp_path: Path, right: str, wrong: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("right", "wrong"),
-    [('upper=".4"', 'upper=".1"'), ('effort="7"', 'effort="70"')],
+    ("right", "wrong"), [('upper=".4"', 'upper=".1"'), ('effort="7"', 'effort="70"')]
 )
 def test_number_without_effect_agrees(tmp_path: Path, right: str, wrong: str) -> None:
     """Catch limits of a continuous joint, or of an effort that nothing exerts."""

@@ -1,7 +1,5 @@
 """Built-in models in one engine, with two scenarios and few segments."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

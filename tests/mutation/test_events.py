@@ -1,7 +1,5 @@
 """Faults in numbers of contacts, friction and soft laws are caught and named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -25,7 +23,6 @@ def _few_segments(few_segments: None) -> None:
 
 @cache
 def survey_task(system: str, model: str, engine: str) -> tuple[SystemTask, FaultSurvey]:
-    """Return a task and the survey of its faults."""
     task = make_task(system, model, engine)
     return task, survey(task)
 

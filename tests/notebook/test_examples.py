@@ -1,7 +1,5 @@
 """The notebooks of `examples/`, executed; and the examples of `docs/reference/python.md`."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -19,7 +17,6 @@ PAGE = ROOT / "docs" / "reference" / "python.md"
 
 
 def cells(notebook: Path) -> list[str]:
-    """Return the sources of the code cells."""
     read = json.loads(notebook.read_text(encoding="utf-8"))
     return ["".join(one["source"]) for one in read["cells"] if one["cell_type"] == "code"]
 

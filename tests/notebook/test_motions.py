@@ -1,7 +1,5 @@
 """`simulate` and `reference` in real engines, each against what is known of the motion."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any
@@ -311,9 +309,7 @@ def test_arguments_of_wrong_type_are_rejected() -> None:
         simulate("simple_pendulum/mujoco.xml", "free", engine=anything)
 
 
-def test_missing_engine_is_reported_with_install_command(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_missing_engine_is_reported_with_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)

@@ -78,9 +78,7 @@ def test_angle_read_by_atan2_is_taken_near_the_reference(pendulum: System) -> No
     assert coords.from_engine(*coords.to_engine(states), states) == pytest.approx(states, abs=1e-13)
 
 
-def test_angle_is_followed_over_full_turns_away_from_the_reference(
-    pendulum: System,
-) -> None:
+def test_angle_is_followed_over_full_turns_away_from_the_reference(pendulum: System) -> None:
     coords = coordinate_map(pendulum, BOB, NAMES)
     states = np.stack([np.linspace(2.9, 16.0, 50), np.full(50, 3.0)], axis=1)
     assert coords.follow(*coords.to_engine(states), states[0]) == pytest.approx(states, abs=1e-12)

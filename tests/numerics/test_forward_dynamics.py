@@ -1,7 +1,5 @@
 """Engines' accelerations compared with the equations, and which of their terms are wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache

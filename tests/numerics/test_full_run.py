@@ -15,11 +15,7 @@ from physics_crosscheck.engine import Array, Force
 from physics_crosscheck.harness.numerics import step_study
 from physics_crosscheck.harness.numerics.convergence import Sensitivity, check_full_runs
 from physics_crosscheck.harness.numerics.full_run import SampledRun, full_run
-from physics_crosscheck.harness.numerics.step_study import (
-    StepStudy,
-    decompose,
-    study_step,
-)
+from physics_crosscheck.harness.numerics.step_study import StepStudy, decompose, study_step
 from physics_crosscheck.harness.records.case import ErrorDecomposition
 from physics_crosscheck.reference.solving.segments import Motion
 from tests.numerics.conftest import (

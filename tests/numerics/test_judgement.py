@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, judge, unresolved_reason
-from physics_crosscheck.harness.numerics.ladder import EPSILON, ExtrapolatedLimit
+from physics_crosscheck.harness.numerics.ladder import ExtrapolatedLimit
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
+
+EPSILON = float(np.finfo(float).eps)
 
 
 def make_defects(uncertainty: float = 1e-11) -> tuple[Array, Array]:

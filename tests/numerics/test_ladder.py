@@ -11,7 +11,6 @@ import pytest
 
 from physics_crosscheck.harness.numerics import ladder as ladder_module
 from physics_crosscheck.harness.numerics.ladder import (
-    EPSILON,
     RUNGS,
     exact_weights,
     limits,
@@ -19,6 +18,8 @@ from physics_crosscheck.harness.numerics.ladder import (
     weights,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
+
+EPSILON = float(np.finfo(float).eps)
 
 DECISIONS = Path(__file__).parents[2] / "docs" / "decisions"
 

@@ -1,21 +1,55 @@
-"""Rounding observed in companions: smooth dependence cancels, rounding remains on each rung."""
+"""Rounding observed in companions is in the uncertainty of every limit, at any precision."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
 
 from physics_crosscheck.engine import Array
-from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
+from physics_crosscheck.harness.baseline.measure import ends as snapshot_ends
+from physics_crosscheck.harness.baseline.measure import segments_of, snapshot_of
+from physics_crosscheck.harness.checks.verdict import judge
+from physics_crosscheck.harness.commands.compare.segments import ends as compared_ends
+from physics_crosscheck.harness.diagnosis.samples import (
+    engine_ends,
+    reference_ends,
+    sample_segments,
+)
+from physics_crosscheck.harness.numerics.accelerations import Accelerations
+from physics_crosscheck.harness.numerics.differences import OperatingPoint
+from physics_crosscheck.harness.numerics.judgement import resolvable
+from physics_crosscheck.harness.numerics.ladder import RUNGS, exact_weights, least_weights, limits
+from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.rounding import (
-    COMPANION_EXPONENT,
-    MAX_PAIRS,
-    MIN_PAIRS,
-    SHARED_DIGITS,
     Starts,
+    quantization_error,
     with_companions,
     without_companions,
 )
-from physics_crosscheck.harness.numerics.segments import Observable, climb, extrapolate
-from tests.numerics.conftest import MakeBench, SymplecticEuler
+from physics_crosscheck.harness.numerics.segments import (
+    Extrapolated,
+    Observable,
+    climb,
+    extrapolate,
+)
+from physics_crosscheck.harness.numerics.step_study import study_step
+from physics_crosscheck.records import Outcome
+from physics_crosscheck.reference.dynamics.linearize import linearize
+from physics_crosscheck.reference.solving.segments import Segments
+from tests.numerics.conftest import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    Bench,
+    Coarse,
+    MakeBench,
+    SymplecticEuler,
+)
+
+MAX_PAIRS, MIN_PAIRS, EPSILON = 24, 4, float(np.finfo(float).eps)
 
 LAST_DIGIT = 2.0**-40
 
@@ -35,7 +69,7 @@ def test_smooth_dependence_is_not_observed_as_rounding() -> None:
     batch = starts()
     smooth = ends(batch)
     moved = np.abs(smooth[-MAX_PAIRS:] - smooth[batch.rows[-MAX_PAIRS:]])
-    assert np.min(np.max(moved, axis=0)) > 0.1 * EPSILON**COMPANION_EXPONENT
+    assert np.min(np.max(moved, axis=0)) > 0.1 * EPSILON ** (2 / 3)
     assert np.all(batch.observed_rounding(smooth) < 100 * EPSILON)
 
 
@@ -78,9 +112,9 @@ def test_companions_are_symmetric_and_keep_zeros() -> None:
     assert np.all(below[:, 1] == 0)
     assert np.all(np.abs(below + above - 2 * middle) <= 2 * EPSILON * np.abs(middle))
     assert (
-        0.5 * EPSILON**COMPANION_EXPONENT
+        0.5 * EPSILON ** (2 / 3)
         < np.max(np.abs(below - middle)[:, 0] / middle[:, 0])
-        < 1.01 * EPSILON**COMPANION_EXPONENT
+        < 1.01 * EPSILON ** (2 / 3)
     )
 
 
@@ -108,7 +142,7 @@ def test_last_digits_of_the_start_are_scaled_by_sensitivity() -> None:
     ends = np.column_stack(
         [5 * batch.z[:, 0], batch.z[:, 0] - batch.w[:, 0], np.ones(len(batch.z))]
     )
-    digits = batch.last_digits(ends) / (SHARED_DIGITS * EPSILON)
+    digits = batch.last_digits(ends) / (16 * EPSILON)
     assert np.all(digits <= np.array([3.5, 1.0, 0.0]) * (1 + 1e-4))
     assert np.all(digits >= np.array([3.5, 1.0, 0.0]) / 2)
     assert np.array_equal(without_companions(batch.z, batch.w).last_digits(ends), np.zeros(3))
@@ -162,9 +196,7 @@ def off(digits: float) -> Array:
     return error
 
 
-def test_rounding_common_to_all_runs_is_in_the_uncertainty(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_rounding_common_to_all_runs_is_in_the_uncertainty(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.max(off(4.0)) < 1
     assert np.max(off(1e4)) > 1  # a fault of a few more digits is not covered
     monkeypatch.setattr(Starts, "last_digits", lambda self, values: np.zeros(values.shape[1]))
@@ -185,9 +217,7 @@ class Held(SymplecticEuler):
         return z, w + (np.round(z / LAST_DIGIT) * LAST_DIGIT - z) / h
 
 
-def test_position_rounding_that_changes_velocity_is_in_the_uncertainty(
-    bench: MakeBench,
-) -> None:
+def test_position_rounding_that_changes_velocity_is_in_the_uncertainty(bench: MakeBench) -> None:
     rig = bench(Held(), duration=12.0)
     result = extrapolate(rig.model, rig.coordinates, rig.motion, resolution=1e-6)
     error = np.abs(result.limit.value - rig.motion.end)
@@ -196,3 +226,202 @@ def test_position_rounding_that_changes_velocity_is_in_the_uncertainty(
     assert np.max(error[:, 1]) > kick
     assert np.max(error / result.limit.uncertainty) < 0.7
     assert np.max(result.limit.uncertainty[:, 1]) < 1e3 * kick
+
+
+SINGLE = float(np.finfo(np.float32).eps)
+NAMES = ("x", "x_dot")
+
+
+@dataclass
+class Single(SymplecticEuler):
+    """The oscillator with every operation in 24 binary digits."""
+
+    epsilon: float = SINGLE
+
+    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
+        m, c, k, step = (np.float32(x) for x in (self.mass, self.damping, self.stiffness, h))
+        q, v, push = (np.float32(x) for x in (q, v, push))
+        v = v + step * (push - k * q - c * v) / m
+        return q + step * v, v
+
+    def altered(self, z: Array, w: Array, q: Array, h: float) -> tuple[Array, Array]:
+        return z.astype(float), w.astype(float)
+
+
+def run(bench: Bench) -> tuple[Extrapolated, Array]:
+    batch = bench.motion
+    return extrapolate(bench.model, bench.coordinates, batch, resolution=1e-9), batch.unit
+
+
+@pytest.mark.parametrize("removed", range(6))
+def test_weights_of_least_variance_cancel_their_powers(removed: int) -> None:
+    least = least_weights(RUNGS, (1, 1), removed)
+    for power in range(removed + 1):
+        power_sum = np.sum(least / np.array(RUNGS, dtype=float) ** power)
+        assert power_sum == pytest.approx(float(power == 0), abs=1e-9)
+
+
+def test_least_weights_amplify_rounding_least() -> None:
+    least = least_weights(RUNGS, (1, 1), 3)
+    n = np.array(RUNGS, dtype=float)
+    rows = np.stack([n**-e for e in range(4)])
+    free = np.linalg.svd(rows)[2][4:]  # the null space: it cancels every power
+    assert np.max(np.abs(free @ (n * least))) < 1e-10 * np.max(np.abs(n * least))
+    assert np.sum(np.abs(least)) == pytest.approx(3.2, abs=0.05)
+    assert sum(map(abs, exact_weights(RUNGS, 1, 1))) > Fraction(59)
+
+
+def test_correct_model_agrees_to_single_precision(bench: MakeBench) -> None:
+    rig = bench(Single())
+    result, scale = run(rig)
+    judgement = judge(result.limit, rig.motion, NAMES, 1, 1e-9)
+    assert judgement.outcome is Outcome.AGREES
+    assert judgement.largest_discrepancy < judgement.largest_uncertainty < 1e-4
+    assert "24 binary digits" in judgement.reason
+    assert f"known to {judgement.largest_uncertainty:.1e}" in judgement.reason
+    assert judgement.largest_uncertainty <= resolvable(result.limit, scale, 1e-9) < 2e-4
+
+
+def test_stiffness_off_by_a_thousandth_differs(bench: MakeBench) -> None:
+    rig = bench(Single(stiffness=47.0 * 1.001))
+    judgement = judge(run(rig)[0].limit, rig.motion, NAMES, 1, 1e-9)
+    assert judgement.outcome is Outcome.DIFFERS
+    assert judgement.discrepancy == pytest.approx(1e-3, rel=0.1)
+
+
+def test_doubles_resolve_the_requested_resolution(bench: MakeBench) -> None:
+    result, scale = run(bench())
+    assert resolvable(result.limit, scale, 1e-13) == 1e-13
+
+
+def test_exact_weights_would_lose_most_of_the_digits(bench: MakeBench) -> None:
+    rig = bench(Single())
+    result, scale = run(rig)
+    raw = list(result.raw)
+    least, exact = (
+        limits(raw, RUNGS, (1, 1), scale, scale, epsilon=epsilon) for epsilon in (SINGLE, EPSILON)
+    )
+    errors = [np.max(np.abs(one.value - rig.motion.end) / scale) for one in (least, exact)]
+    assert errors[0] < errors[1] / 3
+
+
+def test_full_runs_of_a_correct_model_converge(bench: MakeBench) -> None:
+    rig = bench(Single(step=0.0005))
+    study = study_step(
+        rig.model,
+        rig.coordinates,
+        rig.motion,
+        power=rig.equations.numeric_power,
+        amplitude=rig.motion.amplitude,
+        claimed=1,
+    )
+    assert study.full_run_check.converges
+    assert study.full_run_check.predicted
+
+
+def test_quantization_error_is_the_rounding_to_single_precision() -> None:
+    values = np.random.default_rng(3).normal(size=(50, 2)) * 10.0 ** np.arange(-9, 16, 0.5)[:, None]
+    held = values.astype(np.float32).astype(float)
+    assert np.array_equal(quantization_error(values, SINGLE), values - held)
+    assert not quantization_error(values, EPSILON).any()
+
+
+Errors = Callable[[Bench], Array]
+"""Return the errors of limits relative to their uncertainties."""
+
+
+def verdict(bench: Bench) -> Array:
+    batch = bench.motion
+    limit = extrapolate(bench.model, bench.coordinates, batch, resolution=1e-6).limit
+    return np.abs(limit.value - bench.motion.end) / limit.uncertainty
+
+
+def diagnosis(bench: Bench) -> Array:
+    motions = {"only": bench.motion}
+    samples = sample_segments(motions)
+    ends, uncertainty = engine_ends(bench.model, bench.coordinates, samples)
+    return np.abs(ends - reference_ends(samples)) / uncertainty
+
+
+def snapshot(bench: Bench) -> Array:
+    segments = segments_of(snapshot_of(bench.motion, "only", ("x", "x_dot"), ("F",)))
+    end, uncertainty = snapshot_ends(bench.model, bench.coordinates, segments)
+    return np.abs(end - segments.end) / uncertainty
+
+
+def compare(bench: Bench) -> Array:
+    start = bench.motion.start[::5]
+    runs = Segments.unsolved(start, float(bench.motion.lengths[0]), np.zeros((len(start), 1)))
+    limit = compared_ends(bench.model, runs, None, 1e-6).limit
+    return np.abs(limit.value - bench.motion.end[::5]) / limit.uncertainty
+
+
+def linearization(bench: Bench) -> Array:
+    taylor = linearize(bench.equations, bench.system.equilibria[0])
+    point = OperatingPoint(
+        name="rest",
+        position=taylor.position,
+        hold=np.zeros(1),
+        matrices=taylor.arrays,
+        amplitude=bench.motion.amplitude,
+        push=np.array([5.0]),
+    )
+    _, matrix = linearize_engine(bench.model, bench.coordinates, point, 1e-9)
+    wanted = np.hstack([taylor.arrays["A"], taylor.arrays["B"]])
+    return np.abs(matrix.value[:2] - wanted) / matrix.uncertainty[:2]
+
+
+def accelerations(bench: Bench) -> Array:
+    states = bench.motion.start[::5]
+    speed = bench.motion.amplitude[1:]
+    measured = Accelerations(
+        model=bench.model, coordinates=bench.coordinates, speed=speed, fastest=bench.motion.fastest
+    )
+    forces = np.linspace(-3.0, 3.0, len(states))[:, None]
+    result = measured.measure(states, np.zeros((len(states), 1)), forces)
+    wanted = (forces - STIFFNESS * states[:, :1] - DAMPING * states[:, 1:]) / MASS
+    return np.abs(result.value - wanted) / result.uncertainty
+
+
+EVERYWHERE = [
+    (verdict, 35),
+    (diagnosis, 35),
+    (snapshot, 35),
+    (compare, 35),
+    (linearization, 35),
+    # Changes over such short steps have fewer digits, even in doubles.
+    (accelerations, 33),
+]
+
+
+@pytest.mark.parametrize(("errors", "bits"), EVERYWHERE)
+def test_coarse_rounding_is_in_the_uncertainty(bench: MakeBench, errors: Errors, bits: int) -> None:
+    assert np.max(errors(bench(Coarse(bits=bits)))) < 0.5
+
+
+@pytest.mark.parametrize(("errors", "bits"), EVERYWHERE)
+def test_only_companions_show_the_rounding(
+    bench: MakeBench, errors: Errors, bits: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nothing(starts: Starts, values: Array) -> Array:
+        return np.zeros(values.shape[1])
+
+    monkeypatch.setattr(Starts, "observed_rounding", nothing)
+    assert np.max(errors(bench(Coarse(bits=bits)))) > 2
+
+
+@pytest.mark.parametrize("errors", [each for each, _ in EVERYWHERE])
+def test_engine_without_coarse_rounding_keeps_a_small_uncertainty(
+    bench: MakeBench, errors: Errors
+) -> None:
+    ratios = errors(bench())
+    assert np.max(ratios) < 0.5
+    # A huge uncertainty would pass the bound above without being useful.
+    assert np.median(ratios) > 5e-4
+
+
+@pytest.mark.parametrize("errors", [each for each, _ in EVERYWHERE])
+def test_rounding_is_in_the_uncertainty_wherever_a_limit_is_taken(
+    bench: MakeBench, errors: Errors
+) -> None:
+    assert np.max(errors(bench(Single()))) < 1

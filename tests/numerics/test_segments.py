@@ -181,9 +181,7 @@ class Bursting(SymplecticEuler):
         return np.where(q[:, None] > 0.1, np.nan, z), w
 
 
-def test_partial_batch_has_limits_only_of_finite_motions(
-    bench: MakeBench,
-) -> None:
+def test_partial_batch_has_limits_only_of_finite_motions(bench: MakeBench) -> None:
     rig = bench(Bursting())
     batch = rig.motion
     limit = extrapolate(rig.model, rig.coordinates, batch, resolution=1e-9, partial=True).limit

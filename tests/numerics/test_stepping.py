@@ -1,7 +1,5 @@
 """Engines' next states compared with their step rules, at the time step of the models."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """An arm of two hinges with a tool, in equations, MJCF and URDF, and checks of its poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -124,7 +122,6 @@ def poses(
 
 
 def message(check: PoseCheck) -> str:
-    """Return the messages of all findings as one text."""
     return "\n".join(one.message for one in check.findings)
 
 

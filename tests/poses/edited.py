@@ -1,7 +1,5 @@
 """An edited file in an engine, and the equations of the original."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.checks.case import run_case

@@ -1,7 +1,5 @@
 """A user's project with system folders, and fake results instead of engine runs."""
 
-from __future__ import annotations
-
 import importlib
 import shutil
 from collections.abc import Sequence
@@ -58,7 +56,6 @@ class Project:
         )
 
     def collect(self, *arguments: str) -> list[str]:
-        """Return the ids of the collected tests."""
         done = self.run("--collect-only", "-q", *arguments)
         return [line for line in done.outlines if "::" in line and " " not in line]
 

@@ -1,7 +1,5 @@
 """Collection of tests: their ids, names and selection."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -169,9 +167,7 @@ def test_unreadable_files_are_failed_tests(project: Project) -> None:
     assert "Traceback" not in done.stdout.str()
 
 
-def test_scenario_names_with_pytest_syntax_get_valid_ids(
-    project: Project,
-) -> None:
+def test_scenario_names_with_pytest_syntax_get_valid_ids(project: Project) -> None:
     folder = project.add()
     project.edit(folder / "system.py", 'Scenario("free"', 'Scenario("audit"')
     project.edit(folder / "system.py", 'Scenario("step"', 'Scenario("a::b[c]"')

@@ -1,7 +1,5 @@
 """Outcomes and messages of tests, with real engines and with fake results."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 import xml.etree.ElementTree as ET
@@ -36,9 +34,7 @@ def properties(element: ET.Element) -> dict[str, str]:
     return {p.get("name", ""): p.get("value", "") for p in element.iter("property")}
 
 
-def test_correct_model_passes_and_its_numbers_are_recorded(
-    project: Project,
-) -> None:
+def test_correct_model_passes_and_its_numbers_are_recorded(project: Project) -> None:
     project.add()
     (project.path / "pytest.ini").write_text(
         "[pytest]\naddopts = --strict-markers --strict-config\nfilterwarnings = error\n"

@@ -1,7 +1,5 @@
 """Robot files as tests, without a system folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

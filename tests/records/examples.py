@@ -1,7 +1,5 @@
 """Example records with every key, generated from their types: one entry per list, no nulls."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterator
 from typing import Any
@@ -85,7 +83,6 @@ def paths(value: Any, here: Path = ()) -> Iterator[Path]:
 
 
 def value_at(value: Any, path: Path) -> Any:
-    """Return the value at a path."""
     for step in path:
         value = value[step]
     return value

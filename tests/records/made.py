@@ -1,7 +1,5 @@
 """Handmade records: a case that agrees, with fields that a test overrides."""
 
-from __future__ import annotations
-
 from io import StringIO
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Message codes: every kind has a code, every code is used, and kinds determine codes."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Malformed results files: each is rejected in one sentence, without a traceback."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator
@@ -115,7 +113,6 @@ def sketches() -> Iterator[tuple[str, str]]:
 
 
 def texts() -> dict[str, str]:
-    """Return all malformed texts by name."""
     kinds = (
         truncated, wrong_types, missing_keys, extra_keys, numbers, twice, other_files, unequal,
         sketches,

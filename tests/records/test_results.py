@@ -1,6 +1,4 @@
-"""results.json: plain JSON, whole or not at all, and checked when read."""
-
-from __future__ import annotations
+"""results.json: plain JSON, whole or not at all, and checked when read; linearizations in it."""
 
 import json
 import os
@@ -8,14 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.records.base import number, numbers, rows
 from physics_crosscheck.harness.records.case import Convergence, ForwardDynamics
 from physics_crosscheck.harness.records.outcome import contradiction
 from physics_crosscheck.harness.records.write import encoded, write_whole
-from physics_crosscheck.records import Case, Outcome, Results, ResultsError, read_results
+from physics_crosscheck.harness.results.status import status_of
+from physics_crosscheck.records import Case, Model, Outcome, Results, ResultsError, read_results
 from tests.records.made import case, verdict
+from tests.report.samples import model
 
 
 def some(*cases: Case) -> Results:
@@ -159,3 +161,24 @@ def test_judgements_are_consistent(seed: int) -> None:
         assert contradiction(judgement.outcome, *numbers_, resolution) == ""
         others = {AGREES, DIFFERS, UNRESOLVED} - {judgement.outcome, UNRESOLVED}
         assert all(contradiction(other, *numbers_, resolution) for other in others)
+
+
+def with_misfit(differs: bool) -> Model:
+    sound = model("oscillator", "arm.xml", "mujoco", 1)
+    (linearization,) = sound.linearizations
+    return replace(sound, linearizations=(replace(linearization, a_error=13.0, differs=differs),))
+
+
+def test_wrong_linearization_fails_test_and_run() -> None:
+    wrong, sound = with_misfit(True), with_misfit(False)
+    assert sound.passes
+    assert not wrong.passes
+    assert [finding.kind for finding in wrong.findings] == ["linearization"]
+    assert "equations' in A by 1.3e+01 of its largest entry" in wrong.findings[0].message
+    assert status_of(wrong, require_engines=True).status == "fail"
+    for checked, code in ((wrong, 1), (sound, 0)):
+        results = Results(
+            created="now", versions={}, resolution=1e-9, seconds=0.0, systems=(), models=(checked,),
+            cases=(case(),), baseline=None,
+        )  # fmt: skip
+        assert exit_code(results, require_engines=False) == code

@@ -1,7 +1,5 @@
 """JSON Schemas: generated from the records, and as strict as the reader."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re
@@ -12,13 +10,7 @@ import jsonschema
 import msgspec
 import pytest
 
-from physics_crosscheck.harness.records.schema import (
-    PAGES,
-    SCHEMAS,
-    meanings,
-    page_texts,
-    schema,
-)
+from physics_crosscheck.harness.records.schema import PAGES, SCHEMAS, meanings, page_texts, schema
 from physics_crosscheck.records import Record, Results
 from tests.records.examples import example, paths, replaced
 
@@ -60,9 +52,7 @@ def test_objects_forbid_other_keys_and_describe_all_fields(name: str) -> None:
 
 
 @pytest.mark.parametrize("record", SCHEMAS.values(), ids=list(SCHEMAS))
-def test_example_is_valid_only_without_extra_keys(
-    record: type[Record],
-) -> None:
+def test_example_is_valid_only_without_extra_keys(record: type[Record]) -> None:
     validator = jsonschema.Draft202012Validator(schema(record))
     good: Any = example(record)
     assert validator.is_valid(good)

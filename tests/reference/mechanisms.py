@@ -7,15 +7,7 @@ from typing import Any
 import sympy as sp
 from sympy import cos
 
-from physics_crosscheck import (
-    Constant,
-    Coordinate,
-    Equilibrium,
-    Input,
-    Output,
-    Scenario,
-    System,
-)
+from physics_crosscheck import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.solving.segments import Motion
@@ -51,7 +43,6 @@ def motion_of(name: str, scenario: str) -> Motion:
 
 
 def constant(name: str, value: float, unit: str) -> Constant:
-    """Declare a constant with a description and a source."""
     return Constant(name, value, unit, f"{name} of a test", "chosen for the test")
 
 

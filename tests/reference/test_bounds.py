@@ -63,20 +63,6 @@ def test_every_segment_of_a_linear_system_ends_within_its_bound(name: str, scena
     assert np.max(error / motion.bound) > 0.1
 
 
-def test_without_the_rounding_of_times_a_driven_motion_is_outside_its_bound(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def none(
-        expressions: list[sp.Expr], variables: dict[sp.Symbol, tuple[Array, Array]], **_: object
-    ) -> Array:
-        return np.zeros((*variables[t][0].shape, len(expressions)))
-
-    monkeypatch.setattr(physics_crosscheck.reference.solving.bounds, "running_error", none)
-    equations = equations_of("free_pair")
-    motion = solve(equations, equations.system.scenario("driven"))
-    assert np.max(segment_errors(equations, "driven", motion) / motion.bound) > 1.5
-
-
 DRAWS = range(10)
 
 

@@ -47,12 +47,6 @@ def test_newtons_second_law_gives_the_same_equation(name: str) -> None:
     assert sp.simplify(equations_of(name).residual[0] - NEWTON[name](symbols(system))) == 0
 
 
-def test_newtons_second_law_with_a_reversed_damper_differs() -> None:
-    names = symbols(built_in("mass_spring_damper"))
-    wrong = NEWTON["mass_spring_damper"](names | {"c": -names["c"]})
-    assert sp.simplify(equations_of("mass_spring_damper").residual[0] - wrong) != 0
-
-
 # Kane's method, from bodies, points and forces, without energies; heyoka has the other systems.
 
 
@@ -158,21 +152,10 @@ def kane_matches(name: str, assemble: Callable[[Mechanism], None]) -> bool:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.slow) if n == CART.name else n for n in KANE],
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n == CART.name else n for n in KANE]
 )
 def test_kanes_method_gives_the_same_equations(name: str) -> None:
     assert kane_matches(name, KANE[name])
-
-
-def test_kanes_method_detects_a_wrong_inertia() -> None:
-    def hoop(p: Mechanism) -> None:
-        kane_drum_pendulum(p)
-        drum = p.bodies[0]
-        moment = me.inertia(drum.frame, 0, 0, p.value["M"] * p.value["r"] ** 2)
-        drum.inertia = (moment, drum.masscenter)
-
-    assert not kane_matches("drum_pendulum", hoop)
 
 
 # heyoka's own formulation, numerically, at random states.
@@ -232,30 +215,12 @@ def test_heyokas_dissipation_function_has_our_sign() -> None:
     )[0] == sp.Rational(-3, 2)
 
 
-def test_heyokas_lagrangian_detects_a_changed_damping() -> None:
-    system = oscillator(2.0, 3.0, 5.0)
-    changed = dataclasses.replace(system, D=system.D * sp.Rational(1000001, 1000000))
-    states, forces = random_states(system)
-    ours = derive(changed).numeric_acceleration(
-        states[:, :1], states[:, 1:], forces, np.zeros((len(states), 1))
-    )
-    theirs = heyoka_accelerations(system, states, forces)
-    assert np.max(np.abs(ours - theirs)) > 1e6 * EPS * np.max(np.abs(theirs))
-
-
 # Properties of every derived equation.
 
 
 @pytest.mark.parametrize("name", EVERY)
 def test_energy_balance_is_zero(name: str) -> None:
     assert equations_of(name).energy_balance == 0
-
-
-@pytest.mark.parametrize("name", [*(n for n in NAMES if built_in(n).D != 0), CART.name])
-def test_energy_balance_detects_a_changed_dissipation(name: str) -> None:
-    derived = equations_of(name)
-    factor = 1 + sp.Rational(1, 10**6)
-    assert dataclasses.replace(derived, dissipated=factor * derived.dissipated).energy_balance != 0
 
 
 @pytest.mark.parametrize("name", EVERY)

@@ -1,32 +1,27 @@
-"""The table of errata is computed: one equation of the source differs, and planted faults do."""
+"""The table of errata is computed, and published notation is read."""
 
 import dataclasses
 import re
 from functools import cache
+from time import process_time
 
 import pytest
 import sympy as sp
 
 from physics_crosscheck import DeclarationError, PublishedEquation, Quantity
 from physics_crosscheck.reference.dynamics.derive import derive
-from physics_crosscheck.reference.dynamics.errata import (
-    AGREES,
-    DIFFERS,
-    UP_TO_SIGNS,
-    EquationCheck,
-    best_reading,
-    errata,
-)
+from physics_crosscheck.reference.dynamics.errata import EquationCheck, best_reading, errata
 from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, linearize
+from physics_crosscheck.reference.dynamics.notation import readings
 from physics_crosscheck.reference.dynamics.simplify import simplify_bounded
 from tests.reference.mechanisms import NAMES, built_in, equations_of, pendulum
+
+AGREES, DIFFERS, UP_TO_SIGNS = "agrees", "differs", "agrees up to signs"
 
 NUMBERS = {*(f"2.{i}" for i in range(1, 49)), *(f"3.{i}" for i in range(1, 15))}
 """Numbers of all numbered equations of the source."""
 
-LEFT_OUT = {
-    "3.1": "an infinite series of any function; its first order is 3.2",
-}
+LEFT_OUT = {"3.1": "an infinite series of any function; its first order is 3.2"}
 
 PUBLISHED = [(name, i) for name in NAMES for i in range(len(built_in(name).published))]
 KINDS = {(name, built_in(name).published[i].states): (name, i) for name, i in PUBLISHED}
@@ -272,3 +267,40 @@ def test_invalid_equation_is_rejected_with_a_reason(
         judge("mass_spring_damper", row(text, states, subject, True), quantities=still)
     assert sentence in str(caught.value)
     assert "Eq. 0.0" in str(caught.value)
+
+
+def refused(text: str) -> str:
+    published = PublishedEquation("9.9", text, "motion", of="theta", driven=False, note="")
+    began = process_time()
+    with pytest.raises(DeclarationError, match=r"Eq\. 9\.9") as caught:
+        readings(published, built_in("simple_pendulum"))
+    assert process_time() - began < 2
+    assert caught.value.about == ("PublishedEquation", "9.9")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("text", [
+    "theta'' = 9**9**9", "theta'' = (9**64)**64", "theta'' = theta^(10^9)", "theta'' = 9**(-9**9)",
+    f"theta'' = {'*'.join(['theta'] * (400 + 1))}",
+    "theta'' = 1e999992", "theta'' = 2*1.5E-99_9992 + theta",
+])  # fmt: skip
+def test_powers_that_keep_a_worker_busy_are_refused(text: str) -> None:
+    assert "exponent" in refused(text) or "too large to compute" in refused(text)
+
+
+@pytest.mark.parametrize("text", [
+    "theta'' = (lambda: 0)()", "theta'' = theta.__class__", "theta'' = [theta][0]",
+    "theta'' = f'{theta}'", "theta'' = (theta if g else 0)", "theta'' = sin(*[theta])",
+])  # fmt: skip
+def test_program_is_rejected(text: str) -> None:
+    assert "is not a number, a name or arithmetic" in refused(text)
+
+
+def test_number_of_ambiguous_signs_is_limited() -> None:
+    assert f"at most {8} are allowed" in refused(f"theta'' = {'± g ' * (8 + 1)}")
+
+
+def test_root_is_an_exponent() -> None:
+    published = PublishedEquation("1", "g = (g^2)^(1/2)", "value", of="", driven=False, note="")
+    (reading,) = readings(published, built_in("simple_pendulum"))
+    assert reading.sides[0] == reading.sides[1]

@@ -1,7 +1,5 @@
 """Event-driven motions against closed forms, and the configurations that are refused."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache
@@ -39,20 +37,17 @@ DIGITS = 3e-14
 
 @cache
 def built_in(name: str) -> tuple[System, dict[str, float]]:
-    """Return a built-in system and its constants."""
     system = load_system(EVENTS / name)
     return system, {c.name: c.value for c in system.constants}
 
 
 @cache
 def motion(name: str, scenario: str) -> Motion:
-    """Return a motion of a built-in system."""
     system, _ = built_in(name)
     return solve_events(derive(system), system.scenario(scenario))
 
 
 def assert_close(values: object, expected: object) -> None:
-    """Compare with the digits of doubles."""
     np.testing.assert_allclose(np.asarray(values), np.asarray(expected), rtol=DIGITS, atol=DIGITS)
 
 
@@ -332,7 +327,6 @@ GRAVITY = Constant("g", 9.81, "m/s^2", "gravity", "test")
 
 
 def planar(interactions: tuple[Interaction, ...], scenario: Scenario) -> System:
-    """Return a planar rod with interactions."""
     return System(
         name="rod", title="rod", source="test", coordinates=(x, y, angle),
         constants=(MASS, HALF, INERTIA, GRAVITY), inputs=(),

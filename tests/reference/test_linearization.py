@@ -1,4 +1,4 @@
-"""Linearizations against high-precision derivatives, textbook formulas and Taylor's theorem."""
+"""Linearizations against derivatives and textbook formulas, and the range of linear equations."""
 
 import dataclasses
 
@@ -23,9 +23,11 @@ from physics_crosscheck.reference.dynamics.modes import (
     s,
     transfer_functions,
 )
+from physics_crosscheck.reference.solving.linearity import LinearityError, linearity
 from tests.reference.mechanisms import (
     CART,
     EPS,
+    LINEAR,
     NAMES,
     X,
     built_in,
@@ -152,10 +154,7 @@ def pair(first: float, second: float, coupling: float) -> System:
             equilibria=(Equilibrium("rest", {X: 0, y: 0}, False, "relaxed"),),
             scenarios=(
                 dataclasses.replace(
-                    declared()["scenarios"][0],
-                    q={X: 0.1, y: 0},
-                    v={X: 0, y: 0},
-                    inputs={force: 0},
+                    declared()["scenarios"][0], q={X: 0.1, y: 0}, v={X: 0, y: 0}, inputs={force: 0}
                 ),
             ),
         )
@@ -311,24 +310,11 @@ def test_output_that_sees_a_velocity_brings_an_s() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"),
-    [
-        ("mass_spring_damper", "SISO"),
-        ("torsional_disc", "SISO"),
-        ("simple_pendulum", "SISO"),
-        ("free_pair", "SIMO"),
-        ("anchored_pair", "SIMO"),
-        ("drum_pendulum", "MIMO"),
-    ],
+    ("inputs", "outputs", "kind"),
+    [(1, 1, "SISO"), (1, 2, "SIMO"), (2, 2, "MIMO"), (3, 1, "MISO"), (0, 2, "autonomous")],
 )
-def test_system_is_classed_by_its_inputs_and_outputs(name: str, kind: str) -> None:
-    system = built_in(name)
-    assert classify(len(system.inputs), len(system.outputs)) == kind
-
-
-def test_systems_with_many_inputs_or_none_are_classed() -> None:
-    assert classify(3, 1) == "MISO"
-    assert classify(0, 2) == "autonomous"
+def test_system_is_classed_by_its_inputs_and_outputs(inputs: int, outputs: int, kind: str) -> None:
+    assert classify(inputs, outputs) == kind
 
 
 def test_system_without_inputs_is_linearized() -> None:
@@ -377,15 +363,52 @@ def test_error_of_a_taylor_series_falls_with_the_next_power(order: int) -> None:
     assert abs(observed - (order + 1)) < 0.01
 
 
-def test_first_order_of_the_drums_force_is_its_linearization() -> None:
-    equations = equations_of("drum_pendulum")
-    system = equations.system
-    point = dict.fromkeys((*system.q, *system.v, *system.u), sp.Integer(0))
-    linearization = linearized("drum_pendulum", "hanging")
-    expected = (
-        linearization.input * sp.Matrix(system.u)
-        - linearization.damping * sp.Matrix(system.v)
-        - linearization.stiffness * sp.Matrix(system.q)
-    )
-    for row, force in zip(expected, equations.force, strict=True):
-        assert sp.expand(taylor(force, point, 1) - row) == 0
+def errors_of(name: str) -> tuple[LinearityError, ...]:
+    equations = equations_of(name)
+    return linearity(equations, linearize(equations, equations.system.equilibria[0]))
+
+
+def test_error_of_the_linear_pendulum_matches_elliptic_functions() -> None:
+    (table,) = errors_of("simple_pendulum")
+    w = mp.sqrt(mp.mpf(9.81) / mp.mpf(0.75))
+    assert table.period == pytest.approx(float(2 * mp.pi / w), rel=1e-15)
+    for amplitude, error in zip(table.amplitudes, table.errors, strict=True):
+        k = mp.sin(mp.mpf(amplitude) / 2)
+        quarter = mp.ellipk(k**2)
+        exact = max(
+            abs(
+                amplitude * mp.cos(phase)
+                - 2 * mp.asin(k * mp.ellipfun("sn", phase + quarter, m=k**2))
+            )
+            for phase in (mp.mpf(2) * mp.pi * i / 100 for i in range(101))
+        )
+        # Integrated to 1e-10 of the amplitude a step, and an error is relative to the amplitude.
+        assert error == pytest.approx(float(exact) / amplitude, rel=1e-5, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
+def test_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
+    for table in errors_of(name):
+        small = [(a, e) for a, e in zip(table.amplitudes, table.errors, strict=True) if a <= 0.05]
+        slope = np.diff(np.log([e for _, e in small])) / np.diff(np.log([a for a, _ in small]))
+        # The next order adds about a^2 of the error, at most 0.0025.
+        assert np.all(np.abs(slope - 2) < 0.01)
+
+
+@pytest.mark.parametrize("name", sorted(LINEAR))
+def test_linear_equations_have_no_such_error(name: str) -> None:
+    assert errors_of(name) == ()
+
+
+@pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
+def test_unstable_equilibrium_has_no_such_table(name: str) -> None:
+    equations = equations_of(name)
+    (upright,) = (e for e in built_in(name).equilibria if e.name == "upright")
+    assert linearity(equations, linearize(equations, upright)) == ()
+
+
+def test_each_mode_of_the_drum_has_a_table() -> None:
+    first, second = errors_of("drum_pendulum")
+    assert (first.mode, second.mode) == (0, 1)
+    assert first.amplitudes == (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5)
+    assert second.period < first.period

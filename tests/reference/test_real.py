@@ -65,10 +65,7 @@ COMPLEX = {
     "V": (declared(V=I * K * x**2 / 2), "V is complex"),
     "T": (declared(T=I * M * X.v**2 / 2), "T is complex"),
     "D": (declared(D=I * C * X.v**2 / 2), "D is complex"),
-    "V at the start": (
-        declared(constants=ALL, V=K * L**2 * sqrt(x / L - 1)),
-        "V at its start is",
-    ),
+    "V at the start": (declared(constants=ALL, V=K * L**2 * sqrt(x / L - 1)), "V at its start is"),
     "V with a complex constant": (
         declared(constants=ALL, V=K * L**2 * log(x / L - 2)),
         "which is not a real number",
@@ -86,10 +83,7 @@ INFINITE = {
     "a force": (forced(sp.oo), "not a finite number"),
     "a force that is not a number": (forced(float("nan")), "not a finite number"),
     "a pole at a time that is looked at": (forced(1 / (t - 1)), "not a finite number at t = 1 s"),
-    "a pole between": (
-        forced((t - Rational(1, 3)) ** -2),
-        "t - 1/3 is zero, near t = 0.333",
-    ),
+    "a pole between": (forced((t - Rational(1, 3)) ** -2), "t - 1/3 is zero, near t = 0.333"),
     "a tangent": (forced(tan(t)), "where cos(t) is zero"),
     "a logarithm": (forced(log(t)), "not a finite number at t = 0 s"),
     "a force too large for a double": (forced(9**9**6), "not a finite number"),

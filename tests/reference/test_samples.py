@@ -1,32 +1,35 @@
-"""Segments from selected states: within limits, and accurate compared with more digits."""
-
-from __future__ import annotations
+"""Segments from selected states: within limits, accurate, reused, and telling numbers apart."""
 
 import dataclasses
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
 from physics_crosscheck import Coordinate
+from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.equations import slopes_of
+from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, Scalars
-from physics_crosscheck.reference.mechanism.tree import Kind, Tree
+from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeCoupling, TreeLink
+from physics_crosscheck.reference.solving import resolved
 from physics_crosscheck.reference.solving.integrate import ReferenceError, by_runge_kutta
+from physics_crosscheck.reference.solving.resolved import ReusedSegments
 from physics_crosscheck.reference.solving.samples import (
-    MAX_DIFFERENCE,
-    MAX_LIMIT_DISTANCE,
-    SAMPLING_RANGE,
     LockedError,
     samples,
+    select_d_optimal,
+    solved,
     within,
 )
 from physics_crosscheck.reference.solving.segments import Segments
-from tests.reference.multibody.trees import tree
+from tests.reference.multibody.trees import state, tree
 
 KINDS: tuple[Kind, ...] = ("hinge", "slide", "hinge", "hinge")
 OPEN = np.array([-np.inf, np.inf])
@@ -88,7 +91,7 @@ def test_difference_of_two_solutions_widens_the_bound_or_fails(
         return by_runge_kutta(*given, **options) * (1 + apart)
 
     monkeypatch.setattr("physics_crosscheck.reference.solving.samples.by_runge_kutta", perturbed)
-    if apart > MAX_DIFFERENCE:
+    if apart > 1e-9:
         with pytest.raises(ReferenceError, match=r"two solutions of \S+ are \S+e-0[567] apart"):
             samples(system, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
         return
@@ -118,11 +121,11 @@ def test_states_are_within_limits_and_the_same_for_one_seed() -> None:
 
 @pytest.mark.parametrize(("limits", "home", "expected"), [
     ((-0.5, 0.2), 0.0, (-0.5, 0.2)),
-    ((-np.inf, np.inf), 2.0, (2.0 - SAMPLING_RANGE, 2.0 + SAMPLING_RANGE)),
-    ((-np.inf, -3.0), 0.0, (-3.0 - SAMPLING_RANGE, -3.0)),
-    ((5.0, np.inf), 0.0, (5.0, 5.0 + SAMPLING_RANGE)),
-    ((-100.0, 100.0), 1.0, (1.0 - MAX_LIMIT_DISTANCE, 1.0 + MAX_LIMIT_DISTANCE)),
-    ((10.0, 100.0), 0.0, (10.0, 10.0 + MAX_LIMIT_DISTANCE)),
+    ((-np.inf, np.inf), 2.0, (2.0 - 1.0, 2.0 + 1.0)),
+    ((-np.inf, -3.0), 0.0, (-3.0 - 1.0, -3.0)),
+    ((5.0, np.inf), 0.0, (5.0, 5.0 + 1.0)),
+    ((-100.0, 100.0), 1.0, (1.0 - np.pi, 1.0 + np.pi)),
+    ((10.0, 100.0), 0.0, (10.0, 10.0 + np.pi)),
 ])  # fmt: skip
 def test_positions_are_drawn_near_home(
     limits: tuple[float, float], home: float, expected: tuple[float, float]
@@ -153,11 +156,7 @@ def test_locked_joint_is_rejected_by_name() -> None:
 def test_empty_limits_are_ignored() -> None:
     limits = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.5]])
     ranges = within(limits, np.array([0.0, 0.5, 0.1]))
-    assert ranges.tolist() == [
-        [-SAMPLING_RANGE, SAMPLING_RANGE],
-        [0.5 - SAMPLING_RANGE, 0.5 + SAMPLING_RANGE],
-        [0, 0.5],
-    ]
+    assert ranges.tolist() == [[-1.0, 1.0], [0.5 - 1.0, 0.5 + 1.0], [0, 0.5]]
 
 
 def test_joint_without_any_inertia_is_refused() -> None:
@@ -177,3 +176,154 @@ def test_joints_that_move_no_inertia_together_are_all_named() -> None:
     bad = dataclasses.replace(robot, links=(first, second, third))
     with pytest.raises(ReferenceError, match="together, joints 'j1' and 'j2' move no mass"):
         samples(equations(bad), np.tile(OPEN, (3, 1)), np.zeros(3), 10, 1)
+
+
+@cache
+def solved_samples() -> tuple[TreeSystem, Segments]:
+    system = tree_system(name="arm", title="", source="", tree=tree(("hinge", "slide", "hinge"), 5))
+    limits = np.array([[-1.0, 1.0]] * 3)
+    return system, samples(TreeEquations(system), limits, np.zeros(3), 6, 1)
+
+
+def heavier(segments: Tree, factor: float) -> Tree:
+    last = segments.links[-1]
+    return replace(segments, links=(*segments.links[:-1], replace(last, mass=last.mass * factor)))
+
+
+def damped(segments: Tree, damping: float) -> Tree:
+    return replace(
+        segments, links=(*segments.links[:-1], replace(segments.links[-1], damping=damping))
+    )
+
+
+def by_two_methods(system: TreeSystem, segments: Segments) -> Segments:
+    return solved(
+        TreeEquations(system),
+        segments.start,
+        segments.start_inputs,
+        segments.length,
+        segments.fastest,
+    )
+
+
+@pytest.mark.parametrize("factor", [0.4, 1.001])
+def test_changed_tree_matches_new_solutions(factor: float) -> None:
+    system, segments = solved_samples()
+    drawn = replace(system, tree=heavier(system.tree, factor))
+    actual = ReusedSegments(system, segments).for_tree(drawn.tree)
+    expected = by_two_methods(drawn, segments)
+    assert np.all(np.abs(actual.end - expected.end) <= actual.bound + expected.bound)
+    # A mass change of 0.1 % exceeds every bound.
+    assert np.max(np.abs(actual.end - segments.end) / actual.bound) > 1e4
+    assert np.all(actual.bound < 1e-10 * np.max(np.abs(segments.end - segments.start), axis=0))
+
+
+def test_unchanged_tree_matches_the_solved_segments() -> None:
+    system, segments = solved_samples()
+    actual = ReusedSegments(system, segments).for_tree(system.tree)
+    assert np.all(np.abs(actual.end - segments.end) <= segments.bound)
+
+
+def test_quicker_tree_has_shorter_segments() -> None:
+    system, segments = solved_samples()
+    quick = replace(system, tree=damped(system.tree, 400.0))
+    actual = ReusedSegments(system, segments).for_tree(quick.tree)
+    assert actual.length < segments.length / 2
+    assert actual.fastest > 2 * segments.fastest
+    expected = by_two_methods(quick, actual)
+    assert np.array_equal(actual.end, expected.end)
+
+
+def test_distant_tree_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, segments = solved_samples()
+    near = ReusedSegments(system, segments)
+
+    def refused(*_: object) -> Segments:
+        raise ReferenceError("it does not converge")
+
+    monkeypatch.setattr(resolved.ReusedSegments, "_near", refused)
+    drawn = replace(system, tree=heavier(system.tree, 2.0))
+    assert np.array_equal(near.for_tree(drawn.tree).end, by_two_methods(drawn, segments).end)
+
+
+CHAINS: tuple[tuple[Kind, ...], ...] = (
+    ("hinge", "slide", "hinge"), ("free", "hinge"), ("ball", "slide"), ("hinge",) * 4,
+)  # fmt: skip
+
+
+def about_origin(link: TreeLink) -> Array:
+    """Return a link's mass, mass times center, and inertia about its origin, (10,)."""
+    c = link.center
+    whole = link.inertia + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    products = whole[[0, 0, 1], [1, 2, 2]]
+    return np.concatenate([[link.mass], link.mass * c, np.diag(whole), products])
+
+
+def test_regressor_times_parameters_equals_inverse_dynamics() -> None:
+    robot = tree(("hinge", "free", "ball", "slide", "hinge"), 4)
+    q, v = state(robot, 1, (5,))
+    a = state(robot, 2, (5,))[1]
+    dynamics = Recursion(robot)
+    numbers = np.concatenate([about_origin(link) for link in robot.links])
+    forces = np.einsum("npk,p->nk", dynamics.regressor(q, v, a), numbers)
+    assert np.allclose(forces, dynamics.bias(q, v, a), atol=1e-11)
+
+
+def with_mass(robot: Tree, index: int, share: float) -> Tree:
+    """Add mass to a link, with the same center and the same inertia about it."""
+    link = robot.links[index]
+    return with_link(robot, index, replace(link, mass=link.mass + share))
+
+
+def with_link(robot: Tree, index: int, link: TreeLink) -> Tree:
+    return replace(robot, links=(*robot.links[:index], link, *robot.links[index + 1 :]))
+
+
+@pytest.mark.parametrize("kinds", CHAINS)
+def test_slopes_match_finite_differences(kinds: tuple[Kind, ...]) -> None:
+    robot = tree(kinds, 5)
+    if len(kinds) == 4:
+        robot = replace(robot, couplings=(TreeCoupling(follower=3, leader=0, multiplier=-0.7),))
+    random, n, index, by = np.random.default_rng(3), robot.dof, len(kinds) - 2, 1e-6
+    x, rate, forces = random.normal(size=(3, n, 6))
+    dynamics = Charted(robot)
+    second = dynamics.acceleration(x, rate, forces)
+    slopes = dynamics.slopes(x, rate, second)
+    ends = [with_mass(robot, index, way * by) for way in (1, -1)]
+    up, down = (Charted(end).acceleration(x, rate, forces) for end in ends)
+    change = (about_origin(ends[0].links[index]) - about_origin(ends[1].links[index])) / (2 * by)
+    expected = -np.einsum("npk,p->nk", slopes[:, 10 * index : 10 * index + 10], change)
+    assert np.allclose((up - down) / (2 * by), expected, atol=1e-6 * np.abs(expected).max())
+
+    link, there = robot.links[0], robot.velocities[0]
+    other = with_link(robot, 0, replace(link, damping=link.damping + by))
+    moved = (Charted(other).acceleration(x, rate, forces) - second) / by
+    first = 10 * len(robot.links)
+    damped = -slopes[:, first + there.start : first + there.stop].sum(axis=1)
+    assert np.allclose(moved, damped, atol=1e-4 * np.abs(damped).max() + 1e-9)
+
+
+def test_only_state_that_shows_a_number_is_selected() -> None:
+    rows = np.zeros((50, 2, 3))
+    rows[:, 0, 0] = rows[:, 1, 1] = np.linspace(1, 2, 50)
+    rows[17, 0, 2] = 1e-3
+    assert 17 in select_d_optimal(rows, 2)
+    assert sorted(select_d_optimal(rows, 50)) == list(range(50))
+
+
+def test_selection_does_not_depend_on_parameterization() -> None:
+    random = np.random.default_rng(2)
+    rows = random.normal(size=(60, 3, 8)) * random.uniform(0.1, 3, size=(60, 1, 1))
+    mixed = rows @ random.normal(size=(8, 8)) * 10.0 ** random.integers(-9, 9, size=8)
+    twice = np.concatenate([rows, rows[..., :2], 0 * rows[..., :1]], axis=2)
+    assert select_d_optimal(rows, 12) == select_d_optimal(mixed, 12) == select_d_optimal(twice, 12)
+
+
+def test_selected_states_are_better_conditioned_than_random_ones() -> None:
+    random = np.random.default_rng(4)
+    rows = random.normal(size=(200, 2, 30)) * random.uniform(0, 1, size=(200, 1, 30)) ** 3
+
+    def condition(states: list[int]) -> float:
+        return float(np.linalg.cond(rows[states].reshape(-1, 30)))
+
+    assert condition(select_d_optimal(rows, 24)) < condition(list(range(24))) / 2

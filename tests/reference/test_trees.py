@@ -1,7 +1,5 @@
 """Equations and motions of a tree match formulas that are derived from energies."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -106,9 +104,7 @@ def test_slopes_match_the_formulas(written: Equations, recursive: TreeEquations)
 
 
 @pytest.mark.slow
-def test_motion_matches_the_formulas_within_both_bounds(
-    written: Equations,
-) -> None:
+def test_motion_matches_the_formulas_within_both_bounds(written: Equations) -> None:
     torque = sp.Rational(1, 5) * sp.sin(3 * t)
     given = written.system.scenarios[0]
     scenario = Scenario(

@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest
 
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import render, write_report
+from physics_crosscheck.records import Results
 from tests.report.chromium import Browser, Tab, running
 from tests.report.page import Page
 from tests.report.samples import mixed, results

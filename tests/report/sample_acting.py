@@ -1,20 +1,17 @@
 """A box with an arm that acts on everything: mesh, floor, limit, drive; another mass in MuJoCo."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.scene import errors_record, inertia_records
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.stepping import StepDefects
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.records import Outcome, Results
 from tests.report.samples import changed_model, results
 
 CORNERS = 24
@@ -43,7 +40,6 @@ ARM = """<mujoco>
 
 
 def write_arm(folder: Path) -> Path:
-    """Write the file with its mesh."""
     turns = 2 * np.pi * np.arange(CORNERS) / CORNERS
     rows = [(0.05 * np.cos(t), 0.05 * np.sin(t), z) for z in (0.0, 0.4) for t in turns]
     faces = []

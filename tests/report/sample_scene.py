@@ -1,7 +1,5 @@
 """A humanoid with 29 joints and one wrong number, as a run writes it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +8,7 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.checks.scene import errors_record, scene_record
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.numerics.stepping import StepDefects
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.harness.records.finding import Diagnosis
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.records import CauseId, Diagnosis, Outcome, Results, SourceLine
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments

@@ -1,49 +1,53 @@
 """Invented results for the report's tests, with every outcome and every field."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.base import Numbers, Rows, SourceLine, numbers
+from physics_crosscheck.harness.records.base import Numbers, Rows, numbers
 from physics_crosscheck.harness.records.case import (
-    Case,
     CheckedStep,
     Convergence,
     EnergySeries,
     ErrorDecomposition,
-    FullRun,
-    Series,
     StepErrors,
     TargetStep,
-    Verdict,
 )
-from physics_crosscheck.harness.records.cause import Cause, CauseId
 from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
-from physics_crosscheck.harness.records.finding import (
-    AuditFinding,
-    CorrectedMotion,
-    CorrectedScenario,
-    Diagnosis,
-    Explanation,
-)
-from physics_crosscheck.harness.records.model import (
-    DiscreteLinearization,
-    EngineLinearization,
-    EnginePole,
-    Model,
-)
-from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario
+from physics_crosscheck.harness.records.model import DiscreteLinearization, EnginePole
+from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.render.html.packs import Array
-from tests.report.sample_system import SCENARIOS, system
+from physics_crosscheck.records import (
+    Case,
+    CauseId,
+    Diagnosis,
+    EngineLinearization,
+    Explanation,
+    Model,
+    Outcome,
+    Results,
+    Series,
+    SourceLine,
+    SystemResult,
+)
+from tests.records import made
 
+SCENARIOS = ("free", "driven", "large")
 SAMPLES = 240
 RUNGS = (2, 3, 5, 7, 11, 17, 29, 41)
 ENGINES = (("mujoco.xml", "mujoco"), ("robot.urdf", "mujoco"), ("robot.urdf", "pybullet"))
+
+
+def system(name: str, coordinates: int) -> SystemResult:
+    """Return an invented system of one or two coordinates, as a run writes it."""
+    text = Path(__file__).with_name(f"system_{coordinates}.json").read_text(encoding="utf-8")
+    record = msgspec.json.decode(text, type=SystemResult)
+    return replace(record, name=name, folder=f"/models/{name}", title=f"The {name}")
 
 
 def pole(real: float, imaginary: float) -> EnginePole:
@@ -53,82 +57,43 @@ def pole(real: float, imaginary: float) -> EnginePole:
 
 def model(name: str, file: str, engine: str, coordinates: int) -> Model:
     response = (((1.0,),) * coordinates, ((2.0,),) * coordinates)
-    return Model(
-        system=name,
-        model=file,
-        engine=engine,
-        folder=f"/models/{name}",
-        text=f"<{file}/>\n" + "\n".join(f"  <line n='{i}'/>" for i in range(2, 41)),
-        sidecar="",
-        audit=(),
-        linearizations=(
-            EngineLinearization(
-                equilibrium="rest",
-                a=((0.0,),),
-                b=((0.0,),),
-                a_error=2.5e-14,
-                a_bound=1e-11,
-                b_error=3.5e-15,
-                poles=(pole(-0.1, -3.0), pole(-0.1, 3.0003)),
-                taylor_poles=(pole(-0.1, -3.0), pole(-0.1, 3.0)),
-                transfer_error=None,
-                mode_similarity=1.0,
-                frequencies=(1.0, 2.0),
-                response=response,
-                taylor_response=response,
-                one_step=DiscreteLinearization(
-                    step=0.002,
-                    a=((0.999,),),
-                    b=((0.0,),),
-                    error=2e-13,
-                    bound=1e-12,
-                    differs=False,
-                    radius=0.999,
-                    exact_radius=0.9991,
-                ),
-            ),
-        ),
-    )
+    one_step = DiscreteLinearization(
+        step=0.002, a=((0.999,),), b=((0.0,),), error=2e-13, bound=1e-12, differs=False,
+        radius=0.999, exact_radius=0.9991,
+    )  # fmt: skip
+    linearization = EngineLinearization(
+        equilibrium="rest", a=((0.0,),), b=((0.0,),), a_error=2.5e-14, a_bound=1e-11,
+        b_error=3.5e-15, poles=(pole(-0.1, -3.0), pole(-0.1, 3.0003)),
+        taylor_poles=(pole(-0.1, -3.0), pole(-0.1, 3.0)), transfer_error=None, mode_similarity=1.0,
+        frequencies=(1.0, 2.0), response=response, taylor_response=response, one_step=one_step,
+    )  # fmt: skip
+    text = f"<{file}/>\n" + "\n".join(f"  <line n='{i}'/>" for i in range(2, 41))
+    return made.model(
+        system=name, model=file, engine=engine, folder=f"/models/{name}", text=text,
+        linearizations=(linearization,),
+    )  # fmt: skip
 
 
 def case(name: str, file: str, engine: str, scenario: str, coordinates: int) -> Case:
     seed = [ord(c) for c in name + file + engine + scenario]
-    return Case(
-        system=name,
-        model=file,
-        scenario=scenario,
-        engine=engine,
-        folder=f"/models/{name}",
-        outcome=Outcome.AGREES,
-        seconds=0.8,
-        verdict=Verdict(
-            discrepancy=7.1e-14,
-            uncertainty=1.02e-12,
-            component="q0",
-            time=1.1,
-            largest_discrepancy=7.1e-14,
-            largest_uncertainty=1.02e-12,
-            order=1.002,
-            claimed_order=1,
-            rungs=RUNGS,
-            steps=48185,
+    verdict = made.verdict(
+        discrepancy=7.1e-14, uncertainty=1.02e-12, component="q0", time=1.1,
+        largest_discrepancy=7.1e-14, largest_uncertainty=1.02e-12, order=1.002, rungs=RUNGS,
+        steps=48185,
+    )  # fmt: skip
+    full_run = made.full_run(
+        integrator="euler", global_error=0.00911, order=1.001, residual=1e-6,
+        decomposition=ErrorDecomposition(
+            amplitude=-0.029, phase=-0.068, frequency=4.6e-4, damping=2.3e-4, explained=0.97
         ),
-        full_run=FullRun(
-            time_step=0.002,
-            integrator="euler",
-            global_error=0.00911,
-            order=1.001,
-            residual=1e-6,
-            decomposition=ErrorDecomposition(
-                amplitude=-0.029, phase=-0.068, frequency=4.6e-4, damping=2.3e-4, explained=0.97
-            ),
-            steps_for=(TargetStep(target=0.01, step=0.0021), TargetStep(target=0.001, step=None)),
-            checked_step=CheckedStep(target=0.01, step=0.0021, measured=0.00957),
-            energy_error=0.0068,
-            constraint_drift=0.0,
-        ),
+        steps_for=(TargetStep(target=0.01, step=0.0021), TargetStep(target=0.001, step=None)),
+        checked_step=CheckedStep(target=0.01, step=0.0021, measured=0.00957), energy_error=0.0068,
+    )  # fmt: skip
+    return made.case(
+        system=name, model=file, scenario=scenario, engine=engine, folder=f"/models/{name}",
+        seconds=0.8, verdict=verdict, full_run=full_run,
         series=series(np.random.default_rng(seed), coordinates),
-    )
+    )  # fmt: skip
 
 
 def row(values: Array, digits: int) -> Numbers:
@@ -166,9 +131,7 @@ def series(random: np.random.Generator, coordinates: int) -> Series:
             h=(0.002, 0.001, 0.004), error=(0.0091, 0.0045, 0.019), seconds=(0.11, 0.23, 0.06)
         ),
         energy=EnergySeries(
-            held=row(np.sin(t), 5),
-            supplied=row(np.sin(t) + 0.01, 5),
-            dissipated=row(0.01 * t, 5),
+            held=row(np.sin(t), 5), supplied=row(np.sin(t) + 0.01, 5), dissipated=row(0.01 * t, 5)
         ),
     )
 
@@ -194,34 +157,22 @@ def results(systems: int = 2) -> Results:
 
 
 def unjudged(case: Case, outcome: Outcome, reason: str, stdout: str = "") -> Case:
-    """Return a case that was not run."""
-    return Case(
-        system=case.system,
-        model=case.model,
-        scenario=case.scenario,
-        engine=case.engine,
-        folder=case.folder,
-        outcome=outcome,
-        reason=reason,
-        stdout=stdout,
-    )
+    names = {name: getattr(case, name) for name in ("system", "model", "scenario", "engine")}
+    return Case(**names, folder=case.folder, outcome=outcome, reason=reason, stdout=stdout)
 
 
 def judged(case: Case, outcome: Outcome, reason: str, **verdict: Any) -> Case:
-    """Return a case with a new verdict."""
     assert case.verdict is not None
     return replace(case, outcome=outcome, reason=reason, verdict=replace(case.verdict, **verdict))
 
 
 def changed_case(base: Results, place: int, **fields: Any) -> Results:
-    """Return results with one case changed."""
     cases = list(base.cases)
     cases[place] = replace(cases[place], **fields)
     return replace(base, cases=tuple(cases))
 
 
 def changed_model(base: Results, place: int, **fields: Any) -> Results:
-    """Return results with one model changed."""
     models = list(base.models)
     models[place] = replace(models[place], **fields)
     return replace(base, models=tuple(models))
@@ -245,20 +196,11 @@ MASS = CauseId(kind="constant", subject=("mass",))
 def explanation(
     cause: CauseId, remaining: float, tied: tuple[CauseId, ...] = (), where: str = ""
 ) -> Explanation:
-    return Explanation(
-        causes=(
-            Cause(
-                kind=cause.kind,
-                subject=cause.subject,
-                nominal=38.25,
-                estimate=39.5,
-                standard_error=1e-9,
-                locations=(SourceLine(file=where, line=21),) if where else (),
-            ),
-        ),
-        remaining=remaining,
-        tied_with=tied,
-    )
+    shown = made.cause(
+        *cause.subject, kind=cause.kind, nominal=38.25, estimate=39.5, standard_error=1e-9,
+        locations=(SourceLine(file=where, line=21),) if where else (),
+    )  # fmt: skip
+    return Explanation(causes=(shown,), remaining=remaining, tied_with=tied)
 
 
 def diagnosis(case: Case) -> Diagnosis:
@@ -370,21 +312,10 @@ def mixed() -> Results:
     cases = list(sample.cases)
     wrong = 3.1e-6
     unread = unjudged(cases[5], Outcome.FAILED, "/models/unread/system.py: line 3: no unit")
-    cases[0] = judged(
-        cases[0],
-        Outcome.DIFFERS,
-        "q0 ends 3.1e-06 off",
-        discrepancy=wrong,
-        largest_discrepancy=wrong,
-    )
-    cases[1] = judged(
-        cases[1],
-        Outcome.UNRESOLVED,
-        "exponents",
-        uncertainty=None,
-        largest_uncertainty=None,
-        order=None,
-    )
+    off = {"discrepancy": wrong, "largest_discrepancy": wrong}
+    cases[0] = judged(cases[0], Outcome.DIFFERS, "q0 ends 3.1e-06 off", **off)
+    unknown = {"uncertainty": None, "largest_uncertainty": None, "order": None}
+    cases[1] = judged(cases[1], Outcome.UNRESOLVED, "exponents", **unknown)
     cases[2] = unjudged(cases[2], Outcome.ABSENT, "pybullet is not installed")
     cases[3] = unjudged(cases[3], Outcome.FAILED, "the engine's process died", "Segmentation fault")
     cases[4] = blown_up(cases[4])
@@ -393,15 +324,11 @@ def mixed() -> Results:
         replace(unread, system="unread", folder="/models/unread", engine="-", scenario="-")
     )
     cases.append(unjudged(replace(cases[3], engine="drake"), Outcome.REFUSED, "a massless link"))
-    audited = AuditFinding(
-        kind="literal",
-        subject=("joint[x]@stiffness",),
-        message="joint[x]@stiffness is 39.5 where k = 38.25",
-        location=SourceLine(file="/models/system_0/mujoco.xml", line=21),
-        expected=38.25,
+    audited = made.finding(
+        "joint[x]@stiffness is 39.5 where k = 38.25", subject=("joint[x]@stiffness",),
+        location=SourceLine(file="/models/system_0/mujoco.xml", line=21), expected=38.25,
         actual=39.5,
-        severity="finding",
-    )
+    )  # fmt: skip
     models = list(sample.models)
     models[0] = replace(models[0], diagnosis=diagnosis(cases[0]), audit=(audited,))
     models[1] = replace(models[1], linearizations=(), linearization_failure="it diverges")

@@ -1,7 +1,5 @@
 """Shared parts of the browser's tests: addresses on the samples' page, and actions."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.report.chromium import CHROMIUM, NAMES, Tab

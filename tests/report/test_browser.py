@@ -1,13 +1,11 @@
 """The page in a real browser, if installed: actions of a reader."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.records import Results
 from tests.report.chromium import Browser, Tab
 from tests.report.samples import array, series_of
 from tests.report.steps import (

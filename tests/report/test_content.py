@@ -1,7 +1,5 @@
 """The packed numbers and charts that the page draws."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json
@@ -11,8 +9,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html.view import Content
+from physics_crosscheck.records import Results
 from tests.report.samples import LITERAL, array, changed_case, changed_model, results, series_of
 
 
@@ -139,9 +137,7 @@ def test_every_chart_has_a_summary_with_numbers_and_units(packs: dict[str, Any])
     assert "slope 1.00 (observed)" in labels
 
 
-def test_linear_charts_compare_engine_and_transfer_function(
-    packs: dict[str, Any],
-) -> None:
+def test_linear_charts_compare_engine_and_transfer_function(packs: dict[str, Any]) -> None:
     response = curves(packs, "pack-case-9", "Frequency response")
     for role in ("transfer", "response"):
         for place in (0, 1):

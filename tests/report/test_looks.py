@@ -1,15 +1,13 @@
 """Appearance in a browser: dark, narrow, printed, without scripts, and with hostile names."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.records import Results
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
     BUILT,

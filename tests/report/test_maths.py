@@ -113,3 +113,40 @@ def test_special_functions_of_sympy_are_typeset() -> None:
     latex = Latex((), (), ())
     for e in (abs(x), sp.sign(x), sp.sqrt(x), sp.exp(-x), sp.log(x), sp.atan2(x, 1), x**sp.pi):
         assert mathml(latex.math(e)).startswith("<math>"), latex.math(e)
+
+
+def test_subtracted_sum_keeps_its_brackets() -> None:
+    a, b, s = sp.symbols("a b s")
+    addends = [(a, s), (-a - b, sp.Integer(1))]
+    assert Latex((), (), ()).sum(addends) == r"a \, s - \left(a + b\right)"
+
+
+@pytest.mark.parametrize(
+    ("name", "latex"),
+    [
+        ("m1", "m_{1}"),
+        ("k_theta", r"k_{\theta}"),
+        ("lambda", r"\lambda"),
+        ("varphi", r"\varphi"),
+        ("Gamma", r"\Gamma"),
+        ("mass", r"\text{mass}"),
+        ("chat", r"\text{chat}"),  # sympy would put a hat on a c
+        ("boom_centre_x", r"\text{boom}_{\text{centre},x}"),
+        ("a{b", r"\text{a\{b}"),
+    ],
+)
+def test_name_is_a_letter_or_a_word_with_indices(name: str, latex: str) -> None:
+    assert latex_name(name) == latex
+
+
+@pytest.mark.parametrize(
+    ("text", "latex"),
+    [
+        ("f ± k*x1' = m*x1''", r"f \pm k \dot{x}_{1} = m \ddot{x}_{1}"),
+        ("dL/dx' - D = 0", r"d L/d \dot{x} - D = 0"),
+        ("d/dt(dT/dx') = sin(theta)^2", r"d /d t(d T/d \dot{x}) = \sin(\theta)^{2}"),
+        ("d1/d2", "d_{1}/d_{2}"),
+    ],
+)
+def test_equation_text_is_converted_to_latex(text: str, latex: str) -> None:
+    assert Latex((), (), ()).equation(text) == latex

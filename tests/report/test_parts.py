@@ -1,16 +1,14 @@
 """Many cases: the page has the overview and loads cases from separate files on demand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render import html as report
 from physics_crosscheck.harness.render.html import parts, render, write_report
 from physics_crosscheck.harness.render.html.parts import folder_of
+from physics_crosscheck.records import Results
 from tests.report.chromium import Browser, Tab
 from tests.report.page import Page
 from tests.report.samples import results

@@ -1,7 +1,5 @@
 """Proposed changes as diffs that can be applied."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import replace
@@ -13,11 +11,10 @@ import pytest
 
 from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.modelfiles.locations import find_in
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.html import write_report
 from physics_crosscheck.harness.render.html.remedies import lines_of, unified
 from physics_crosscheck.harness.results.next_steps import ProposedChange
+from physics_crosscheck.records import Outcome, SourceLine
 from tests.records.made import case, finding, model, results
 
 URDF = """<robot>
@@ -60,9 +57,7 @@ def test_patch_changes_only_the_number() -> None:
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
-def test_git_applies_patch_of_file_and_sidecar_without_final_newline(
-    tmp_path: Path,
-) -> None:
+def test_git_applies_patch_of_file_and_sidecar_without_final_newline(tmp_path: Path) -> None:
     folder = tmp_path / "models" / "disc"
     folder.mkdir(parents=True)
     (folder / "robot.urdf").write_text(URDF)

@@ -1,7 +1,5 @@
 """Plots: ticks, thinned curves, zooming, panning, and saved files."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

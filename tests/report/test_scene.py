@@ -1,7 +1,5 @@
 """Bodies in 3-D: their positions, highlights, and lines in the file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Meshes, inertia and forces in the picture of bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,16 +7,15 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
-from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
 from physics_crosscheck.harness.modelfiles.mesh_files import decimated_mesh, read_mesh
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.render.html import render, write_report
+from physics_crosscheck.records import Results, SourceLine
 from tests.report.chromium import Browser, Tab
 from tests.report.sample_acting import arm_results, write_arm
 from tests.report.samples import results

@@ -1,7 +1,5 @@
 """The workflow that publishes the report: its steps, run in GitHub's shell."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -13,8 +11,8 @@ from typing import Any
 import pytest
 
 from physics_crosscheck.harness.interfaces.cli.main import main
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.records import Outcome
 from tests.records.made import case, results, verdict
 
 ROOT = Path(__file__).parents[2]

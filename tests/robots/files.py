@@ -1,7 +1,5 @@
 """URDFs written by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.modelfiles.robot import Robot
@@ -62,7 +60,6 @@ def left_out(robot: Robot) -> dict[str, tuple[str, ...]]:
 
 
 def problems(robot: Robot) -> list[tuple[int, str]]:
-    """Return the line and sentence of each problem."""
     assert (robot.tree is None) == bool(robot.obstacles)
     return [(one.line, one.sentence) for one in robot.obstacles]
 

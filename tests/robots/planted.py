@@ -1,7 +1,5 @@
 """An MJCF that is prepared once, with wrong numbers to detect and to locate by line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,7 +35,6 @@ class PreparedFile:
         return case.outcome, case.reason
 
     def accelerations(self) -> Outcome:
-        """Return the outcome of comparing accelerations at the states."""
         compared = stepped_model(self.task, *self.task.load())
         assert compared is not None
         comparison = compared.accelerations(*self.prepared.states(self.task.scenario))
@@ -73,7 +70,6 @@ class PreparedFile:
 
 
 def prepare_file(folder: Path, text: str, engine: str = "") -> PreparedFile:
-    """Write a file and prepare it."""
     file = folder / "model.xml"
     file.write_text(text)
     prepared = prepare_tree(file, states=STATES)
@@ -82,7 +78,6 @@ def prepare_file(folder: Path, text: str, engine: str = "") -> PreparedFile:
 
 
 def tree_of(file: Path) -> Tree:
-    """Return the tree of a file."""
     from physics_crosscheck.harness.modelfiles.mjcf.read import read_compiled_robot
 
     tree = read_compiled_robot(file).tree

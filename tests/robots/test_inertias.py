@@ -12,6 +12,7 @@ import pytest
 from physics_crosscheck import RigidBody
 from physics_crosscheck.engine import Engine, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.findings import inertia_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
@@ -72,6 +73,22 @@ def test_impossible_inertia_still_makes_a_tree(tmp_path: Path) -> None:
     assert tree_of(robot).nv == 1
     (issue,) = impossible_inertias(robot)
     assert issue.sentence == "link 'odd' has the principal moments of inertia 1, 1 and 3 kg m^2"
+
+
+@pytest.mark.parametrize(
+    ("moments", "products", "rounded"),
+    [("0.123456 0.234567 0.358024", "0 0 0", True), ("0.0521 0.0521 0.1043", "0.0 0 0.0", True),
+     ("0.333333 0.333334 0.000000", "0 0 0", True), ("0.123456 0.234567 0.358026", "0 0 0", False),
+     ("0.300000 0.300000 0.300000", "0.000000 0.300001 0", True), ("1 1 3", "0 0 0", False)],
+)  # fmt: skip
+def test_rounded_digits_of_a_tensor_are_advice(
+    tmp_path: Path, moments: str, products: str, rounded: bool
+) -> None:
+    """Catch a thin plate that is impossible in its last written digit only."""
+    body = link("odd", inertial("1", moments, products))
+    robot = read(tmp_path, link("base"), body, joint("j", "base", "odd"))
+    assert [one.rounded for one in impossible_inertias(robot)] == [rounded]
+    assert [one.severity for one in inertia_findings(robot)] == ["note" if rounded else "finding"]
 
 
 def test_dominant_negative_mass_makes_no_tree(tmp_path: Path) -> None:

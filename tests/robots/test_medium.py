@@ -1,6 +1,4 @@
-"""The medium of an MJCF: equations include the drag of boxes, but not of ellipsoids."""
-
-from __future__ import annotations
+"""Robots in a medium, and joints that follow others."""
 
 from pathlib import Path
 
@@ -83,3 +81,68 @@ def test_spring_and_damper_flags_disable_drag_and_gravity_compensation(tmp_path:
     prepared = prepare_file(tmp_path, text)
     assert prepared.accelerations() is Outcome.AGREES
     assert tree_of(prepared.file).fluid is None
+
+
+TIED = """<mujoco model="tied">
+  <compiler angle="radian"/>
+  <option gravity="0 1 -9"/>
+  <default><joint damping="0.2"/></default>
+  <worldbody>
+    <body name="trunk" pos="0.1 0.2 0.3">
+      <joint name="yaw" axis="0.1 0.2 1" ref="0.3"/>
+      <inertial pos="0.1 0 0.2" mass="1.5" diaginertia="0.05 0.06 0.07"/>
+      <body pos="0 0.1 0.4" euler="0.5 0.3 0.1">
+        <joint name="lift" axis="0 1 0.2"/>
+        <inertial pos="0.1 0.05 0.2" mass="0.9" diaginertia="0.02 0.03 0.04"/>
+        <body pos="0 0 0.4">
+          <joint name="extend" type="slide" axis="0 0 1" ref="0.1"/>
+          <inertial pos="0 0.05 0.2" mass="0.8" diaginertia="0.02 0.03 0.02"/>
+          <body pos="0 0 0.2">
+            <joint name="nod" axis="1 0 0.1"/>
+            <inertial pos="0 0.05 0.1" mass="0.4" diaginertia="0.01 0.02 0.01"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="one"><joint joint="yaw" coef="0.5"/><joint joint="lift" coef="-1.2"/></fixed>
+    <fixed name="two"><joint joint="extend" coef="2"/><joint joint="nod" coef="0.4"/></fixed>
+  </tendon>
+  <equality>
+    <tendon tendon1="one" tendon2="two" polycoef="0.1 0.7 0 0 0"/>
+  </equality>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def tied(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
+    return prepare_file(tmp_path_factory.mktemp("tied"), TIED)
+
+
+def test_joint_follows_others_through_tendons(tied: PreparedFile) -> None:
+    """Choose the joint with the largest coefficient that does not follow or lead another yet."""
+    tree = tree_of(tied.file)
+    names = [link.name for link in tree.links]
+    couplings = {
+        names[one.follower]: {names[i]: share for i, share in one.leaders} for one in tree.couplings
+    }
+    assert couplings["extend"] == pytest.approx({"yaw": 0.5 / 1.4, "lift": -1.2 / 1.4, "nod": -0.2})
+    assert list(couplings) == ["extend"]
+    assert tied.outcome() == (Outcome.AGREES, "")
+    assert tied.left_out == ("how MuJoCo compiles the file",)
+
+
+def test_error_of_a_millionth_in_tied_tendons_differs(tied: PreparedFile) -> None:
+    for old, new in (
+        ('"0.1 0.7 0 0 0"', '"0.1000001 0.7 0 0 0"'), ('coef="-1.2"', 'coef="-1.200002"'),
+    ):  # fmt: skip
+        assert tied.outcome_with(old, new) is Outcome.DIFFERS, new
+
+
+def test_nonlinear_equality_is_left_out_and_reported(tmp_path: Path) -> None:
+    text = TIED.replace("0.1 0.7 0 0 0", "0.1 0.7 0.2 0 0")
+    prepared = prepare_file(tmp_path, text)
+    assert "equality constraints" in prepared.left_out
+    assert prepared.outcome() == (Outcome.AGREES, "")

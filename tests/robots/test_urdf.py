@@ -152,12 +152,11 @@ def test_floating_link_of_a_fixed_root_starts_at_the_world_origin(tmp_path: Path
     assert read(tmp_path, link("a"), link("b"), joint("j", "a", "b"), floating=True).floats
 
 
-@pytest.mark.parametrize(("name", "remedy"), [
-    ("block", "free its root with --floating"), ("world", "add a joint"),
-])  # fmt: skip
-def test_file_without_a_moving_joint_has_a_remedy(tmp_path: Path, name: str, remedy: str) -> None:
-    with pytest.raises(RobotError, match=f"no joint that moves; {remedy}"):
-        robot_system(read(tmp_path, link(name)))
+def test_a_file_without_a_moving_joint_is_free_if_it_has_mass(tmp_path: Path) -> None:
+    assert read(tmp_path, link("block")).floats
+    for scene in (link("world"), link("plane", "")):
+        with pytest.raises(RobotError, match="no joint that moves, and no free mass; add a joint"):
+            robot_system(read(tmp_path, scene))
 
 
 def test_root_link_named_world_never_floats(tmp_path: Path) -> None:

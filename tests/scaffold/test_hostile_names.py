@@ -1,7 +1,5 @@
 """Names and texts of a model file become strings only, never code."""
 
-from __future__ import annotations
-
 import ast
 import os
 import tomllib
@@ -116,7 +114,6 @@ def make_chain(urdf: bool) -> tuple[list[str], str]:
 
 
 def is_read_by_mujoco(name: str) -> bool:
-    """Return whether MuJoCo accepts a name."""
     with suppress(ValueError):
         text = MJCF.format(name=attribute(name), comment="")
         return bool(mujoco.MjModel.from_xml_string(text).body(1).name == name)

@@ -1,7 +1,5 @@
 """Folders of robots: they have every number of the file, and detect each change."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from dataclasses import fields
@@ -229,9 +227,7 @@ def test_coordinates_and_bindings_are_refused_with_bodies(kuka: Path) -> None:
         assert "model.urdf.toml: [coordinates], [bindings]: system.py declares" in case.reason
 
 
-def test_contacts_and_limits_act_without_the_smooth_setting(
-    tmp_path: Path,
-) -> None:
+def test_contacts_and_limits_act_without_the_smooth_setting(tmp_path: Path) -> None:
     """Confirm that the sidecar states the setting."""
     from_model(ASSETS / "inverted_pendulum.xml", tmp_path / "made")
     sidecar = tmp_path / "made" / "inverted_pendulum.xml.toml"

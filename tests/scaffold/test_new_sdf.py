@@ -1,7 +1,5 @@
 """A folder of an SDFormat file: its bodies, and the settings of its world."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

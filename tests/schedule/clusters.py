@@ -1,7 +1,5 @@
 """A real scheduler and real workers on loopback, in separate processes, and tasks for them."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os
@@ -56,7 +54,6 @@ class Loopback:
 
     @property
     def scheduler(self) -> int:
-        """Process id of the scheduler."""
         return self._all[0].pid
 
     def log(self, name: str) -> str:
@@ -110,7 +107,6 @@ def children(pid: int) -> list[int]:
 
 
 def below(pid: int) -> list[int]:
-    """Return a process and all its descendants."""
     return [pid, *(inner for child in children(pid) for inner in below(child))]
 
 

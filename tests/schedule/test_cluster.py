@@ -1,7 +1,5 @@
 """Runs on a real cluster: results equal local ones, even if workers fail."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -23,8 +21,7 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs import remote_workers
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import ClusterError, Executor
-from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.workers import Failure, Limits
 from physics_crosscheck.harness.records.sweep import SweepRow
 from tests.faults.known_folder import ROOT, environment, one_scenario
 from tests.schedule.clusters import (
@@ -81,7 +78,6 @@ def pendulum(tmp_path: Path) -> Path:
 
 
 def without_times(value: Any) -> Any:
-    """Return results without times."""
     if isinstance(value, dict):
         rest = {key: item for key, item in value.items() if key not in ("created", "seconds")}
         return {key: without_times(item) for key, item in rest.items()}

@@ -1,7 +1,5 @@
 """A folder to sweep: one small system, one scenario, models with bound literals."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sweeps of robot files, whose numbers are drawn by address."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path

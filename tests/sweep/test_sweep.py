@@ -1,8 +1,9 @@
-"""Sweeps of a real engine: rows, verdicts, invalid plans and failures."""
-
-from __future__ import annotations
+"""Sweeps of a real engine: rows, verdicts, invalid plans, failures and killed runs."""
 
 import shutil
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,14 +16,14 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.extras.sweep.main import Wanted, planned, run_single, sweep
 from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
-from physics_crosscheck.harness.extras.sweep.store import locked_rows, parts, read_rows
+from physics_crosscheck.harness.extras.sweep.store import done, locked_rows, parts, read_rows
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.load import load_system
-from tests.faults.known_folder import ROOT, one_scenario
+from tests.faults.known_folder import ROOT, environment, one_scenario
 from tests.models import edited
 from tests.physics import copy_with_constants
 from tests.sweep.made import options, plan_of, swept_folder
@@ -248,3 +249,57 @@ def test_systems_with_different_constants_can_share_a_sweep(
         "torsional_disc": {"J"},
     }
     assert {row.outcome for row in rows.values()} == {Outcome.AGREES}
+
+
+# One row per part and block, so that a few cases already have a middle.
+SMALL = """
+import os
+import signal
+import sys
+from physics_crosscheck.harness.extras.sweep import plan, store
+plan.BLOCK = store.PART = 1
+"""
+# Kill the process when its third part is written.
+KILLED = """
+flush = store.Store.flush
+def flush_and_die(self):
+    flush(self)
+    if len(list(self._folder.glob("part-*"))) == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+store.Store.flush = flush_and_die
+"""
+RUN = """
+from physics_crosscheck.harness.interfaces.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.slow
+def test_killed_sweep_resumes_and_runs_each_case_once(tmp_path: Path) -> None:
+    folder, out = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "out"
+    words = [str(folder), "--vary", "k=20:100", "--draws", "6", "--jobs", "1", "--out", str(out)]
+    first = sweep_changed(SMALL + KILLED + RUN, words)
+    assert first.returncode == -signal.SIGKILL, first.stderr
+    finished = {path: path.read_bytes() for path in parts(out)}
+    assert sum(done(out)) == 3
+    (out / "rows" / ".part-000099.parquet").write_bytes(b"half of a")  # killed as it wrote
+    second = sweep_changed(SMALL + RUN, words)
+    assert second.returncode == 0, second.stderr
+    assert {path: path.read_bytes() for path in finished} == finished
+    rows = list(read_rows(out))
+    assert sorted(row.index for row in rows) == list(range(6))
+    assert len({row.constants["k"] for row in rows}) == 6
+    assert all(row.outcome is Outcome.AGREES for row in rows)
+    assert not list((out / "rows").glob(".part-*"))
+
+
+def sweep_changed(script: str, words: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", script, "sweep_changed", *words],
+        env=environment(),
+        check=False,
+        timeout=300,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )

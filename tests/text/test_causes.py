@@ -1,14 +1,21 @@
-"""An explanation in sentences."""
+"""Explanations in sentences, pages of message codes, and changes of two results."""
 
-from __future__ import annotations
+import re
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.baseline.diff import diff_cases
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.cause import CauseKind
+from physics_crosscheck.harness.records.codes import Code, codes
+from physics_crosscheck.harness.records.diff import Diff, numbers_of
 from physics_crosscheck.harness.results.causes import cause_sentences
-from physics_crosscheck.records import Cause, CauseId, Explanation, SourceLine
+from physics_crosscheck.harness.results.messages import code_lines
+from physics_crosscheck.records import Cause, CauseId, Explanation, Outcome, SourceLine
+from tests.records.made import case, full_run, verdict
 
 
 def cause(
@@ -65,19 +72,78 @@ def test_cause_is_a_sentence(explained: Cause, sentence: str) -> None:
     assert sentences(explained) == [sentence, "residual 2.5e-07 of the discrepancy"]
 
 
-def test_two_causes_are_two_sentences() -> None:
-    lines = sentences(
-        cause("literal", "body[nut and bolt]@mass"), cause("friction", "lock and key")
-    )
-    assert lines == [
-        "body[nut and bolt]@mass is 1; the motion implies 2 ± 1e-06",
-        "friction on lock and key is 2 ± 1e-06 in the model, but 1 in the equations",
-        "residual 2.5e-07 of the discrepancy",
-    ]
-
-
 def test_ties_are_listed_at_the_end() -> None:
     tied = (CauseId(kind="constant", subject=("m",)), CauseId(kind="spring", subject=("x",)))
     assert sentences(cause("axis", "x"), tied=tied)[-1] == (
         "residual 2.5e-07 of the discrepancy; indistinguishable here from: m, spring on x"
     )
+
+
+LONGEST = 25
+"""Words of a sentence."""
+
+
+@pytest.mark.parametrize("code", codes().values(), ids=str)
+def test_page_has_short_sentences(code: Code) -> None:
+    for text in (code.title, code.cause, code.remedy):
+        assert text.endswith((".", "`"))
+        for sentence in re.split(r"(?<=[.:?!])\s", text):
+            assert len(sentence.split()) <= LONGEST, sentence
+    assert code.example.strip()
+
+
+def test_explain_prints_a_page_by_code_or_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "xc104"]) == 0
+    by_code = capsys.readouterr().out
+    assert main(["explain", "inertia-without-mass"]) == 0
+    assert by_code == capsys.readouterr().out
+    assert by_code.startswith("XC104 inertia-without-mass: A link has inertia but no mass.\n")
+    assert '<mass value="0.0"/>' in by_code
+
+
+@pytest.mark.parametrize("width", [60, 80, 100])
+def test_explained_page_fits_the_terminal(width: int) -> None:
+    lines = "\n".join(part for code in codes().values() for part in code_lines(code, width))
+    assert max(map(len, lines.splitlines())) <= width
+
+
+def test_explain_suggests_the_closest_code(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "wrong-numbr", "XC104"]) == 2
+    shown = capsys.readouterr()
+    assert "did you mean wrong-number" in shown.err
+    assert shown.out.startswith("XC104 ")
+
+
+def test_explain_without_a_code_lists_all(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain"]) == 0
+    words = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert [word for word in words if word in codes()] == list(codes())
+
+
+def change_of(**fields: Any) -> Diff:
+    """Return the change of a case that agreed to 11.3 digits."""
+    return diff_cases(case().id, numbers_of(case()), numbers_of(case(**fields)))
+
+
+def test_changed_verdict_is_better_or_worse() -> None:
+    worse = change_of(outcome=Outcome.DIFFERS, reason="x is 3e-02 off")
+    assert (worse.changed, *worse.outcomes, worse.is_worse) == (
+        ("verdict",), Outcome.AGREES, Outcome.DIFFERS, True,
+    )  # fmt: skip
+    better = diff_cases(case().id, numbers_of(case(Outcome.FAILED)), numbers_of(case()))
+    assert (better.changed[0], better.is_worse) == ("verdict", False)
+
+
+def test_digits_change_by_half_a_digit_and_not_by_rounding() -> None:
+    less = change_of(verdict=verdict(largest_uncertainty=4e-10))
+    assert (less.changed, less.digits, less.is_worse) == (("digits",), (11.3, 9.3), True)
+    assert change_of(verdict=verdict(largest_uncertainty=8e-12)).changed == ()
+    more = change_of(verdict=verdict(largest_uncertainty=4e-14, largest_discrepancy=1e-15))
+    assert (more.changed, more.is_worse) == (("digits",), False)
+
+
+def test_global_error_changes_by_one_percent() -> None:
+    assert change_of(full_run=full_run(global_error=0.00504)).changed == ()
+    assert change_of(full_run=full_run(global_error=0.0051)).changed == ("error at dt",)
+    assert change_of(full_run=full_run(global_error=None)).changed == ("error at dt",)
+    assert change_of(full_run=full_run(time_step=0.001)).changed == ("dt",)

@@ -1,7 +1,5 @@
 """SARIF: results that a code host shows at the lines of a file."""
 
-from __future__ import annotations
-
 import json
 import re
 from email.message import Message
@@ -18,7 +16,7 @@ from physics_crosscheck.harness.results.github import run_notes
 from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.records import Cause, Diagnosis, Explanation, Outcome, SourceLine
 from tests.records.made import case, finding, model, results
-from tests.text.test_troubles import planted
+from tests.text.test_outputs import planted
 
 
 def sarif_results(text: str) -> list[dict[str, Any]]:
@@ -46,7 +44,6 @@ def sarif_results(text: str) -> list[dict[str, Any]]:
 
 
 def _check_place(place: dict[str, Any]) -> None:
-    """Check a place by sections 3.29 and 3.30."""
     _check_uri(place["artifactLocation"]["uri"])
     if "region" in place:
         _check_region(place["region"])

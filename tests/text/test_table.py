@@ -1,103 +1,27 @@
-"""Output of `crosscheck run`: the header, problems, notes, and the summary line."""
+"""Terminal output of runs and sweeps: lines, widths, progress, and tables of models."""
 
-from __future__ import annotations
-
+import io
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
-from msgspec.structs import replace
 from rich.console import Console
 
-from physics_crosscheck.harness.interfaces.pytest_plugin.collect import properties
-from physics_crosscheck.harness.records.case import EventTime, SkippedCheck, WholeStep
+from physics_crosscheck.harness.extras.sweep.main import summary
+from physics_crosscheck.harness.records.case import TargetStep
+from physics_crosscheck.harness.records.codes import case_code
 from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.diff import Status, bare_diff
-from physics_crosscheck.harness.records.results import BaselineChanges
-from physics_crosscheck.harness.render.html.cases import CaseView
+from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
 from physics_crosscheck.harness.render.terminal.console import STYLES, terminal, wrapped
-from physics_crosscheck.harness.render.terminal.problems import MAX_PROBLEMS
-from physics_crosscheck.harness.render.terminal.table import (
-    MAX_CASES,
-    case_line,
-    deciding_lines,
-    event_lines,
-    print_results,
-    summary,
-    whole_step_lines,
-)
-from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT
+from physics_crosscheck.harness.render.terminal.models_table import print_models
+from physics_crosscheck.harness.render.terminal.progress import Progress
+from physics_crosscheck.harness.render.terminal.sweep import print_sweep
+from physics_crosscheck.harness.render.terminal.table import case_line, print_results
 from physics_crosscheck.harness.results.status import duration, percent
-from physics_crosscheck.records import Case, CaseId, Outcome
-from tests.records.made import (
-    case,
-    cause,
-    diagnosis,
-    finding,
-    full_run,
-    model,
-    printed,
-    results,
-    stepping,
-    verdict,
-)
-
-SMALL_BESIDE = verdict(
-    component="x",
-    discrepancy=2e-13,
-    uncertainty=3e-13,
-    largest_discrepancy=6e-12,
-    largest_uncertainty=4e-11,
-)
-"""x has the largest share of its uncertainty; another component has a larger uncertainty."""
-
-
-def test_digits_are_the_fewest_of_all_components() -> None:
-    run = results(case(verdict=SMALL_BESIDE), case(scenario="driven"))
-    assert summary(run) == "Both cases agree to 10.3 digits (1.5 s)"
-    assert "mujoco  2 cases   10.3 digits" in printed(run)
-    worse = verdict(largest_discrepancy=7e-11, largest_uncertainty=4e-11)
-    assert "to 10.1 digits" in summary(results(case(verdict=worse)))
-
-
-def test_summary_counts_outcomes_and_accepted_cases() -> None:
-    run = results(
-        case(),
-        case(Outcome.DIFFERS, reason="off", accepted="a soft joint"),
-        case(Outcome.FAILED, reason="died"),
-        case(Outcome.ABSENT, reason="pymunk is not installed"),
-    )
-    assert summary(run) == (
-        "1 of 3 cases failed, 1 agrees to 11.3 digits, 1 skipped, 1 difference accepted (1.5 s)"
-    )
-    within = results(
-        case(), case(Outcome.DIFFERS, engine="pybullet", accepted="within its own 3e-8")
-    )
-    assert summary(within) == "1 of 2 cases agrees to 11.3 digits, 1 difference accepted (1.5 s)"
-    assert "ok    pybullet  within its own 3e-8" in printed(within)
-    assert summary(results()) == "No case was run (1.5 s)"
-    assert summary(results(case())) == "1 case agrees to 11.3 digits (1.5 s)"
-
-
-def test_summary_names_faults_without_effect_on_motions() -> None:
-    run = results(case(), case(engine="pymunk"), models=(model(finding("mass is 9")),))
-    assert summary(run) == (
-        "Both cases agree to 11.3 digits, the audit finds faults in 1 model file (1.5 s)"
-    )
-
-
-def test_missing_engine_is_one_line_with_install_command() -> None:
-    why = "pymunk is not installed; pip install 'physics-crosscheck[engines]'"
-    absent = [case(Outcome.ABSENT, engine="pymunk", scenario=s, reason=why) for s in ("a", "b")]
-    text = printed(results(*absent))
-    assert [line for line in text.splitlines() if "pymunk" in line] == [
-        f"  skipped 2 cases  XC606 {why}",
-    ]
-    assert "Nothing was tested, 2 skipped" in text
-    assert "digits" not in text  # no table of cases that were not run
-    assert "crosscheck explain" not in text
+from physics_crosscheck.records import Case, Outcome
+from tests.records.made import case, full_run, model, printed, results, verdict
 
 
 def test_record_text_is_not_parsed_as_markup_or_emoji() -> None:
@@ -107,68 +31,6 @@ def test_record_text_is_not_parsed_as_markup_or_emoji() -> None:
         wrong = case(Outcome.FAILED, model=name, reason=f"{name}:12: no mass")
         print_results(terminal(), results(wrong, case(model=name, scenario="[red]far[/red]")))
     assert out.getvalue().count(name) == 2
-
-
-def test_problems_come_worst_first_with_engine_output() -> None:
-    text = printed(
-        results(
-            case(Outcome.DIFFERS, reason="x is off"),
-            case(Outcome.DIFFERS, scenario="far", verdict=verdict(discrepancy=1.0)),
-            case(Outcome.FAILED, scenario="dies", reason="it [b]died[/b]", stdout="one\ntwo"),
-            models=(
-                model(finding("the mass is wrong"), finding("rounded", severity="note")),
-                model(engine="pymunk", linearization_failure="it died too"),
-            ),
-        )
-    )
-    order = [
-        "  ERROR disc/mujoco.xml/dies [mujoco]  XC612 it [b]died[/b]",
-        "        | one",
-        "        | two",
-        "  ERROR disc/mujoco.xml [pymunk]  XC613 the linearization failed: it died too",
-        "  FAIL  disc/mujoco.xml [mujoco]  XC301 x off by up to 100 % (far); 2 of 3 cases differ",
-        "  FAIL  disc/mujoco.xml [mujoco]  the audit finds 1 fault in the file",
-        "        found: XC101 the mass is wrong",
-    ]
-    assert [line for line in text.splitlines() if line in order] == order
-    assert "rounded" not in text
-
-
-def test_audit_findings_replace_a_missing_cause() -> None:
-    """List all wrong literals of the audit if at most two cannot explain a large fault."""
-    best = cause("m", kind="constant", estimate=7.0, standard_error=2.0)
-    vague = diagnosis(best, remaining=0.07, explained=False)
-    wrong = finding("mass is 9 where m = 0.9"), finding("rounded", severity="note")
-    differs = case(Outcome.DIFFERS, verdict=verdict(discrepancy=1.0))
-    run = results(differs, models=(model(*wrong, diagnosis=vague),))
-    text = printed(run)
-    assert text.count("mass is 9 where m = 0.9") == 1
-    assert "closest" not in text
-    assert BEGIN_WITH_AUDIT in printed(run, details=True)
-    bare = printed(results(differs, models=(model(diagnosis=vague),)))
-    assert "cause: none found; closest: m is 7 ± 2 in the model, but 1 in the equations" in bare
-    far = replace(diagnosis(best, remaining=0.2, explained=False), failure="it died")
-    bare = printed(results(differs, models=(model(diagnosis=far),)))
-    assert "cause: none found: it died" in bare
-    assert "ERROR" not in bare
-
-
-def test_many_problems_and_changes_are_counted() -> None:
-    id_ = CaseId(system="disc", model="m", scenario="s", engine="e")
-    change = bare_diff(id_, Status.GONE, ("it is gone",))
-    changed = tuple(replace(change, scenario=f"s{i}") for i in range(MAX_PROBLEMS + 1))
-    new = replace(change, status=Status.NEW)  # never accepted, so not a change
-    text = printed(
-        results(
-            *(case(Outcome.DIFFERS, model=f"{i}.xml") for i in range(MAX_PROBLEMS + 2)),
-            baseline=BaselineChanges(name="reports/baseline", changes=(new, *changed)),
-        )
-    )
-    assert "2 more problems: see the report" in text
-    assert "changes since reports/baseline" in text
-    assert text.count("  gone  XC502 disc/m  s0 [e], s1 [e], ") == 1
-    more = MAX_PROBLEMS + 1 - MAX_CASES
-    assert f"s{MAX_CASES - 1} [e] and {more} more: it is gone" in " ".join(text.split())
 
 
 @pytest.mark.parametrize(
@@ -184,24 +46,6 @@ def test_many_problems_and_changes_are_counted() -> None:
 )
 def test_log_has_a_line_for_each_case(finished: Case, line: str) -> None:
     assert case_line(1, 2, finished) == line
-
-
-def test_single_steps_and_coverage_are_details() -> None:
-    soft = stepping(Outcome.DIFFERS, besides="equalities")
-    run = results(
-        case(stepping=stepping(Outcome.AGREES, discrepancy=2e-14)),
-        case(model="soft.xml", stepping=soft),
-        case(Outcome.DIFFERS, model="wrong.xml", reason="off", stepping=soft),
-        models=(model(coverage=Coverage(numbers=31, motion=23)),),
-    )
-    text = printed(run, details=True)
-    assert "single step of 1 case follows the engine's own rule to 2.0e-14" in text
-    assert "single step of disc/soft.xml [mujoco] deviates from semi-implicit Euler" in text
-    assert "single step of disc/wrong.xml" not in text, "its limit shows the same difference"
-    assert "23 of 31 numbers tested (23 by motion)" in text
-    short = printed(run)
-    assert "single step" not in short
-    assert "23 of 31 numbers tested (74 %); --details lists the rest" in short
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
@@ -265,76 +109,187 @@ def test_colours_are_readable_on_light_and_dark_backgrounds() -> None:
     assert {word for style in STYLES.values() for word in style.split()} <= readable
 
 
-def test_deciding_checks_are_counted_with_largest_numbers() -> None:
-    steps = verdict(decided_by="single steps", largest_discrepancy=2e-14, largest_uncertainty=3e-13)
-    skipped = SkippedCheck(check="segments", reason="r")
-    cases = [case(verdict=steps, skipped=(skipped,)), case(verdict=verdict())]
-    assert deciding_lines(cases) == [
-        "single steps decide 1 case: largest difference 2.0e-14, largest uncertainty 3.0e-13",
-        "segments decide 1 case: largest difference 3.0e-13, largest uncertainty 4.0e-12",
-        "skipped checks are not passed; --thorough runs all of them",
-    ]
-    assert len(deciding_lines(cases[1:])) == 1
-    assert deciding_lines([case(Outcome.ABSENT)]) == []
+def logged(capsys: pytest.CaptureFixture[str], seconds: float, *, every: bool) -> list[str]:
+    """Return the lines of 40 cases that take so many seconds each."""
+    now = [0.0]
+    with Progress(every=every, clock=lambda: now[0]) as progress:
+        for i in range(1, 41):
+            now[0] += seconds
+            progress(i, 40, case(Outcome.DIFFERS if i == 7 else Outcome.AGREES))
+    return capsys.readouterr().err.splitlines()
 
 
-def test_whole_steps_without_a_verdict_take_one_line_without_details() -> None:
-    """Catch a long reason of an engine for each case in the default output."""
-    reason = "arm.urdf: PyBullet can't load it: Could not parse collision element"
-    cases = [
-        case(engine=engine, whole_step=WholeStep(uncovered=(reason,)))
-        for engine in ("mujoco", "pybullet")
-    ]
-    short = whole_step_lines(cases, details=False)
-    assert short == [
-        "whole steps without a verdict in mujoco, pybullet; --details gives the reason"
-    ]
-    assert [line.endswith(reason) for line in whole_step_lines(cases, details=True)] == [True, True]
+def test_log_has_a_line_every_few_seconds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert logged(capsys, 0.01, every=False) == []
+    lines = logged(capsys, 5.0 / 2, every=False)
+    assert lines[0] == "running: 2 of 40 cases done (5 %)"
+    assert len(lines) == 20
+    assert lines[-1].startswith("diagnosing ")
 
 
-def test_whole_steps_that_differ_or_are_unresolved_are_listed() -> None:
-    """Catch a step that is off by 110 % behind a motion, or behind the steps of other engines."""
-    numbers: dict[str, Any] = {"component": "knee_ddot", "uncertainty": 2e-9, "states": 19}
-    step = WholeStep(outcome=Outcome.UNRESOLVED, discrepancy=1e-9, **numbers)
-    wrong = WholeStep(outcome=Outcome.DIFFERS, discrepancy=1.1, **numbers)
-    good = WholeStep(
-        outcome=Outcome.AGREES, discrepancy=3e-12, next_state=True, **{**numbers, "unresolved": 5}
+def test_progress_stays_below_100_percent_until_done(capsys: pytest.CaptureFixture[str]) -> None:
+    """Leave time for the diagnoses and the report after the last case."""
+    assert not [line for line in logged(capsys, 5.0, every=False) if "100 %" in line]
+
+
+def test_total_appears_once_all_cases_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Omit the total until every system's scenarios are derived."""
+    now = [0.0]
+    with Progress(clock=lambda: now[0]) as progress:
+        for i in range(1, 41):
+            now[0] += 5.0
+            progress(i, 0 if i < 20 else 40, case(Outcome.AGREES))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[18] == "deriving and running: 19 cases done"
+    assert lines[19] == "running: 20 of 40 cases done (50 %)"
+    assert lines[-1] == "checking coverage"
+
+
+def test_log_has_one_line_per_case_on_request(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = logged(capsys, 5.0, every=True)
+    assert len(lines) == 41
+    assert lines[6].startswith("[7/40] FAIL ")
+    assert sum("] ok " in line for line in lines) == 39
+
+
+WIDTHS = (60, 80, 120)
+
+
+def row(index: int, **other: Any) -> SweepRow:
+    command = f"crosscheck sweep my_pendulum --vary length=0.5:2 --draws 4 --only {index}"
+    values: dict[str, Any] = {
+        "outcome": Outcome.DIFFERS, "kind": "motion", "reason": "theta_dot is off by 12 %",
+        "discrepancy": 0.12, "uncertainty": 1e-12,
+    } | other  # fmt: skip
+    return SweepRow(
+        index=index, draw=index, system="my_pendulum", model="mujoco.xml", engine="mujoco",
+        scenario="free", integrator="euler", constants={"length": 0.5 + index}, command=command,
+        **values,
+    )  # fmt: skip
+
+
+def printed_sweep(rows: list[SweepRow], width: int) -> str:
+    plan = SweepPlan(
+        command="crosscheck sweep my_pendulum", options={}, folders={}, versions={},
+        cases=len(rows), constants=("length",),
+    )  # fmt: skip
+    console = Console(file=io.StringIO(), width=width, highlight=False)
+    print_sweep(console, summary(plan, rows))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_cases_with_the_same_problem_are_one_entry_with_its_code(width: int) -> None:
+    text = printed_sweep([row(i, discrepancy=0.12 + i) for i in range(4)], width)
+    code = case_code(Outcome.DIFFERS, "motion")
+    head = "\n".join(text.splitlines()[:4])
+    assert f"{code} theta_dot is off by 12 %" in head
+    assert text.count("theta_dot is off") == 1
+    assert "also #2, #1, #0" in text
+    assert f"crosscheck explain {code}" in text
+    assert max(map(len, text.splitlines())) <= width
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_agreeing_sweep_has_no_code_and_no_empty_column(width: int) -> None:
+    values: dict[str, Any] = {
+        "outcome": Outcome.AGREES, "kind": "", "reason": "", "discrepancy": 1e-13, "digits": 12.0
+    }  # fmt: skip
+    text = printed_sweep([row(i, **values) for i in range(3)], width)
+    assert text.startswith("ok  3 cases agree\n")
+    assert "XC" not in text
+    assert "error at dt" not in text
+
+
+def test_problems_with_different_codes_are_separate() -> None:
+    failed: dict[str, Any] = {"outcome": Outcome.FAILED, "discrepancy": None, "uncertainty": None}
+    long = row(1, kind="long step", reason="dt = 1.5 s is too long", **failed)
+    text = printed_sweep([row(0), long], 80)
+    assert text.index("ERROR  #1") < text.index("FAIL  #0")
+    assert f"{long.code} dt = 1.5 s is too long" in text
+
+
+LONG = "two_drums_on_a_slope", "robot_folded_and_turned.urdf"
+
+CHAOTIC = full_run(global_error=0.94, steps_for=(TargetStep(target=0.001, step=None),))
+
+
+def table(width: int, *, details: bool = False) -> str:
+    out = StringIO()
+    wrong = verdict(
+        discrepancy=8.5e-2, uncertainty=4.4e-12, largest_discrepancy=0.3, largest_uncertainty=0.7
     )
     cases = [
-        case(engine="drake", whole_step=good),
-        case(engine="dart", whole_step=step),
-        case(Outcome.DIFFERS, engine="pybullet", whole_step=wrong),
+        case(),
+        case(Outcome.DIFFERS, system=LONG[0], model=LONG[1], verdict=wrong),
+        case(Outcome.FAILED, system=LONG[0], model=LONG[1], scenario="driven"),
     ]
-    assert whole_step_lines(cases, details=False) == [
-        "whole steps at 19 states, where no limit, contact or drive acts, agree to 3.0e-12; 5 more"
-        " unresolved",
-        "disc/mujoco.xml/free [dart]: whole steps unresolved at 19 states: uncertainty 2.0e-09 of"
-        " knee_ddot",
-        "disc/mujoco.xml/free [pybullet]: whole steps differ at 19 states: knee_ddot off by 110 %"
-        " of its largest value, uncertainty 2.0e-09",
-    ]
-    assert properties(cases[2])["whole steps"].startswith("differ at 19 states")
-    page = CaseView(id="id", case=cases[1], pack="", scene=None, scenario=None, model=None)
-    assert "whole steps are unresolved at 19 states" in str(page.reason)
-    repeated = replace(
-        cases[0], whole_step=replace(good, contact_counts=("a and b have 4 contacts",))
-    )
-    assert "whole steps in drake: a and b have 4 contacts" in whole_step_lines(
-        [repeated], details=False
-    )
+    print_models(Console(file=out, width=width), cases, details=details)
+    return out.getvalue()
 
 
-def test_worst_event_is_named_and_short_events_are_counted() -> None:
-    events = (
-        EventTime(part="floor", change="impact", time=0.3, in_run=0.301),
-        EventTime(part="stop", change="impact", time=0.7, in_run=0.696),
-        EventTime(part="stop", change="free to closed", time=0.9),
-    )
-    cases = [case(full_run=full_run(events=events)), case(scenario="smooth")]
-    name = "disc/mujoco.xml/free [mujoco]"
-    assert event_lines(cases) == [
-        f"2 events of full runs at most 4 ms off (worst: stop, {name}); 1 not seen at dt"
-    ]
-    (detailed,) = event_lines(cases, details=True)
-    assert detailed.startswith(f"{name}: floor, impact at 0.3 s: 1 ms off; stop, impact")
-    assert detailed.endswith("not seen")
+def model_rows(*cases: object, details: bool = False) -> str:
+    out = StringIO()
+    print_models(Console(file=out, width=160), cases, details=details)  # type: ignore[arg-type]
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 200])
+def test_names_and_numbers_are_never_truncated(width: int) -> None:
+    text = table(width)
+    for word in (*LONG, "1 ERROR, 1 FAIL", "11.3"):
+        assert word in text
+    assert "…" not in text
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
+@pytest.mark.parametrize("details", [False, True])
+def test_no_row_is_longer_than_the_terminal(width: int, details: bool) -> None:
+    assert max(map(len, table(width, details=details).splitlines())) <= width
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
+def test_omitted_column_is_named_below(width: int) -> None:
+    text = table(width)
+    for head in ("status", "digits", "off by", "error at dt", "dt", "order", "dt for 0.1 %"):
+        assert head in text
+
+
+def test_wide_names_have_separate_lines() -> None:
+    assert "two_drums_on_a_slope/robot_folded_and_turned.urdf [mujoco]" in table(60).splitlines()
+
+
+def test_errors_and_uncertainties_are_details() -> None:
+    """Show both for the deciding component if a case differs."""
+    assert "e-" not in table(200)
+    lines = table(200, details=True).splitlines()
+    (row,) = (line.split() for line in lines if line.startswith(LONG[0]))
+    assert {"8.5e-02", "4.4e-12"} <= set(row)
+    assert not {"3.0e-01", "7.0e-01"} & set(row)
+    (agreeing,) = (line for line in lines if "1 ok" in line)
+    assert "3.0e-13" in agreeing
+
+
+def test_empty_column_is_not_printed() -> None:
+    text = model_rows(case(full_run=None), case(engine="pymunk", full_run=None))
+    assert text.splitlines()[0].split() == ["model", "engine", "status", "digits"]
+
+
+def test_chaotic_motion_is_not_an_error_of_the_model() -> None:
+    (row,) = (line for line in model_rows(case(full_run=CHAOTIC)).splitlines() if "1 ok" in line)
+    assert "chaotic" in row
+    assert "94 %" not in row
+    both = model_rows(case(), case(scenario="wild", full_run=CHAOTIC))
+    assert "0.50 %, chaotic" in both
+    assert "400 µs" in both, "the step comes from the motions that have a step"
+    assert "chaotic: a motion that no time step follows" in both
+
+
+def test_agreeing_rows_are_counted_in_long_tables() -> None:
+    cases = [case(model=f"m{i}.xml") for i in range(12 + 3)]
+    text = model_rows(*cases, case(Outcome.DIFFERS, model="wrong.xml"))
+    assert "wrong.xml" in text
+    assert "m1.xml" not in text
+    assert f"{12 + 3} more rows: every case ok" in text
+    assert "m1.xml" in model_rows(*cases, details=True)

@@ -1,7 +1,5 @@
 """Hostile names are escaped in terminals, logs of GitHub and summaries."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys
@@ -23,7 +21,6 @@ from physics_crosscheck.harness.results.github import (
     LogStream,
     commands,
     harmless_json,
-    plain_line,
     plain_logs,
     run_notes,
 )
@@ -57,16 +54,6 @@ def test_terminal_table_ignores_markup_and_escapes() -> None:
     assert file.getvalue() == ("[bold]a[/] \\x1b]0;title\\x07\\x1b[2J [link=http://evil]b\nnext\n")
 
 
-@pytest.mark.parametrize(("line", "shown"), [
-    ("::error::a", "| ::error::a"),
-    ("  ::add-mask::a", "|   ::add-mask::a"),
-    ("a ##[group]b", "a ## [group]b"),
-    ("CHANGED a::b", "CHANGED a::b"),
-])  # fmt: skip
-def test_log_lines_are_not_commands(line: str, shown: str) -> None:
-    assert plain_line(line) == shown
-
-
 def test_annotation_is_one_command(tmp_path: Path) -> None:
     evil = "a\n::error file=x::y\r,title=b\x1b[31m%0A::warning::z"
     note = Annotation(level="error", file=tmp_path / "m.xml", line=1, title=evil, message=evil)
@@ -91,6 +78,7 @@ def test_cell_of_summary_is_plain_text(tmp_path: Path) -> None:
     (["x ##", "[group]y\n"], "x ## [group]y\n"),
     (["safe\r::error::a\n"], "safe\r| ::error::a\n"),
     (["why? ", "::no\n", "  ::error::a\n"], "why? ::no\n|   ::error::a\n"),
+    (["CHANGED a::b\n", "  ::add-mask::a\n"], "CHANGED a::b\n|   ::add-mask::a\n"),
 ])  # fmt: skip
 def test_partial_log_writes_form_no_commands(parts: list[str], shown: str) -> None:
     inner = io.StringIO()

@@ -1,7 +1,5 @@
 """Comparison of two versions of MuJoCo, of which one is installed from a package index."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import shutil
 import subprocess

@@ -4,8 +4,6 @@ The engine is the toy engine of docs/engines/adapter.md, installed from wheels i
 a package index. This package is installed too; `test_mujoco_versions.py` runs from the checkout.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import os
 import re
@@ -21,8 +19,12 @@ import pytest
 from physics_crosscheck.harness.extras.versions.main import (
     VersionError,
     interpreter,
+    requested_targets,
+    requested_versions,
     site_folders,
 )
+from physics_crosscheck.harness.interfaces.cli.main import main
+from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.records.baseline import Gate
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.records import Outcome
@@ -64,11 +66,9 @@ class Home:
     place: Path
 
     def versions(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run `crosscheck versions` in it."""
         return self.run("versions", *words)
 
     def run(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run a command in it."""
         clean = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "PYTHON"))}
         return subprocess.run(
             [self.place / "home" / "bin" / "python", "-m", "physics_crosscheck", *words],
@@ -119,12 +119,10 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
 
 @pytest.fixture(scope="module")
 def done(home: Home) -> subprocess.CompletedProcess[str]:
-    """Compare three versions."""
     return home.versions("oscillator", "--engine", "toy", "1.0", "2.0", "3.0=own")
 
 
 def gate_of(home: Home, version: str) -> Gate:
-    """Return the record of the upgrade to a version."""
     path = home.place / "reports" / "versions" / f"toy-{version}" / "gate.json"
     return decoded(path.read_bytes(), Gate)
 
@@ -189,3 +187,65 @@ def test_uv_provides_a_version(
     assert "pymunk==2.0" in command
     assert f"numpy=={importlib.metadata.version('numpy')}" in command
     assert command[-1] == "python"
+
+
+def test_versions_and_user_environments_are_parsed_in_order(tmp_path: Path) -> None:
+    name, versions = requested_versions(["pymunk", "7.0", f"7.1.0={tmp_path}"])
+    assert name == "pymunk"
+    assert versions == {"7.0": None, "7.1.0": tmp_path}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["pymunk", "7.0"], "name two versions of it or more"),
+        (["pymunk"], "name two versions of it or more"),
+        (["pymunk", "7.0", "7.0"], "7.0 is asked for twice"),
+        (["nobody", "1", "2"], "no engine 'nobody' is known"),
+        (
+            ["pymunk", "7.0", "7.1", "my/folder"],
+            "my/folder is not a version; folders and files come",
+        ),
+        (["pymunk", "7.0", "--pre"], "--pre is not a version"),
+        (["pymunk", "7.0", "7.1=nowhere/at/all"], "there is no such environment"),
+    ],
+)
+def test_invalid_arguments_are_rejected(words: list[str], message: str) -> None:
+    with pytest.raises(FolderError, match=re.escape(message)):
+        requested_versions(words)
+
+
+def folder(place: Path, engine: str) -> Path:
+    place.mkdir()
+    (place / "system.py").write_text(SYSTEM)
+    (place / "robot.urdf").write_text("<robot/>")
+    (place / "robot.urdf.toml").write_text(f'engines = ["{engine}"]\n')
+    return place
+
+
+def test_targets_that_the_engine_does_not_run_are_reported(tmp_path: Path) -> None:
+    mine, other = folder(tmp_path / "mine", "pymunk"), folder(tmp_path / "other", "pybullet")
+    robot = tmp_path / "arm.urdf"
+    robot.write_text("<robot/>")
+    targets, left_out = requested_targets("pymunk", [str(mine), str(other), str(robot)])
+    assert targets == [mine]
+    assert left_out == [
+        f"{other}: no model of it names pymunk; left out",
+        f"{robot}: pymunk reads no .urdf files; left out",
+    ]
+
+
+def test_folder_with_unreadable_sidecar_is_kept(tmp_path: Path) -> None:
+    mine = folder(tmp_path / "mine", "pymunk")
+    (mine / "robot.urdf.toml").write_text("engines =\n")
+    assert requested_targets("pybullet", [str(mine)]) == ([mine], [])
+
+
+def test_no_remaining_target_is_a_usage_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = folder(tmp_path / "other", "pybullet")
+    assert main(["versions", str(other), "--engine", "pymunk", "7.0", "7.1"]) == 2
+    assert "no model of it names pymunk" in capsys.readouterr().err
+    assert main(["versions", "nowhere", "--engine", "pymunk", "7.0", "7.1"]) == 2
+    assert main(["versions", "nowhere.urdf", "--engine", "pymunk", "7.0", "7.1"]) == 2

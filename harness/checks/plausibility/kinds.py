@@ -400,7 +400,7 @@ _HELD: Mapping[str, tuple[PlausibilityKind, str]] = {
     ),
     LOCKED: (
         "damping ratio",
-        "is locked by its damping, so it is held still. Lower the damping, or fix the joint",
+        "is locked by its damping or its spring, so it is held still. Lower it, or fix the joint",
     ),
 }
 """Kind and message by the reason for which joints are held."""

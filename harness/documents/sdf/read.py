@@ -41,7 +41,13 @@ _NAMED = 8
 """The most models that a sentence names."""
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
-    {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "fixed": None}
+    {
+        "revolute": "hinge",
+        "continuous": "hinge",
+        "prismatic": "slide",
+        "ball": "ball",
+        "fixed": None,
+    }
 )
 """The kind of joint in a tree; None for a fixed joint."""
 
@@ -257,20 +263,29 @@ def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str
         else None,
         friction=document.text_numbers(
             document.child(element, "axis/dynamics/friction"), (0.0,), what
-        )[0],
+        )[0]
+        * (of_tree != "ball"),
     )
 
 
 def _moving(
     document: Document, frames: SdfFrames, element: XmlElement, name: str, kind: Kind, child: str
 ) -> Joint:
-    """Return a joint with anchor and axis in the child link's frame."""
+    """Return a joint with anchor and axis in the child link's frame.
+
+    The `<axis>` of a ball joint has no direction: its damping opposes the angular velocity.
+    """
     what, axis = f"joint {quote(name)}", document.child(element, "axis")
+    inward = inverse(frames.place(child))
+    anchor = _triple(inward.compose(frames.place(name)).origin)
+    damping = document.text_numbers(document.child(axis, "dynamics/damping"), (0.0,), what)[0]
+    if kind == "ball":
+        armature = document.armatures.get(name, 0.0)
+        return Joint(name=name, kind=kind, at=anchor, damping=damping, armature=armature)
     if axis is None:
         document.add_problem(element, f"{what} has no <axis>", "write one: <axis><xyz>...")
     xyz = document.child(axis, "xyz")
     direction = np.array(document.text_numbers(xyz, (0.0, 0.0, 1.0), what))
-    inward = inverse(frames.place(child))
     frame = _expressed_in(document, axis, xyz) or name
     direction = inward.rotation @ frames.place(frame).rotation @ direction
     if not direction.any():
@@ -281,14 +296,14 @@ def _moving(
     dynamics = document.child(axis, "dynamics")
     number = {
         key: document.text_numbers(document.child(dynamics, key), (0.0,), what)[0]
-        for key in ("damping", "spring_stiffness", "spring_reference")
+        for key in ("spring_stiffness", "spring_reference")
     }
     return Joint(
         name=name,
         kind=kind,
         axis=_triple(direction),
-        at=_triple(inward.compose(frames.place(name)).origin),
-        damping=number["damping"],
+        at=anchor,
+        damping=damping,
         stiffness=number["spring_stiffness"],
         rest=number["spring_reference"],
         limits=_bounds(document, element, axis),
@@ -343,7 +358,7 @@ def read_mimics(document: Document, joints: Mapping[str, SdfJoint]) -> dict[str,
     mimics: dict[str, Mimic] = {}
     for name, joint in joints.items():
         mimic = document.child(joint.element, "axis/mimic")
-        if mimic is not None and joint.joint is not None:
+        if mimic is not None and joint.joint is not None and joint.joint.single:
             mimics[name] = _mimic(document, mimic, joints, name)
     return mimics
 

@@ -23,12 +23,14 @@ from physics_crosscheck.harness.engines.dart.sdf import (
     as_older,
     automatic_cause,
     automatic_links,
+    ball_dampers,
     momentless_cause,
     momentless_links,
     refuse_newer,
     sdf_skeleton,
     turned_cause,
     turned_links,
+    undamped_cause,
     with_automatic,
     with_moments,
     with_turned,
@@ -46,7 +48,7 @@ from physics_crosscheck.harness.engines.protocol import (
     StepRule,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import each_alone, rates
+from physics_crosscheck.harness.engines.runge_kutta import BALL, FREE, JointLayout, each_alone
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
 from physics_crosscheck.harness.engines.sdf_sidecar import (
     DeclaredSdf,
@@ -54,7 +56,7 @@ from physics_crosscheck.harness.engines.sdf_sidecar import (
     sdf_without_friction,
 )
 from physics_crosscheck.harness.engines.source import one_line, shortened
-from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper
+from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
     BARE,
@@ -72,7 +74,6 @@ from physics_crosscheck.harness.engines.urdf_copy import (
 from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, Declarations
 from physics_crosscheck.reference.mechanism.rotations import (
-    angular_velocity,
     exponential,
     from_quaternion,
     minimal_coordinates,
@@ -88,31 +89,55 @@ class WorldSteps(Stepper):
     """A skeleton in a world.
 
     DART's coordinates of a free root are its rotation vector and its position. Velocities are
-    angular and linear, along the world's axes, and so are forces.
+    angular and linear, along the world's axes, and so are forces. A ball joint has the rotation
+    vector of its frame on the child in that on the parent, and angular velocities along the
+    axes of the former.
 
     Args:
         world, body: DART's own objects.
-        floats: whether the root floats.
+        layout: of the joints.
         springs: along slides and hinges.
-        exact: whether the adapter rotates a floating root to full precision; DART drops the cubic
-            term of rotations below 1e-3 rad per step.
+        exact: whether the adapter rotates joints to full precision; DART drops the cubic term of
+            rotations below 1e-3 rad per step.
     """
 
     def __init__(
-        self, world: Any, body: Any, floats: bool, springs: SpringForces, exact: bool = False
+        self,
+        world: Any,
+        body: Any,
+        layout: JointLayout,
+        springs: SpringForces,
+        exact: bool = False,
     ) -> None:
-        self._world, self._body, self._floats, self._springs = world, body, floats, springs
-        self._turned = exact and floats
-        self._near = np.array([1.0, 0.0, 0.0, 0.0])
+        self._world, self._body, self.layout, self._springs = world, body, layout, springs
+        self._turned = exact and bool(layout.turns)
+        self._near = np.array([[1.0, 0.0, 0.0, 0.0]] * len(layout.turns))
+        moving = [body.getJoint(i) for i in range(body.getNumJoints())]
+        turning = [joint for joint in moving if joint.getNumDofs() >= BALL]
+        self._inward = [
+            np.eye(3)
+            if joint.getNumDofs() == FREE
+            else joint.getTransformFromChildBodyNode().rotation()
+            for joint in turning
+        ]
+        self._vectors = [slice(one.start, one.start + 3) for one, _ in layout.origins]
 
     def reset(self, q: Array, v: Array) -> None:
         """Set a state, and discard constraint impulses of earlier motions."""
-        if self._floats:
-            self._near = unit_quaternion(q[3:FREE])
-            spin = from_quaternion(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
-            q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
-            v = np.concatenate([spin, v[:3], v[FREE:]])
-        self._set_dart_state(q, v)
+        x, m = self.layout.to_state(q, v)
+        for k, (_, there) in enumerate(self.layout.turns):
+            self._near[k] = x[there]
+        self._set_dart_state(self._positions(x), self._along(m, x, back=False))
+
+    def _positions(self, x: Array) -> Array:
+        """Return DART's positions."""
+        q = np.empty(len(x) - len(self.layout.turns))
+        q[self.layout.singles] = x[self.layout.singles_x]
+        rows = zip(self.layout.turns, self.layout.origins, self._inward, self._vectors, strict=True)
+        for (_, there), (place, place_x), inward, vector in rows:
+            q[vector] = inward.T @ _rotation_vector(x[there])
+            q[vector.stop :][: place.stop - place.start] = x[place_x]
+        return q
 
     def _set_dart_state(self, q: Array, v: Array) -> None:
         self._body.resetCommands()
@@ -124,38 +149,52 @@ class WorldSteps(Stepper):
     def position(self) -> Array:
         """Return the position, with rotation coordinates nearer to the last ones."""
         q: Array = self._body.getPositions()
-        if not self._floats:
+        if not self.layout.turns:
             return q
-        turn = exponential(q[:3])
-        turned = minimal_coordinates(turn, self._near)
-        self._near = unit_quaternion(turned)
-        return np.concatenate([q[3:FREE], turned, q[FREE:]])
+        z = q.copy()
+        rows = zip(self.layout.turns, self.layout.origins, self._inward, self._vectors, strict=True)
+        for k, ((here, _), (place, _), inward, vector) in enumerate(rows):
+            z[place] = q[vector.stop :][: place.stop - place.start]
+            z[here] = minimal_coordinates(exponential(inward @ q[vector]), self._near[k])
+            self._near[k] = unit_quaternion(z[here])
+        return z
 
     def state(self) -> tuple[Array, Array]:
         """Return positions and velocities."""
         z = self.position()
-        m = self.velocities(from_quaternion(self._near))
-        return z, rates(z, m) if self._floats else m
+        return z, self.layout.rates(z, self.velocities(z))
 
-    def velocities(self, turn: Array) -> Array:
-        """Return velocities in `RungeKutta`'s convention, for a rotation of the root, (3, 3)."""
-        return self._along_root(self._body.getVelocities(), turn)
+    def velocities(self, z: Array) -> Array:
+        """Return velocities in `RungeKutta`'s convention, at coordinates z."""
+        return self._along(self._body.getVelocities(), self.layout.to_state(z, z)[0], back=True)
 
-    def _along_root(self, values: Array, turn: Array) -> Array:
-        if not self._floats:
-            return values
-        return np.concatenate([values[3:FREE], turn.T @ values[:3], values[FREE:]])
+    def _along(self, values: Array, x: Array, *, back: bool) -> Array:
+        """Return velocities or forces along DART's axes, or back in `RungeKutta`'s convention."""
+        out = values.copy() if self.layout.turns else values
+        rows = zip(self.layout.turns, self.layout.origins, self._inward, self._vectors, strict=True)
+        for (here, there), (place, _), inward, vector in rows:
+            free = place.stop > place.start
+            axes = from_quaternion(x[there]) if free else inward.T
+            linear = slice(vector.stop, vector.stop + place.stop - place.start)
+            if back:
+                out[place], out[here] = values[linear], axes.T @ values[vector]
+            else:
+                out[vector], out[linear] = axes @ values[here], values[place]
+        return out
 
     def step(self, h: float, force: Array | None) -> None:
         """Step the world, whose step is h."""
         if force is not None or not self._springs.empty:
             self._body.setForces(self._pushes(force))
-        before = self._body.getPositions()[:3] if self._turned else np.zeros(3)
+        before = self._body.getPositions() if self._turned else np.zeros(0)
         self._world.step()
         if self._turned:
-            q, spin = self._body.getPositions(), self._body.getVelocities()[:3]
-            after = quaternion_product(exponential(h * spin), exponential(before))
-            q[:3] = _rotation_vector(after if after[0] >= 0 else -after)
+            q, v = self._body.getPositions(), self._body.getVelocities()
+            for vector, (place, _) in zip(self._vectors, self.layout.origins, strict=True):
+                pair = exponential(h * v[vector]), exponential(before[vector])
+                # A free root turns about the world's axes, a ball about its own.
+                after = quaternion_product(*(pair if place.stop > place.start else pair[::-1]))
+                q[vector] = _rotation_vector(after if after[0] >= 0 else -after)
             self._body.setPositions(q)
 
     def coast(self, h: float, n: int) -> None:
@@ -169,29 +208,23 @@ class WorldSteps(Stepper):
 
     def accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of positions, velocities and forces in `RungeKutta`'s convention."""
-        q, v, turn = x, m, np.eye(3)
-        if self._floats:
-            turn = from_quaternion(x[3:7])
-            q = np.concatenate([_rotation_vector(x[3:7]), x[:3], x[7:]])
-            v = np.concatenate([turn @ m[3:FREE], m[:3], m[FREE:]])
-        self._set_dart_state(q, v)
+        self._set_dart_state(self._positions(x), self._along(m, x, back=False))
         self._body.setForces(self._pushes(f))
         # DART evaluates dampers at the end of a step, so the step is made negligibly short.
         step = self._body.getTimeStep()
         self._body.setTimeStep(INSTANT)
         self._body.computeForwardDynamics()
         self._body.setTimeStep(step)
-        return self._along_root(self._body.getAccelerations(), turn)
+        return self._along(self._body.getAccelerations(), x, back=True)
 
     def _pushes(self, force: Array | None) -> Array:
-        free = FREE if self._floats else 0
-        q, v = self._body.getPositions(), self._body.getVelocities()
-        pushes = np.zeros(len(v)) if force is None else force.copy()
-        if self._floats and force is not None:
-            turn = from_quaternion(exponential(q[:3]))
-            pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
+        q, v, rows = self._body.getPositions(), self._body.getVelocities(), self.layout.singles
+        pushes = np.zeros(len(v))
+        if force is not None:
+            x = self.layout.to_state(self.position(), v)[0] if self.layout.turns else q
+            pushes = self._along(force, x, back=False).copy()
         if not self._springs.empty:
-            pushes[free:] += self._springs.forces(q[free:], v[free:])
+            pushes[rows] += self._springs.forces(q[rows], v[rows])
         return pushes
 
 
@@ -201,7 +234,7 @@ def _rotation_vector(turn: Array) -> Array:
     return turn[1:] * (angle / size if size else 2.0)
 
 
-TURNS = "DART's dropping of the cubic term of turns below 1e-3 rad a step of a root that floats"
+TURNS = "DART's dropping of the cubic term of free turns below 1e-3 rad per step"
 
 SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
@@ -216,8 +249,8 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     "trimmed_numbers": False,
     # Whether <mimic> is a constraint on both joints (CouplerConstraint), or DART's own servo.
     "couplers": False,
-    # Whether the adapter rotates a floating root; DART itself drops the cubic term of small
-    # rotations.
+    # Whether the adapter rotates a floating root and ball joints; DART itself drops the cubic term
+    # of small rotations.
     "exact_turns": False,
     # Whether a rotated SDFormat inertial is rewritten along the link's axes; DART itself ignores
     # the rotation of its moments.
@@ -228,6 +261,8 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     # Whether an SDFormat link with a mass and no <inertia> has the format's 1 kg m^2; DART itself
     # uses its mass times 1 m^2.
     "default_moments": False,
+    # Whether the damping of an SDFormat ball joint acts; DART itself ignores it.
+    "ball_damping": False,
 })  # fmt: skip
 
 READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg", no_stops="DART")
@@ -246,7 +281,7 @@ class DartEngine(UrdfEngine):
     non_physical = MappingProxyType({**URDF_NON_PHYSICAL, **SDF_NON_PHYSICAL})
     defaults = DEFAULTS
     capabilities = (
-        "joints: slide, hinge, floating root",
+        "joints: slide, hinge, ball (SDFormat), floating root",
         "springs: added by the adapter; SDFormat springs by DART",
         "mimic: one-way servo",
         "next state: with a fixed base",
@@ -286,7 +321,7 @@ def _without_law(robot: XmlElement) -> Iterator[str]:
 
 
 class DartModel(UrdfModel):
-    """A tree of slides and hinges, fixed or floating, stepped by its DART world."""
+    """A tree of slides, hinges and balls, fixed or floating, stepped by its DART world."""
 
     integrator = "semi-implicit euler"
 
@@ -307,22 +342,26 @@ class DartModel(UrdfModel):
         self._world.setGravity(list(self.gravity))
         self._world.addSkeleton(self._body)
         moving = [self._body.getJoint(i) for i in range(self._body.getNumJoints())]
-        joints = [joint for joint in moving if joint.getNumDofs()][1 if self.floats else 0 :]
+        joints = [joint for joint in moving if joint.getNumDofs()]
         for joint in joints:
-            if joint.getNumDofs() != 1:
+            if joint.getNumDofs() != 1 and joint.getType() not in ("BallJoint", "FreeJoint"):
                 raise EngineError(
                     f"{spec.path}: joint {joint.getName()!r} is neither a slide nor a hinge"
                 )
             mimic = joint.getActuatorType() == dart.dynamics.ActuatorType.MIMIC
             if mimic and self.settings["couplers"]:
                 joint.setUseCouplerConstraint(True)
-        springs = self.name([joint.getName() for joint in joints])
-        self._stiffness = np.diag([joint.getSpringStiffness(0) for joint in joints])
-        self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
+        sizes = [joint.getNumDofs() for joint in joints]
+        named = [self.root if size == FREE else joint.getName()
+                 for joint, size in zip(joints, sizes, strict=True)]  # fmt: skip
+        springs = self.name(named, sizes=sizes)
+        each = [(joint, i) for joint in joints for i in range(joint.getNumDofs())]
+        self._stiffness = np.diag([joint.getSpringStiffness(i) for joint, i in each])
+        self._damping = np.diag([joint.getDampingCoefficient(i) for joint, i in each])
         exact = bool(self.settings["exact_turns"])
-        self._steps = WorldSteps(self._world, self._body, self.floats, springs, exact)
+        self._steps = WorldSteps(self._world, self._body, self.layout, springs, exact)
         self.stepper = self._steps
-        if self.floats and not exact:
+        if self.layout.turns and not exact:
             self.lost_turn = 1e-3
             self._corrective_settings[TURNS] = {"exact_turns": True}
         if self.declared.mimics and not self.settings["couplers"]:
@@ -340,12 +379,17 @@ class DartModel(UrdfModel):
         if skeleton is None:
             raise EngineError(f"{self.path}: DART can't load it: {message}")
         self._printed = (message,) if message else ()
+        balls = ball_dampers(self.declared.robot) if self.settings["ball_damping"] else {}
+        for name, damping in balls.items():
+            for i in range(BALL):
+                skeleton.getJoint(name).setDampingCoefficient(i, damping)
         return skeleton
 
     def turning_rates(self, z: Array, w: Array) -> Array:
-        """Return the rates of rotation of a floating root, (K,), rad/s."""
-        spins = angular_velocity(z[:, 3:FREE].T, w[:, 3:FREE].T)
-        rates: Array = np.linalg.norm(spins, axis=0)
+        """Return the fastest rates of free rotation, (K,), rad/s."""
+        m = self.layout.to_state(z, w)[1]
+        spins = [np.linalg.norm(m[:, here], axis=1) for here, _ in self.layout.turns]
+        rates: Array = np.max([np.zeros(len(z)), *spins], axis=0)
         return rates
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
@@ -357,9 +401,9 @@ class DartModel(UrdfModel):
         """DART's rule: springs and dampers at the step's end (GenericJoint.hpp,
         updateTotalForceDynamic).
 
-        There is no rule for a floating root, which DART rotates by an exponential.
+        There is no rule for a free rotation, for which DART uses an exponential.
         """
-        if self.floats:
+        if self.layout.turns:
             return None
         held = "couplings, which a servo or a constraint holds" if self.declared.mimics else ""
         damping, stiffness = (m if m.any() else None for m in (self._damping, self._stiffness))
@@ -379,6 +423,12 @@ class DartModel(UrdfModel):
         them.
         """
         return self._corrective_settings
+
+    @property
+    def precision_limits(self) -> dict[str, Mapping[str, object]]:
+        """The dropped term of free turns."""
+        lost = "the cubic term of free turns below 1e-3 rad per step"
+        return {lost: {"exact_turns": True}} if self.lost_turn else {}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """Yield ignored parts of the file, and mimic joints that are servos."""
@@ -454,6 +504,7 @@ def _corrective_settings(
             "turned_inertials": (turned_links, turned_cause),
             "automatic_inertials": (automatic_links, automatic_cause),
             "default_moments": (momentless_links, momentless_cause),
+            "ball_damping": (lambda model: list(ball_dampers(model)), undamped_cause),
         }
         return {
             cause(names): {key: True}

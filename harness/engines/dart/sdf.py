@@ -134,6 +134,18 @@ def momentless_cause(names: Sequence[str]) -> str:
     return f"DART's own moments, mass times 1 m^2, without <inertia> ({shortened(names)})"
 
 
+def ball_dampers(model: XmlElement) -> dict[str, float]:
+    """Return the damping of ball joints, N m s/rad, by name, which DART ignores."""
+    balls = [joint for joint in model.findall("joint") if joint.get("type") == "ball"]
+    dampers = {one.get("name"): number(one, "axis/dynamics/damping", 0.0) for one in balls}
+    return {name: damping for name, damping in dampers.items() if damping}
+
+
+def undamped_cause(names: Sequence[str]) -> str:
+    """Return the cause that a diagnosis reports."""
+    return f"DART's ignoring of <damping> of ball joints ({shortened(names)})"
+
+
 def with_moments(model: XmlElement) -> None:
     """Write 1 kg m^2 for links that state a mass and no `<inertia>`."""
     names = momentless_links(model)

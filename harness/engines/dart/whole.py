@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeState
-from physics_crosscheck.harness.engines.runge_kutta import rates
-from physics_crosscheck.harness.engines.tree_model import FREE, TreeModel, UndrivenWhole
+from physics_crosscheck.harness.engines.protocol import EngineStep, WholeState
+from physics_crosscheck.harness.engines.tree_model import TreeModel, UndrivenWhole
 from physics_crosscheck.reference.mechanism.laws import NearRigidRules
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion, unit_quaternion
 
 WHOLE_SETTINGS = {"smooth": False, "couplings": False, "bare_links": False, "trimmed_numbers": True}
 """Settings of the adapter: with dry friction, and without DART's own assumptions."""
@@ -34,7 +32,7 @@ class DartWhole(UndrivenWhole):
 
     def __init__(self, model: TreeModel, steps: Any, uncovered: tuple[str, ...]) -> None:
         super().__init__(model, uncovered)
-        self._steps, self._floats = steps, model.floats
+        self._steps = steps
         self.rules = NearRigidRules(
             step=self.step, damped_mass=False, has_limits=False, dry_friction_share=1e-9
         )
@@ -49,7 +47,7 @@ class DartWhole(UndrivenWhole):
         """Return the mean acceleration of a step, and the next state."""
         self._set(state)
         self._steps.coast(self.step, 1)
-        velocities = self._steps.velocities(self._turn(state.z))
+        velocities = self._steps.velocities(state.z)
         return EngineStep(
             acceleration=(velocities - state.m) / self.step,
             unbalanced=np.zeros_like(state.m),
@@ -58,12 +56,8 @@ class DartWhole(UndrivenWhole):
         )
 
     def _set(self, state: WholeState) -> None:
-        z, m = state.z, state.m
-        self._steps.reset(z, rates(z, m) if self._floats else m)
+        self._steps.reset(state.z, self._steps.layout.rates(state.z, state.m))
 
     def _read(self, state: WholeState) -> WholeState:
         z = self._steps.position()
-        return state._replace(z=z, m=self._steps.velocities(self._turn(z)))
-
-    def _turn(self, z: Array) -> Array:
-        return from_quaternion(unit_quaternion(z[3:FREE])) if self._floats else np.eye(3)
+        return state._replace(z=z, m=self._steps.velocities(z))

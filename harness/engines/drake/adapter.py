@@ -48,7 +48,7 @@ from physics_crosscheck.harness.engines.drake.whole import (
 )
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
-from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of
+from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, body_names
 from physics_crosscheck.harness.engines.mjcf_engine import (
     ADDED,
     MJCF_NON_PHYSICAL,
@@ -65,10 +65,10 @@ from physics_crosscheck.harness.engines.protocol import (
     Sample,
 )
 from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.runge_kutta import FREE
 from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, load_sdf, sample_sdf
 from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, sdf_mimics_of, sdf_without_bounds
 from physics_crosscheck.harness.engines.source import engine_errors, shortened
-from physics_crosscheck.harness.engines.tree_model import FREE
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
@@ -286,10 +286,13 @@ class DrakeMjcf(DrakeModel, MjcfModel):
     ) -> None:
         self.stepping = str(spec.settings.get("stepping", SAP))
         MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
-        if (free := self.declared.root) and free.armature:
-            raise self.declared.source.unsupported(
-                free.element, "armature of a free joint, which Drake's adapter does not support"
-            )
+        for free in self.declared.frees:
+            for key in ("armature", "damping"):
+                if getattr(free, key):
+                    raise self.declared.source.unsupported(
+                        free.element,
+                        f"{key} of a free joint, which Drake's adapter does not support",
+                    )
         smooth, resolved = bool(self.settings["smooth"]), self.resolved
         root = copy_mjcf(self.declared, limits=not smooth, touches=False, resolved=resolved)
         heavy = [joint for joint in self.declared.singles if joint.armature]
@@ -302,10 +305,9 @@ class DrakeMjcf(DrakeModel, MjcfModel):
             _chain(body)
         held = self.mimics if self.stepping == CONTINUOUS else ()
         self.take(root.written().decode(), "xml", held)
-        if self.floats:
-            self.drawn = self._drawn()
+        self.drawn = dict(self._drawn())
         stated = {joint.name: joint.damping for joint in self.declared.singles}
-        ordered = [stated[name] for name in self.coordinates[FREE if self.floats else 0 :]]
+        ordered = [stated.get(name, 0.0) for name in self.coordinates]
         other = ordered != np.diag(self._damping).tolist() or any(_lost(self.declared))
         self.misread = not resolved and other
 
@@ -319,9 +321,18 @@ class DrakeMjcf(DrakeModel, MjcfModel):
                 pair = (plant.GetJointByName(name) for name in (mimic.joint, mimic.leader))
                 plant.AddCouplerConstraint(*pair, mimic.multiplier, mimic.offset)
 
-    def _drawn(self) -> Array:
-        positions = np.array(moving_joints(self._plant)[0].default_positions())
-        return np.concatenate([positions[4:], minimal_coordinates(positions[:4], positions[:4])])
+    def free_name(self, body: str) -> str:
+        """Return the name of the free joint of a body."""
+        names = body_names(self.declared.source)
+        return next(one.name for one in self.declared.frees if names[one.body] == body)
+
+    def _drawn(self) -> Iterator[tuple[str, Array]]:
+        """Yield the coordinates of free joints in the drawn configuration."""
+        for joint in moving_joints(self._plant):
+            if joint.num_velocities() == FREE:
+                turn, place = np.split(np.array(joint.default_positions()), [4])
+                drawn = np.concatenate([place, minimal_coordinates(turn, turn)])
+                yield self.free_name(joint.child_body().name()), drawn
 
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:
@@ -436,7 +447,7 @@ class DrakeEngine(UrdfEngine):
     defaults = DEFAULTS
     words = MappingProxyType({"stepping": (SAP, TAMSI, CONTINUOUS)})
     capabilities = (
-        "joints: slide, hinge, floating root",
+        "joints: slide, hinge, ball (SDFormat), floating root",
         "springs: added by the adapter; SDFormat springs by Drake",
         "mimic: soft in SAP, ignored in TAMSI",
         "next state: fixed base; continuous plants always",

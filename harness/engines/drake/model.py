@@ -17,7 +17,12 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.tree import Mimic
-from physics_crosscheck.harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
+from physics_crosscheck.harness.engines.drake.plant import (
+    SIZES,
+    DiscreteSteps,
+    Plant,
+    moving_joints,
+)
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -26,7 +31,7 @@ from physics_crosscheck.harness.engines.protocol import (
     UnsupportedError,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import RungeKutta, each_alone, to_state
+from physics_crosscheck.harness.engines.runge_kutta import FREE, RungeKutta, each_alone
 from physics_crosscheck.harness.engines.source import one_line
 from physics_crosscheck.harness.engines.tree_model import (
     TreeModel,
@@ -92,7 +97,7 @@ SAP, TAMSI, CONTINUOUS = "sap", "tamsi", "continuous"
 
 
 class DrakeModel(TreeModel):
-    """A tree of slides and hinges, fixed or floating.
+    """A tree of slides, hinges and balls, with roots that are fixed or free.
 
     Attributes:
         coupled: whether couplings are added to discrete plants, or are in the text.
@@ -116,14 +121,20 @@ class DrakeModel(TreeModel):
         self._continuous = self.stepping == CONTINUOUS
         self.integrator = "Runge-Kutta 4" if self._continuous else "semi-implicit euler"
         plant = self._plant = self._build(0.0 if self._continuous else self.step)
-        joints = moving_joints(plant)[1 if self.floats else 0 :]
-        for joint in joints:
-            if joint.num_velocities() != 1:
+        joints = moving_joints(plant)
+        sizes = [SIZES.get(joint.type_name(), 1) for joint in joints]
+        for joint, size in zip(joints, sizes, strict=True):
+            if joint.num_velocities() != size:
                 raise EngineError(
                     f"{self.path}: joint {joint.name()!r} is neither a slide nor a hinge"
                 )
-        self._springs = self.name([joint.name() for joint in joints])
-        self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
+        names = [
+            self.free_name(joint.child_body().name()) if size == FREE else joint.name()
+            for joint, size in zip(joints, sizes, strict=True)
+        ]
+        self._springs = self.name(names, sizes=sizes)
+        damping = [one for joint in joints for one in joint.default_damping_vector()]
+        self._damping = np.diag(damping)
         # SAP's soft couplers are in no continuous plant, so accelerations hold them exactly.
         held = self.mimics if self.stepping == SAP else hold
         self._along = leader_matrix(held, self.coordinates, self.path) if held else None
@@ -131,8 +142,12 @@ class DrakeModel(TreeModel):
         self._discrete = lru_cache(maxsize=32)(self._discrete_of)
         forward = each_alone(self._accelerations)
         if self._continuous:
-            self.stepper = RungeKutta(forward, self.floats)
+            self.stepper = RungeKutta(forward, self.layout)
         self.forward = forward
+
+    def free_name(self, body: str) -> str:
+        """Return the name of the free joint of a body."""
+        return self.root
 
     @abstractmethod
     def complete(self, plant: Any) -> None:
@@ -183,12 +198,12 @@ class DrakeModel(TreeModel):
         return self._wrap(self._plant if self._continuous else self._build(0.0))
 
     def _wrap(self, plant: Any) -> Plant:
-        return Plant(plant, self.floats, self._springs, self.lifts)
+        return Plant(plant, self.layout, self._springs, self.lifts)
 
     def _discrete_of(self, h: float) -> DiscreteSteps:
         plant = self._plant if h == self.step else self._build(h)
         wrapped = self._wrap(plant)
-        return DiscreteSteps(wrapped, self.floats, wrapped.pulled)
+        return DiscreteSteps(wrapped, wrapped.pulled)
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of one state and its forces, in `RungeKutta`'s convention."""
@@ -214,10 +229,10 @@ class DrakeModel(TreeModel):
 
     @property
     def step_rule(self) -> StepRule | None:
-        """The step rule: SAP evaluates dampers at the step's end; a floating root has no rule."""
+        """The step rule: SAP evaluates dampers at the step's end; rotations have no rule."""
         if self._continuous:
             return StepRule(scheme="Runge-Kutta 4")
-        if self.floats:
+        if self.layout.turns:
             return None
         damping = self._damping if self.stepping == SAP and self._damping.any() else None
         soft = "couplings, which are soft" if self.mimics and not self.ignores_mimics else ""
@@ -256,8 +271,7 @@ class DrakeModel(TreeModel):
         wrapped = self._wrap(self._plant)
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
         for k, row in enumerate(z):
-            x, m = to_state(row, 0 * row) if self.floats else (row, 0 * row)
-            wrapped.set_state(x, m)
+            wrapped.set_state(*self.layout.to_state(row, 0 * row))
             for f, place in enumerate(places):
                 kind, _, name = place.partition(":")
                 body = self._plant.GetBodyByName(name)

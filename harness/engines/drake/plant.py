@@ -1,33 +1,60 @@
 """A Drake plant in one state, with the harness's coordinates.
 
-Drake's coordinates of a free root are its quaternion, real part first, and its position. Velocities
-are angular and linear, along the world's axes, and so are forces.
+Drake's coordinates of a free joint are its quaternion, real part first, and its position.
+Velocities are angular and linear, along the world's axes, and so are forces. A ball joint of
+SDFormat has roll, pitch and yaw of its frame on the child in that on the parent, and angular
+velocities along the axes of the latter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.engines.runge_kutta import place, rates, to_state
-from physics_crosscheck.harness.engines.tree_model import FREE, SpringForces, Stepper, Weight
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from physics_crosscheck.harness.engines.runge_kutta import BALL, FREE, JointLayout
+from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper, Weight
+from physics_crosscheck.reference.mechanism.rotations import (
+    from_quaternion,
+    from_rpy,
+    to_quaternion,
+    to_rpy,
+)
 
-QUATERNION = 4
+SIZES = {"quaternion_floating": FREE, "ball_rpy": BALL}
+"""Numbers of coordinates of Drake's types of joints that rotate freely."""
 
 
 def moving_joints(plant: Any) -> list[Any]:
-    """Return the moving joints of a finalized plant in the order of velocities, a floating root
-    first.
-    """
+    """Return the moving joints of a finalized plant in the order of velocities."""
     joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
-    return sorted(
-        (j for j in joints if j.num_velocities()),
-        key=lambda j: (j.num_velocities() != FREE, int(j.velocity_start())),
-    )
+    return sorted((j for j in joints if j.num_velocities()), key=lambda j: int(j.velocity_start()))
+
+
+class _Turning(NamedTuple):
+    """A joint that rotates freely.
+
+    Attributes:
+        here, there: its rotation in z and in x.
+        origin, origin_x: its place in z and in x; empty for a ball.
+        q, v: index of its first position and velocity in Drake.
+        inward: axes of its frame on the child, in the child's, (3, 3).
+    """
+
+    here: slice
+    there: slice
+    origin: slice
+    origin_x: slice
+    q: int
+    v: int
+    inward: Array
+
+    def axes(self, x: Array) -> Array:
+        """Return the child's axes in those of Drake's angular velocity, (3, 3)."""
+        axes: Array = self.inward.T @ from_quaternion(x[self.there])
+        return axes
 
 
 def weight_of(body: Any) -> Weight:
@@ -40,8 +67,8 @@ class Plant:
     """A finalized plant with a context.
 
     Args:
-        plant: of slides and hinges, after an optional floating root.
-        floats: whether the root floats.
+        plant: of slides, hinges, balls and free joints.
+        layout: of them.
         springs: along slides and hinges.
         lifts: weights that gravity compensation cancels.
         context: of the plant in its diagram; None for a plant alone.
@@ -50,68 +77,93 @@ class Plant:
     def __init__(
         self,
         plant: Any,
-        floats: bool,
+        layout: JointLayout,
         springs: SpringForces,
         lifts: Sequence[Weight],
         context: Any = None,
     ) -> None:
-        self._plant, self._floats, self._springs = plant, floats, springs
+        self._plant, self.layout, self._springs = plant, layout, springs
         gravity = np.array(plant.gravity_field().gravity_vector())
         self._lifts = [
             (plant.GetBodyByName(one.body), np.array(one.centre), -one.mass * gravity)
             for one in lifts
         ]
         self.context = plant.CreateDefaultContext() if context is None else context
-        joints = moving_joints(plant)[1 if floats else 0 :]
-        self._q = np.array([joint.position_start() for joint in joints], dtype=int)
-        self._v = np.array([joint.velocity_start() for joint in joints], dtype=int)
-        if floats:
-            root = moving_joints(plant)[0]
-            self._root_q, self._root_v = root.position_start(), root.velocity_start()
+        joints = moving_joints(plant)
+        singles = [joint for joint in joints if joint.type_name() not in SIZES]
+        self._q = np.array([joint.position_start() for joint in singles], dtype=int)
+        self._v = np.array([joint.velocity_start() for joint in singles], dtype=int)
+        places = zip(layout.turns, layout.origins, strict=True)
+        self._turning = [
+            _Turning(
+                *turn, *place, joint.position_start(), joint.velocity_start(),
+                joint.frame_on_child().GetFixedPoseInBodyFrame().rotation().matrix(),
+            )
+            for joint, (turn, place) in zip(
+                (one for one in joints if one.type_name() in SIZES), places, strict=True
+            )
+        ]  # fmt: skip
         self._own_q, self._own_v = np.zeros(plant.num_positions()), np.zeros(plant.num_velocities())
         self._port = plant.get_applied_generalized_force_input_port()
 
     def set_state(self, x: Array, m: Array) -> None:
         """Set positions and velocities in `RungeKutta`'s convention."""
-        joints, speeds = (x[7:], m[FREE:]) if self._floats else (x, m)
-        self._own_q[self._q], self._own_v[self._v] = joints, speeds
-        if self._floats:
-            turn = x[3:7] / np.linalg.norm(x[3:7])
-            self._own_q[self._root_q :][:7] = np.concatenate([turn, x[:3]])
-            spin = from_quaternion(turn) @ m[3:FREE]
-            self._own_v[self._root_v :][:FREE] = np.concatenate([spin, m[:3]])
+        self._own_q[self._q] = x[self.layout.singles_x]
+        for joint in self._turning:
+            if joint.origin.start < joint.origin.stop:
+                self._own_q[joint.q : joint.q + 4] = x[joint.there] / np.linalg.norm(x[joint.there])
+                self._own_q[joint.q + 4 : joint.q + 7] = x[joint.origin_x]
+            else:
+                self._own_q[joint.q : joint.q + 3] = to_rpy(joint.axes(x) @ joint.inward)
         self._plant.SetPositions(self.context, self._own_q)
-        self._plant.SetVelocities(self.context, self._own_v)
+        self._plant.SetVelocities(self.context, self._given(m, x))
 
     def state(self) -> tuple[Array, Array]:
         """Return the current positions and velocities."""
         q, v = self._plant.GetPositions(self.context), self._plant.GetVelocities(self.context)
-        if not self._floats:
+        if not self._turning:
             return q[self._q], v[self._v]
-        turn, place = np.split(q[self._root_q :][:7], [QUATERNION])
-        x = np.concatenate([place, turn, q[self._q]])
+        x = np.empty(len(self._own_v) + len(self._turning))
+        x[self.layout.singles_x] = q[self._q]
+        for joint in self._turning:
+            if joint.origin.start < joint.origin.stop:
+                x[joint.there], x[joint.origin_x] = (
+                    q[joint.q : joint.q + 4],
+                    q[joint.q + 4 : joint.q + 7],
+                )
+            else:
+                turn = joint.inward @ from_rpy(*q[joint.q : joint.q + 3]) @ joint.inward.T
+                x[joint.there] = to_quaternion(turn)
         return x, self.stored(v, x)
 
     def stored(self, values: Array, x: Array) -> Array:
         """Return Drake's velocities, accelerations or forces in `RungeKutta`'s convention, at
         positions in it.
         """
-        joints: Array = values[self._v]
-        if not self._floats:
+        if not self._turning:
+            joints: Array = values[self._v]
             return joints
-        spin, linear = np.split(values[self._root_v :][:FREE], 2)
-        return np.concatenate([linear, from_quaternion(x[3:7]).T @ spin, joints])
+        out = np.empty_like(values)
+        out[self.layout.singles] = values[self._v]
+        for joint in self._turning:
+            out[joint.here] = joint.axes(x).T @ values[joint.v : joint.v + 3]
+            out[joint.origin] = values[joint.v + 3 :][: joint.origin.stop - joint.origin.start]
+        return out
+
+    def _given(self, values: Array, x: Array) -> Array:
+        """Return velocities or forces in `RungeKutta`'s convention in Drake's, at positions x."""
+        out = np.empty_like(self._own_v)
+        out[self._v] = values[self.layout.singles]
+        for joint in self._turning:
+            out[joint.v : joint.v + 3] = joint.axes(x) @ values[joint.here]
+            out[joint.v + 3 :][: joint.origin.stop - joint.origin.start] = values[joint.origin]
+        return out
 
     def push(self, x: Array, m: Array, f: Array) -> None:
         """Apply forces, springs and gravity compensation in the state that was set."""
-        forces = np.zeros_like(self._own_v)
-        forces[self._v] = f[FREE:] if self._floats else f
+        forces, layout = self._given(f, x), self.layout
         if not self._springs.empty:
-            positions, rates = (x[7:], m[FREE:]) if self._floats else (x, m)
-            forces[self._v] += self._springs.forces(positions, rates)
-        if self._floats:
-            moment = from_quaternion(x[3:7]) @ f[3:FREE]
-            forces[self._root_v :][:FREE] = np.concatenate([moment, f[:3]])
+            forces[self._v] += self._springs.forces(x[layout.singles_x], m[layout.singles])
         if self._lifts:
             forces += self._lifted()
         self._port.FixValue(self.context, forces)
@@ -145,13 +197,8 @@ class Plant:
         """Return the mass matrix in the current state, for velocities in `RungeKutta`'s
         convention.
         """
-        n = len(self._v) + (FREE if self._floats else 0)
-        turned = np.zeros((len(self._own_v), n))
-        turned[self._v, np.arange(n - len(self._v), n)] = 1.0
-        if self._floats:
-            root = turned[self._root_v :]
-            root[:3, 3:FREE], root[3:FREE, :3] = from_quaternion(x[3:7]), np.eye(3)
-        result: Array = turned.T @ self._plant.CalcMassMatrix(self.context) @ turned
+        turned = np.array([self._given(row, x) for row in np.eye(len(self._own_v))])
+        result: Array = turned @ self._plant.CalcMassMatrix(self.context) @ turned.T
         return result
 
     def update(self) -> None:
@@ -164,17 +211,16 @@ class DiscreteSteps(Stepper):
 
     Args:
         plant: in a context.
-        floats: whether its first coordinates are those of a free root.
         pulled: whether springs act.
     """
 
-    def __init__(self, plant: Plant, floats: bool, pulled: bool) -> None:
-        self._plant, self._floats, self._pulled = plant, floats, pulled
+    def __init__(self, plant: Plant, pulled: bool) -> None:
+        self._plant, self._pulled = plant, pulled
         self._lost = self._pushed = False
 
     def reset(self, q: Array, v: Array) -> None:
         """Set a state, without forces."""
-        x, m = to_state(q, v) if self._floats else (q, v)
+        x, m = self._plant.layout.to_state(q, v)
         self._lost = False
         self._plant.set_state(x, m)
         self._plant.push(x, m, np.zeros_like(m))
@@ -188,10 +234,8 @@ class DiscreteSteps(Stepper):
         x, m = self._plant.state()
         if self._lost:
             m = np.full_like(m, np.nan)
-        if not self._floats:
-            return x, m
-        z = place(x)
-        return z, rates(z, m)
+        z = self._plant.layout.place(x)
+        return z, self._plant.layout.rates(z, m)
 
     def step(self, h: float, force: Array | None) -> None:
         """Step by an update of the plant."""

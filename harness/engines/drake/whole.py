@@ -19,7 +19,6 @@ from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.engines.drake.model import DrakeModel, collect_log
 from physics_crosscheck.harness.engines.drake.plant import Plant, moving_joints
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeState
-from physics_crosscheck.harness.engines.runge_kutta import place, to_state
 from physics_crosscheck.harness.engines.source import refused
 from physics_crosscheck.harness.engines.tree_model import SpringForces, UndrivenWhole
 from physics_crosscheck.harness.engines.urdf_copy import DEEP, has_form
@@ -87,7 +86,7 @@ class DrakeWhole(UndrivenWhole):
             self._diagram = builder.Build()
             self._root = self._diagram.CreateDefaultContext()
         context = self._drake.GetMyMutableContextFromRoot(self._root)
-        self._plant = Plant(self._drake, self._floats, SpringForces((), (), ""), (), context)
+        self._plant = Plant(self._drake, model.layout, SpringForces((), (), ""), (), context)
         self.rules = NearRigidRules(
             step=self.step, share=(BETA / (2 * np.pi)) ** 2, stiffness=1e12,
             dissipation=self.step, window=2.0, slip=1e-3, slowest=1e-4, default=DEFAULT,
@@ -149,6 +148,11 @@ class DrakeWhole(UndrivenWhole):
             return state._replace(m=np.full_like(state.m, np.nan))
         return self._read(state)
 
+    def contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
+        """Return the contacts at a state, without solving for their forces."""
+        self._set(state)
+        return tuple(self._contacts())
+
     def evaluate(self, state: WholeState) -> EngineStep:
         """Return the mean acceleration of a step, its contacts, and the next state."""
         x, plant = self._set(state), self._drake
@@ -202,13 +206,13 @@ class DrakeWhole(UndrivenWhole):
         return result
 
     def _set(self, state: WholeState) -> Array:
-        x = to_state(state.z, 0 * state.z)[0] if self._floats else state.z
+        x = self._plant.layout.to_state(state.z, 0 * state.z)[0]
         self._plant.set_state(x, state.m)
         return x
 
     def _read(self, state: WholeState) -> WholeState:
         x, m = self._plant.state()
-        return state._replace(z=place(x) if self._floats else x, m=m)
+        return state._replace(z=self._plant.layout.place(x), m=m)
 
     def _contacts(self) -> Iterator[ContactPoint]:
         results = self._drake.get_contact_results_output_port().Eval(self._plant.context)

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines import tree_model
 from physics_crosscheck.harness.engines.mjcf_copy import POSE, TOUCHES, copy_mjcf, without_pose
 from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
 from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, has_shape_inertia
@@ -30,7 +29,7 @@ from physics_crosscheck.harness.engines.mjcf_engine import (
     MjcfModel,
     sample_mjcf,
 )
-from physics_crosscheck.harness.engines.mjcf_joints import FREE, rows_of
+from physics_crosscheck.harness.engines.mjcf_joints import rows_of
 from physics_crosscheck.harness.engines.pinocchio.model import PinocchioModel
 from physics_crosscheck.harness.engines.pinocchio.reading import GROUND, build_urdf, read_mjcf
 from physics_crosscheck.harness.engines.protocol import (
@@ -42,6 +41,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Sample,
 )
 from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.runge_kutta import FREE
 from physics_crosscheck.harness.engines.source import temporary_file
 from physics_crosscheck.harness.engines.stepped_here import ADDED_HERE, dampers_not_added
 from physics_crosscheck.harness.engines.urdf import (
@@ -86,14 +86,16 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
         if self.settings["all_geoms"]:
             _enable_contacts(root)
         if self.floats:
-            self.drawn = _drawn(self._read(root), self.root)
+            drawn = self._read(root)
+            self.drawn = {free.name: _drawn(drawn, free.name) for free in self.declared.frees}
         model = self._read(without_pose(root))
         names = self._names(model)
-        if free := self.declared.root:
+        for free in self.declared.frees:
             start = model.joints[model.getJointId(free.name)].idx_v
-            model.armature[start : start + tree_model.FREE] = free.armature
+            model.armature[start : start + FREE] = free.armature
+            model.damping[start : start + FREE] = free.damping
         refs = {one.name: one.ref for one in self.declared.singles}
-        self.take(model, names, np.array([refs[n] for row in names for n in row]), self.mimics)
+        self.take(model, names, refs, self.mimics)
         self.misread = not resolved and (
             self._differs_from_defaults(model) or any(_unread(self.declared))
         )
@@ -104,19 +106,19 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
 
     def _differs_from_defaults(self, model: Any) -> bool:
         """Return whether dampers and armatures of joints differ from those of their classes."""
-        free = [self.declared.root.armature] * tree_model.FREE if self.declared.root else []
-        stated = {"damping": list[float](), "armature": free}  # of a root; then of other joints
-        for key in stated:
-            stated[key] += [getattr(one, key) for one in self.declared.singles]
+        rows = [(one, FREE) for one in self.declared.frees]
+        rows += [(one, 1) for one in self.declared.singles]
+        stated = {
+            key: [getattr(one, key) for one, size in rows for _ in range(size)]
+            for key in ("damping", "armature")
+        }
         return any(
             sorted(filter(None, map(float, getattr(model, key)))) != sorted(filter(None, numbers))
             for key, numbers in stated.items()
         )
 
     def _names(self, model: Any) -> Sequence[Sequence[str]]:
-        """Return the names of slides and hinges of each joint; joints of one body form one
-        joint.
-        """
+        """Return the names of the joints of each body, which form one joint."""
         rows = {row[0].name: row for _, row in rows_of(self.declared.joints)}
         names_by_joint = []
         for name in list(model.names)[1:]:
@@ -125,7 +127,7 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
                 raise EngineError(
                     f"{self.path}: Pinocchio makes a joint {name!r}, which the file does not have"
                 )
-            names_by_joint.append([one.name for one in row if one.kind != FREE])
+            names_by_joint.append([one.name for one in row])
         return names_by_joint
 
     @property
@@ -209,10 +211,9 @@ class PinocchioUrdf(PinocchioModel, UrdfModel):
         ):  # it replaces such a mass by 1e-30 in a division
             refuse_negative_masses(self.declared.file, "Pinocchio", floats=self.floats)
         moving = list(model.names)[1:]
-        names = [[] if self.floats and i == 0 else [name] for i, name in enumerate(moving)]
+        names = [[self.root if self.floats and i == 0 else name] for i, name in enumerate(moving)]
         self._held = self.mimics if self.settings["hold_mimics"] else ()
-        count = sum(map(len, names))
-        self.take(model, names, np.zeros(count), self._held)
+        self.take(model, names, {}, self._held)
 
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,9 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.pinocchio.reading import frames, lift_models
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
-from physics_crosscheck.harness.engines.runge_kutta import to_state
+from physics_crosscheck.harness.engines.runge_kutta import FREE
 from physics_crosscheck.harness.engines.stepped_here import SteppedHere
-from physics_crosscheck.harness.engines.tree_model import (
-    FREE,
-    constrained_accelerations,
-    leader_matrix,
-)
+from physics_crosscheck.harness.engines.tree_model import constrained_accelerations, leader_matrix
 from physics_crosscheck.reference.mechanism.rotations import (
     cross,
     from_quaternion,
@@ -26,75 +22,99 @@ from physics_crosscheck.reference.mechanism.rotations import (
 )
 
 
+class _Free(NamedTuple):
+    """A free joint: its rotation and its origin in z and in x, and in Pinocchio's positions."""
+
+    turn: tuple[slice, slice]
+    origin: tuple[slice, slice]
+    place: slice
+    quaternion: slice
+    armature: float
+    damping: float
+
+    def carried(self, velocities: Array) -> Array:
+        """Return what turning axes add to the linear acceleration, (B, 3)."""
+        return cross(velocities[:, self.turn[0]].T, velocities[:, self.origin[0]].T).T
+
+
 class PinocchioModel(SteppedHere):
-    """A tree of slides and hinges, fixed or floating."""
+    """A tree of slides and hinges, with roots that are fixed or free."""
 
     body_kind = "link"
     """The word for a body in places."""
 
     def take(
-        self, model: Any, names: Sequence[Sequence[str]], refs: Array, mimics: Sequence[Mimic]
+        self,
+        model: Any,
+        names: Sequence[Sequence[str]],
+        refs: Mapping[str, float],
+        mimics: Sequence[Mimic],
     ) -> None:
         """Set up the model from a parsed file.
 
         Args:
             model: Pinocchio's.
-            names: of the slides and hinges of each joint except the universe; empty for a floating
-                root.
-            refs: positions of slides and hinges at Pinocchio's zero.
+            names: of the joints that each of Pinocchio's consists of, except the universe.
+            refs: positions of slides and hinges at Pinocchio's zero, by name; zero without one.
             mimics: joints that the adapter couples to others.
         """
         import pinocchio
 
-        self._model, self._refs = model, refs
+        self._model = model
         model.gravity.linear = np.array(self.gravity)
         self._aba = pinocchio.aba
         self._gravity_force = pinocchio.computeGeneralizedGravity
         self._data = model.createData()
-        singles = [name for row in names for name in row]
-        first = FREE if self.floats else 0
-        places: list[tuple[int, int]] = []
-        speeds: list[int] = []
-        self._turns: list[tuple[int, int]] = []
-        self._root_q, root_v = 0, 0
-        for joint, row in zip(list(model.joints)[1:], names, strict=True):
-            if not row:
-                self._root_q, root_v = joint.idx_q, joint.idx_v
-                continue
-            if joint.nv != len(row) or joint.nq not in (joint.nv, 2):
-                raise EngineError(f"{self.path}: joint {row[0]!r} is neither a slide nor a hinge")
-            # A continuous hinge has the coordinates cosine and sine.
-            if joint.nq > joint.nv:
-                self._turns.append((len(speeds), joint.idx_q))
-            else:
-                places += [(len(speeds) + i, joint.idx_q + i) for i in range(joint.nq)]
-            speeds += range(joint.idx_v, joint.idx_v + joint.nv)
-        here, there = np.array(places, dtype=int).reshape(-1, 2).T
-        self._here, self._there = _run(here), _run(there)
-        velocity_indices = np.array([*range(root_v, root_v + first), *speeds], dtype=int)
-        # The permutation from Pinocchio's velocities to the harness's, unless they agree.
-        self._order = (
-            None
-            if np.array_equal(velocity_indices, np.arange(model.nv))
-            else np.argsort(velocity_indices)
-        )
-        damping = np.array(model.damping)[velocity_indices[first:]]
-        self._root_armature = float(model.armature[root_v]) if self.floats else 0.0
-        self._springs = self.dampers(singles, damping)
-        along = leader_matrix(mimics, self.coordinates, self.path) if mimics else None
-        # In Pinocchio's order.
-        self._along = along if along is None or self._order is None else along[self._order]
+        joints = list(model.joints)[1:]
+        sizes = [size for joint, row in zip(joints, names, strict=True)
+                 for size in self._sizes(joint, row)]  # fmt: skip
+        singles = [joint.idx_v + i for joint, row in zip(joints, names, strict=True)
+                   if joint.nv == len(row) for i in range(joint.nv)]  # fmt: skip
+        damping = np.array(model.damping)[singles]
+        self._springs = self.dampers([name for row in names for name in row], damping, sizes)
+        self._undamped = not self.settings["damping"] and bool(np.any(model.damping))
+        self._refs = np.array([refs.get(self.coordinates[i], 0.0) for i in self.layout.singles])
+        self._place_joints(joints)
+        self._along = leader_matrix(mimics, self.coordinates, self.path) if mimics else None
         self._upper = np.triu(np.ones((model.nv, model.nv)))
         self._above = np.triu(self._upper, 1)
-        self._referred = bool(refs.any())
         self._lifts = lift_models(model, self.lifts)
-        is_plain = not (self.floats or self._turns or self._referred)
-        self._straight = is_plain and np.array_equal(there, np.arange(len(singles)))
-        self._permuted = np.argsort(there) if is_plain else None
-        bare = self._straight and self._along is None and self._order is None
-        bare = bare and not self._lifts
+        self._straight = not (self.floats or self._turns or self._refs.any())
+        bare = self._straight and self._along is None and not self._lifts
         single = None if self.floats or self._along is not None else self._single
         self.step_by(self._plain if bare else self._accelerations, single)
+
+    def _sizes(self, joint: Any, row: Sequence[str]) -> list[int]:
+        """Return the number of coordinates of each joint of a row."""
+        if len(row) == 1 and (joint.nv, joint.nq) == (FREE, FREE + 1):
+            return [FREE]
+        if joint.nv != len(row) or joint.nq not in (joint.nv, 2):
+            raise EngineError(f"{self.path}: joint {row[0]!r} is neither a slide nor a hinge")
+        return [1] * joint.nv
+
+    def _place_joints(self, joints: Sequence[Any]) -> None:
+        """Set the places of slides and hinges, of turns, and of free joints among positions."""
+        single, frees = 0, iter(zip(self.layout.turns, self.layout.origins, strict=True))
+        places: list[tuple[int, int]] = []
+        self._turns: list[tuple[int, int]] = []
+        self._frees: list[_Free] = []
+        for joint in joints:
+            q = joint.idx_q
+            if joint.nv == FREE:
+                armature, damping = self._model.armature[v := joint.idx_v], self._model.damping[v]
+                slices = *next(frees), slice(q, q + 3), slice(q + 3, q + 7)
+                self._frees.append(
+                    _Free(*slices, armature, damping * bool(self.settings["damping"]))
+                )
+                continue
+            # A continuous hinge has the coordinates cosine and sine.
+            if joint.nq > joint.nv:
+                self._turns.append((single, q))
+            else:
+                places += [(single + i, q + i) for i in range(joint.nq)]
+            single += joint.nv
+        here, there = np.array(places, dtype=int).reshape(-1, 2).T
+        self._here, self._there = _run(here), _run(there)
 
     def _plain(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of bounded slides and hinges, whose positions equal Pinocchio's."""
@@ -105,17 +125,12 @@ class PinocchioModel(SteppedHere):
     def _single(self, x: Array, m: Array, f: Array) -> Array:
         """Return the accelerations of one state, (n,) each, for a fixed root without mimics."""
         force = f if self._springs.empty else f + self._springs.forces(x, m)
-        q, order = self._configuration(x), self._order
-        if order is None:
-            a: Array = self._aba(self._model, self._data, q, m, force + self._lifted(q))
-            return a
-        result = np.empty_like(m)
-        force = force[order] + self._lifted(q)
-        result[order] = self._aba(self._model, self._data, q, m[order], force)
-        return result
+        q = self._configuration(x)
+        a: Array = self._aba(self._model, self._data, q, m, force + self._lifted(q))
+        return a
 
     def _lifted(self, q: Array) -> Array | float:
-        """Return forces of gravity compensation at one position, in Pinocchio's order."""
+        """Return forces of gravity compensation at one position."""
         force: Array | float = 0.0
         for sign, model, data in self._lifts:
             force = force + sign * self._gravity_force(model, data, q)
@@ -123,43 +138,33 @@ class PinocchioModel(SteppedHere):
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Return accelerations of positions, velocities and forces in `RungeKutta`'s convention."""
-        free = FREE if self.floats else 0
-        velocities, forces = m, f.copy()
+        velocities, forces, turns = m.copy(), f.copy(), list[Array]()
         if not self._springs.empty:
-            forces[:, free:] += self._springs.forces(x[:, free + bool(free) :], m[:, free:])
-        if self.floats:
-            turn = from_quaternion(x[:, 3:7].T)
-            velocities = np.concatenate([rotate_back(turn, m[:, :3].T).T, m[:, 3:]], axis=1)
-            forces[:, :3] = rotate_back(turn, forces[:, :3].T).T
-            if self._root_armature:  # acts on world velocities, which Pinocchio's turn with it
-                carried = cross(velocities[:, 3:6].T, velocities[:, :3].T).T
-                forces[:, :3] -= self._root_armature * carried
-        a = self._in_own_order(self._configuration(x), velocities, forces)
-        if self.floats:
-            inward = a[:, :3].T + cross(velocities[:, 3:6].T, velocities[:, :3].T)
-            a[:, :3] = rotate(turn, inward).T
-        return a
-
-    def _in_own_order(self, q: Array, v: Array, forces: Array) -> Array:
-        """Return Pinocchio's accelerations, of its positions and of velocities and forces in our
-        order.
-        """
-        order = self._order
-        if order is not None:
-            v, forces = v[:, order], forces[:, order]
+            rows = self.layout.singles
+            forces[:, rows] += self._springs.forces(x[:, self.layout.singles_x], m[:, rows])
+        for free in self._frees:
+            turn, (place, _) = from_quaternion(x[:, free.turn[1]].T), free.origin
+            velocities[:, place] = rotate_back(turn, m[:, place].T).T
+            forces[:, place] = rotate_back(turn, f[:, place].T).T
+            if free.damping:
+                for part in (place, free.turn[0]):
+                    forces[:, part] -= free.damping * velocities[:, part]
+            if free.armature:  # acts on world velocities, which Pinocchio's turn with it
+                forces[:, place] -= free.armature * free.carried(velocities)
+            turns.append(turn)
+        q = self._configuration(x)
         if self._lifts:
             forces = forces + np.array([self._lifted(row) for row in q])
-        rows = zip(q, v, forces, strict=True)
+        rows_of_states = zip(q, velocities, forces, strict=True)
         if self._along is None:
             aba, model, data = self._aba, self._model, self._data
-            a = np.array([aba(model, data, *row) for row in rows])
+            a = np.array([aba(model, data, *row) for row in rows_of_states])
         else:
-            a = self._accelerations_with_mimics(rows, self._along)
-        if order is None:
-            return a
-        result = np.empty_like(a)
-        result[:, order] = a
-        return result
+            a = self._accelerations_with_mimics(rows_of_states, self._along)
+        for free, turn in zip(self._frees, turns, strict=True):
+            inward = a[:, free.origin[0]] + free.carried(velocities)
+            a[:, free.origin[0]] = rotate(turn, inward.T).T
+        return a
 
     def _accelerations_with_mimics(
         self, rows: Iterable[tuple[Array, Array, Array]], along: Array
@@ -184,16 +189,14 @@ class PinocchioModel(SteppedHere):
         """
         if self._straight:
             return x
-        if self._permuted is not None:
-            return x[..., self._permuted]
-        q, joints = np.empty((*x.shape[:-1], self._model.nq)), x
-        if self.floats:
-            turn = x[:, 3:7] / np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-            start = self._root_q
-            q[:, start : start + 3], q[:, start + 3 : start + 6] = x[:, :3], turn[:, 1:]
-            q[:, start + 6], joints = turn[:, 0], x[:, 7:]
-        if self._referred:
-            joints = joints - self._refs
+        q = np.empty((*x.shape[:-1], self._model.nq))
+        for free in self._frees:
+            turn = x[:, free.turn[1]]
+            q[:, free.place] = x[:, free.origin[1]]
+            q[:, free.quaternion] = np.roll(
+                turn / np.linalg.norm(turn, axis=1, keepdims=True), -1, 1
+            )
+        joints = x[..., self.layout.singles_x] - self._refs
         q[..., self._there] = joints[..., self._here]
         for i, start in self._turns:
             angle = joints[..., i]
@@ -210,7 +213,7 @@ class PinocchioModel(SteppedHere):
         import pinocchio as pin
 
         by_place, rows = frames(self._model, self.body_kind), []
-        for q in self._configuration(to_state(z, 0 * z)[0] if self.floats else z):
+        for q in self._configuration(self.layout.to_state(z, 0 * z)[0]):
             pin.framesForwardKinematics(self._model, self._data, q)
             placed = [(self._data.oMf[by_place[place][0]], by_place[place][1]) for place in places]
             rows.append([(frame.act(point), np.array(frame.rotation)) for frame, point in placed])

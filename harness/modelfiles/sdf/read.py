@@ -101,6 +101,11 @@ def _of_automatic(link: XmlElement, name: str) -> Iterator[Note]:
 def _of_joint(joint: SdfJoint, mimics: Collection[str]) -> Iterator[Note]:
     if joint.joint is None:
         return
+    if joint.joint.kind == "ball":
+        for path in ("xyz", "limit", "dynamics/friction", "dynamics/spring_stiffness", "mimic"):
+            if joint.element.find(f"axis/{path}") is not None:
+                yield f"<{path.rpartition('/')[2]}> of a ball joint", joint.name
+        return
     if joint.friction:
         yield "dry friction", joint.name
     if joint.name in mimics:
@@ -163,7 +168,7 @@ def read_document(document: Document, chosen: str = "") -> Robot:
         return refused(path, path.stem, document.obstacles)
     name = file.model.get("name") or path.stem
     parts = tuple(part_of(document, link.element, link.body) for link in file.links.values())
-    single = {one.name for one in file.joints.values() if one.joint is not None}
+    single = {one.name for one in file.joints.values() if one.joint and one.joint.single}
     mimics = enforceable(file.mimics, single)
     left_out = sdf_left_out(file, mimics)
     if document.obstacles:

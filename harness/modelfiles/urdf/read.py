@@ -156,7 +156,8 @@ def read_urdf_robot(
         path: of the file.
         gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
-            fixed to the world, like a link named `world`.
+            fixed to the world, like a link named `world`. Without a moving joint, a root with mass
+            is free.
         armatures: as in `Document`.
     """
     try:
@@ -174,6 +175,10 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
     parts = tuple(part_of(document, link.element, link.body) for link in file.links.values())
     mimics = enforceable(file.mimics, singles(file.joints))
     left_out = urdf_left_out(file, mimics)
+    if not any(joint.kind for joint in file.joints.values()):
+        # Its root is all that can move, unless it is a scene that engines fix.
+        has_mass = any(link.body.mass for link in file.links.values())
+        floating = floating or (file.can_float and has_mass)
     if floating and not file.can_float:
         floating = False
         left_out += (Omission(what="a free joint of the world", count=1, where=(file.root,)),)

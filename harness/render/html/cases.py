@@ -271,6 +271,7 @@ def _whole_step(steps: WholeStep) -> tuple[Fact, ...]:
             ("never acted", steps.inactive),
             ("not compared", steps.omitted),
             ("numbers of contacts", steps.contact_counts),
+            ("between engines", steps.between),
         )
         if sentences
     )

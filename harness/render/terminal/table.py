@@ -499,6 +499,7 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         for step, case in steps
         for one in step.contact_counts
     ]
+    lines += dict.fromkeys(f"whole steps: {one}" for step, _ in steps for one in step.between)
     unsettled = [
         f"{case.id}: whole steps {why}" for case in cases if (why := unsettled_steps(case))
     ]

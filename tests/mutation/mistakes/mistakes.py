@@ -1,7 +1,5 @@
 """Mistakes that users make, as edits of the built-in model files, with their causes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 Edits = tuple[tuple[str, str, str], ...]

@@ -1,7 +1,5 @@
 """Known mistakes: each is caught, and its cause is named from the motions alone."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -116,7 +114,6 @@ def test_change_that_the_engine_ignores_agrees(change: Mistake, copy_model: Copy
 
 
 def run_two_seconds(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
-    """Run two seconds of the second scenario."""
     prepared = physics(mistake.system)
     scenario = prepared.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
@@ -129,9 +126,7 @@ def run_two_seconds(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRu
     return case.outcome, case.full_run
 
 
-def test_default_that_changes_steps_agrees_with_another_global_error(
-    copy_model: CopyModel,
-) -> None:
+def test_default_that_changes_steps_agrees_with_another_global_error(copy_model: CopyModel) -> None:
     outcome_before, before = run_two_seconds(OTHER_STEP, copy_model(OTHER_STEP, ()))
     outcome_after, after = run_two_seconds(OTHER_STEP, copy_model(OTHER_STEP, OTHER_STEP.edits))
     assert (outcome_before, outcome_after) == (Outcome.AGREES, Outcome.AGREES)

@@ -1,7 +1,5 @@
 """Forces of trees by virtual power, from their poses alone, differentiated by CasADi."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any, Protocol

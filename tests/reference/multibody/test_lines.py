@@ -1,7 +1,5 @@
 """Force paths compared with virtual power, and springs of ball joints with their energy."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from typing import Any
@@ -203,10 +201,7 @@ def test_switching_functions_of_nonsmooth_forces() -> None:
 
 def test_invalid_force_path_is_rejected_by_name() -> None:
     for element, message in (
-        (
-            TreeForce(name="p", along=JointForce(joint=BALL, gear=GEAR)),
-            "p: j2 does not take",
-        ),
+        (TreeForce(name="p", along=JointForce(joint=BALL, gear=GEAR)), "p: j2 does not take"),
         (TreeForce(name="p", along=CablePath(branches=()), armature=1.0), "p: its path"),
     ):
         with pytest.raises(TreeError, match=message):

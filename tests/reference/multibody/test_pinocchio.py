@@ -1,7 +1,5 @@
 """The algorithms of Pinocchio on the same trees."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

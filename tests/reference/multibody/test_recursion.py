@@ -1,7 +1,5 @@
 """The recursion's equations against Lagrange's equations, and against more digits."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 

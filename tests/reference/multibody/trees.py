@@ -1,7 +1,5 @@
 """Random trees of bodies, drawn from a seed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
