@@ -154,7 +154,6 @@ def _shipped(candidate: Candidate) -> ModelSpec:
 def _rows(
     a: _LawSide, b: _LawSide, pairs: Sequence[JointPair]
 ) -> tuple[Mapping[Key, LawRow], Mapping[Key, LawRow]]:
-    """Return the rows of both models in the tables of A's laws."""
     names_a, names_b = {pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs}
     soft_a, soft_b = _soft_sides(a, b, pairs, (names_a, names_b))
     mine, theirs = _own_rows(a, soft_a, names_a), _own_rows(b, soft_b, names_b)
@@ -175,7 +174,6 @@ def _rows(
 
 
 def _own_rows(loaded: _LawSide, soft: SoftRows | None, names: Mapping[str, str]) -> list[LawRow]:
-    """Return the rows of one model in the tables of its own laws."""
     if soft is not None:
         return list(soft.rows())
     file, model = loaded.facts.candidate.sidecar.model, loaded.model
@@ -194,7 +192,6 @@ def _soft_sides(
     pairs: Sequence[JointPair],
     joint_names: tuple[Mapping[str, str], Mapping[str, str]],
 ) -> tuple[SoftRows | None, SoftRows | None]:
-    """Return the sides whose laws are convex."""
     compiled = [model_laws.facts.compiled for model_laws in (a, b)]
     both = [one if isinstance(model_laws.model, LawModel) else None
             for one, model_laws in zip(compiled, (a, b), strict=True)]  # fmt: skip
@@ -448,7 +445,6 @@ _WORDS = {"cone": ("pyramidal", "elliptic"), "refsafe": ("disable", "enable")}
 
 
 def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:
-    """Return the record of a difference."""
     here, there = difference.values
     about, label, values = difference.subject, difference.attribute, (_shown(here), _shown(there))
     unlike = [i for i, (x, y) in enumerate(zip(here, there, strict=False)) if not _equal([x], [y])]
