@@ -437,7 +437,6 @@ FEW_STATES = 4
 
 
 def _largest_effect(parts: Sequence[AnyLawProblem], index: int, resolution: float) -> NumberEffect:
-    """Return the largest effect of a number on the parts of a problem."""
     effects = set[NumberEffect]()
     for part in parts:
         effects.add(_effect(part, index, resolution))
@@ -553,6 +552,5 @@ def _owner(element: XmlElement) -> str:
 
 
 def _fixed(task: TreeTask) -> frozenset[str]:
-    """Return names of fixed links."""
     robot = read_as_it_runs(task.file, task.spec.settings)
     return frozenset(part.name for part in robot.parts if part.body == WORLD)

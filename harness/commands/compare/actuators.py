@@ -138,7 +138,6 @@ def _differences(
 
 
 def _shown(values: Numbers | None) -> str:
-    """Return numbers without trailing zeros."""
     if values is None:
         return "none"
     last = max((i for i, value in enumerate(values) if value), default=0)

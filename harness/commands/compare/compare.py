@@ -535,7 +535,6 @@ def _compared(
     attribution: Attribution,
     laws: tuple[ComparedProperty, ...] | None,
 ) -> Compared:
-    """Return the record of the motions and their differences."""
     judged, recorded, match = motions.judgement, motions.recorded, prepared.match
     turned, files = motions.turned, without_laws(motions.files, laws)
     shown = judged.certain | (judged.outcome is not Outcome.DIFFERS)

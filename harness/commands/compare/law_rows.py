@@ -343,7 +343,6 @@ def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
 
 
 def _default_limit(a: SoftRows, name: str) -> SoftLimit:
-    """Return a limit with default softness."""
     softness = Softness(reference=REFERENCE, impedance=IMPEDANCE)
     joint = a.compiled.joints.index(name)
     return SoftLimit(joint=joint, lower=0.0, upper=0.0, margin=0.0, softness=softness)

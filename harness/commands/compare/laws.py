@@ -9,13 +9,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import NoneType
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.law_comparison import (
-    Evaluated,
     ImpulseComparison,
     LawComparison,
     S,
@@ -23,7 +22,6 @@ from physics_crosscheck.harness.checks.law_comparison import (
 )
 from physics_crosscheck.harness.checks.law_states import SEED, evaluated_states
 from physics_crosscheck.harness.engines.protocol import (
-    Array,
     EngineError,
     ModelSpec,
     WholeModel,
@@ -42,9 +40,9 @@ from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
-from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
+from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.soft import Part
-from physics_crosscheck.reference.laws.step import LawModel, LawSolution
+from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     ImpulseLaws,
@@ -156,7 +154,6 @@ def _shipped(candidate: Candidate) -> ModelSpec:
 def _rows(
     a: _LawSide, b: _LawSide, pairs: Sequence[JointPair]
 ) -> tuple[Mapping[Key, LawRow], Mapping[Key, LawRow]]:
-    """Return the rows of both models in the tables of A's laws."""
     names_a, names_b = {pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs}
     soft_a, soft_b = _soft_sides(a, b, pairs, (names_a, names_b))
     mine, theirs = _own_rows(a, soft_a, names_a), _own_rows(b, soft_b, names_b)
@@ -177,7 +174,6 @@ def _rows(
 
 
 def _own_rows(loaded: _LawSide, soft: SoftRows | None, names: Mapping[str, str]) -> list[LawRow]:
-    """Return the rows of one model in the tables of its own laws."""
     if soft is not None:
         return list(soft.rows())
     file, model = loaded.facts.candidate.sidecar.model, loaded.model
@@ -196,7 +192,6 @@ def _soft_sides(
     pairs: Sequence[JointPair],
     joint_names: tuple[Mapping[str, str], Mapping[str, str]],
 ) -> tuple[SoftRows | None, SoftRows | None]:
-    """Return the sides whose laws are convex."""
     compiled = [model_laws.facts.compiled for model_laws in (a, b)]
     both = [one if isinstance(model_laws.model, LawModel) else None
             for one, model_laws in zip(compiled, (a, b), strict=True)]  # fmt: skip
@@ -342,81 +337,70 @@ def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[Com
         assert row is not None
         key = row.key[0], difference.attribute, difference.values
         groups.setdefault(key, []).append(difference)
-    weights = _weights(a, differences)
-    rows: list[ComparedProperty] = []
-    for group in groups.values():
-        effect = weights.effect(group)
-        rows += [_property(one, effect) for one in group]
+    every = list(groups.values())
+    limits = [row for one in differences if one.attribute == "range" for row in (one.a, one.b)]
+    effects = (
+        _effects(LawComparison(a.model, a.whole), every, limits)
+        if isinstance(a.model, LawModel)
+        else _effects(ImpulseComparison(a.model, a.whole), every, limits)
+    )
+    rows = [_property(one, effect) for group, effect in zip(every, effects, strict=True)
+            for one in group]  # fmt: skip
     yield from sorted(rows, key=lambda row: -(row.effect or 0.0))
 
 
 M = TypeVar("M", LawModel, ImpulseModel)
 
 
-def _weights(
-    a: _LawSide, differences: Sequence[_LawDifference]
-) -> _Weights[LawModel, LawSolution] | _Weights[ImpulseModel, ImpulseStep]:
-    if isinstance(a.model, LawModel):
-        return _Weights(LawComparison(a.model, a.whole), differences)
-    return _Weights(ImpulseComparison(a.model, a.whole), differences)
+def _effects(
+    comparison: WholeStepComparison[M, S],
+    groups: Sequence[Sequence[_LawDifference]],
+    limits: Sequence[LawRow | None],
+) -> Iterator[float | None]:
+    """Yield the largest change of any component by each group, relative; None if it is unknown.
 
-
-class _Weights(Generic[M, S]):
-    """Effects of B's numbers on a step of A, at states where rows of A act.
-
-    Args:
-        comparison: of A.
-        differences: with limits that only B has.
+    A step of A takes the numbers of B, at states where rows of A act, and beyond these limits.
     """
-
-    def __init__(
-        self, comparison: WholeStepComparison[M, S], differences: Sequence[_LawDifference]
-    ) -> None:
-        self._comparison: WholeStepComparison[M, S] = comparison
-        self._evaluated: list[Evaluated[S]] = evaluated_states(self._comparison)
-        if not self._evaluated:
-            return
-        limits = [row for one in differences if one.attribute == "range" for row in (one.a, one.b)]
-        first = self._evaluated[0].state
-        self._evaluated += self._comparison.evaluate(
-            tuple(_at_limits(self._comparison, first, limits))
-        )
-        self._scale = self._comparison.compare(self._evaluated).scale
-        self._expected = np.array([self._comparison.expected(one) for one in self._evaluated])
-
-    def effect(self, group: Sequence[_LawDifference]) -> float | None:
-        """Return the largest change of any component, relative; None if it is unknown."""
-        model = self._comparison.laws
+    evaluated = evaluated_states(comparison)
+    if not evaluated:
+        yield from [None] * len(groups)
+        return
+    evaluated += comparison.evaluate(tuple(_at_limits(comparison, evaluated[0].state, limits)))
+    scale, model = comparison.compare(evaluated).scale, comparison.laws
+    expected = np.array([comparison.expected(one) for one in evaluated])
+    touched = [set(one.surfaces) for each in evaluated for one in each.engine.contacts]
+    parts = set[Part]()
+    if isinstance(comparison, LawComparison):
+        parts = {p for one in evaluated for p in comparison.laws.acting(one.solution)}
+    for group in groups:
         laws = _applied(group, model.laws)
-        if laws is None or not self._evaluated:
-            return None
-        changed = self._comparison.expected_by(model.under(laws), self._evaluated)
-        effects: Array = np.abs(changed - self._expected) / self._scale
-        effect = float(np.max(effects))
-        return effect if effect or all(map(self._acts, group)) else None
+        if laws is None:
+            yield None
+            continue
+        changed = comparison.expected_by(model.under(laws), evaluated)
+        effect = float(np.max(np.abs(changed - expected) / scale))
+        acts = effect or all(_acts(one, model.laws, touched, parts) for one in group)
+        yield effect if acts else None
 
-    def _acts(self, difference: _LawDifference) -> bool:
-        """Return whether the row of A acts at a state that is compared."""
-        row = difference.a
-        if row is None:
-            return False
-        table, index = row.key[0], row.index
-        if table in ("options", "surfaces", "pairs"):
-            touched = [one.surfaces for each in self._evaluated for one in each.engine.contacts]
-            wanted = {index} if table == "surfaces" else set[int]()
-            if table == "pairs" and isinstance(self._comparison.laws.laws, Laws):
-                wanted = set(self._comparison.laws.laws.pairs[index][:2])
-            return any(wanted <= set(surfaces) for surfaces in touched)
-        kinds = PARTS.get(table, {}).get(difference.attribute, PARTS.get(table, {}).get(""))
-        return any(part.kind == kinds and part.place == index for part in self._parts)
 
-    @cached_property
-    def _parts(self) -> set[Part]:
-        """Parts of the laws that act at the compared states; none for impulses."""
-        comparison = self._comparison
-        if not isinstance(comparison, LawComparison):
-            return set()
-        return {p for one in self._evaluated for p in comparison.laws.acting(one.solution)}
+def _acts(
+    difference: _LawDifference,
+    laws: Laws | ImpulseLaws,
+    touched: Sequence[set[int]],
+    parts: set[Part],
+) -> bool:
+    """Return whether the row of A acts at a state: its part of the laws, or its surfaces."""
+    row = difference.a
+    if row is None:
+        return False
+    table, index = row.key[0], row.index
+    if table in ("options", "surfaces", "pairs"):
+        wanted = {index} if table == "surfaces" else set[int]()
+        if table == "pairs" and isinstance(laws, Laws):
+            wanted = set(laws.pairs[index][:2])
+        return any(wanted <= surfaces for surfaces in touched)
+    kinds = PARTS.get(table, {}).get(difference.attribute, PARTS.get(table, {}).get(""))
+    return any(part.kind == kinds and part.place == index for part in parts)
 
 
 PARTS: Mapping[str, Mapping[str, str]] = {
@@ -461,7 +445,6 @@ _WORDS = {"cone": ("pyramidal", "elliptic"), "refsafe": ("disable", "enable")}
 
 
 def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:
-    """Return the record of a difference."""
     here, there = difference.values
     about, label, values = difference.subject, difference.attribute, (_shown(here), _shown(there))
     unlike = [i for i, (x, y) in enumerate(zip(here, there, strict=False)) if not _equal([x], [y])]

@@ -92,7 +92,6 @@ def pair_joints(
 
 
 def _whole(placed: PlacedTree, names: Sequence[str]) -> list[str]:
-    """Return joints whose coordinates are all in `names`."""
     return [joint for joint in placed.index if set(placed.coordinates(joint)) <= set(names)]
 
 
@@ -392,7 +391,6 @@ def spoken_for(
 
 
 def _used(texts: Mapping[str, str], names: Sequence[str], label: str) -> set[str]:
-    """Return the coordinates that occur in expressions."""
     z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
     used = set[sp.Basic]().union(*(_read(text, z, label).free_symbols for text in texts.values()))
     return {name for name, symbol in z.items() if symbol in used}

@@ -101,7 +101,6 @@ def _joint_pairs(
 def _joint(
     a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
 ) -> Iterator[Difference]:
-    """Yield differences of a joint's geometry and forces."""
     link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
     differences: list[Difference] = []
     if link_a.kind in ("hinge", "slide"):
@@ -119,7 +118,6 @@ def _joint(
 def _geometry(
     a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair, size: float
 ) -> Iterator[Difference]:
-    """Yield differences of axis, position and zero."""
     link = a.tree.links[row.a]
     name, u, point = link.name, a.placed.axes[row.a], a.placed.anchors[row.a]
     if row.angle > SAME:
@@ -151,7 +149,6 @@ def _geometry(
 
 
 def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterator[Difference]:
-    """Yield differences of armature, damper and spring."""
     link_a, link_b = a.tree.links[row.a], b.tree.links[row.b]
     name = link_a.name
     plain = [("armature", link_a.armature, link_b.armature)]
@@ -188,7 +185,6 @@ def _vector(values: Array) -> str:
 
 
 def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Difference]:
-    """Yield the differences, in the world, of the bodies that a pair of joints carries."""
     body_a, body_b = a.placed.body_inertia(row.a), b.placed.body_inertia(row.b).in_frame(row.moved)
     parts, frame = (a.parts[row.a], b.parts[row.b]), a.placed.frames[row.a]
     heavy = max(body_a.mass, body_b.mass)
@@ -452,7 +448,6 @@ def _row(values: Sequence[float]) -> str:
 
 
 def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Difference]:
-    """Yield differences of actuators, if both formats have some."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
     robots = (own.facts.robot for own in (a, b))

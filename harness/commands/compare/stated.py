@@ -284,7 +284,6 @@ def _touching(model: ModelSide, shapes: Sequence[_Shape]) -> set[frozenset[int]]
 
 
 def _exclude_line(model: ModelSide, bodies: set[str | None]) -> SourceLine | None:
-    """Return the line of an `<exclude>` of two of these bodies."""
     rows = [] if model.root is None else model.root.findall("contact/exclude")
     excludes = (one for one in rows if {one.get("body1"), one.get("body2")} <= bodies)
     return _line(model, next(excludes, None), "")

@@ -414,7 +414,6 @@ class _Pair:
 
 
 def _doubt(a: Estimate, b: Estimate) -> Array:
-    """Return the uncertainty of a difference."""
     doubt: Array = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
     return doubt
 
