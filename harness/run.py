@@ -25,7 +25,6 @@ from physics_crosscheck.harness.baseline.known import (
     mark_known,
     mark_models,
 )
-from physics_crosscheck.harness.checks.shared_contacts import with_shared_contacts
 from physics_crosscheck.harness.documents.expanded import relocated
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
@@ -102,7 +101,12 @@ def run(
         run_jobs(chain.from_iterable(map(plan.target, readable)), workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
-    sorted_cases = with_shared_contacts(_sorted_cases(builder, order))
+    sorted_cases = _sorted_cases(builder, order)
+    if any(case.whole_step and case.whole_step.touches for case in sorted_cases):
+        # Imported only here, since it imports the equations.
+        from physics_crosscheck.harness.checks.shared_contacts import with_shared_contacts
+
+        sorted_cases = with_shared_contacts(sorted_cases)
     cases = mark_known(sorted_cases, builder.measured, before)
     models = mark_models(builder.models.values(), before)
     results = Results(
