@@ -36,8 +36,9 @@ def names(system: System) -> dict[str, sp.Symbol]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_record_round_trips_through_json(name: str) -> None:
+def test_record_is_classed_and_round_trips_through_json(name: str) -> None:
     record = prepared(name).record
+    assert record.kind == {"mass_spring_damper": "SISO", "free_pair": "SIMO"}[name]
     assert record.folder == str(builtin() / name)
     assert record.seconds > 0
     assert msgspec.json.decode(msgspec.json.encode(record), type=records.SystemResult) == record

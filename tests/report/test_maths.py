@@ -7,7 +7,12 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.harness.render.html.maths import ELEMENTS, mathml
-from physics_crosscheck.harness.render.terminal.typeset import Latex, latex_name, latex_words
+from physics_crosscheck.harness.render.terminal.typeset import (
+    Latex,
+    latex_name,
+    latex_number,
+    latex_words,
+)
 from tests.cases.arms import arm
 
 HOSTILE = (
@@ -115,10 +120,27 @@ def test_special_functions_of_sympy_are_typeset() -> None:
         assert mathml(latex.math(e)).startswith("<math>"), latex.math(e)
 
 
-def test_subtracted_sum_keeps_its_brackets() -> None:
+@pytest.mark.parametrize(
+    ("quotient", "latex"),
+    [("-1/(k - m*s**2)", r"\frac{1}{m \, s^{2} - k}"), ("s + 1", "s + 1"), ("0", "0")],
+)
+def test_quotient_has_a_positive_lead_and_no_denominator_of_one(quotient: str, latex: str) -> None:
+    expression = sp.sympify(quotient)
+    assert Latex((), (), ()).rational(expression, sp.Symbol("s")) == latex
+
+
+def test_sum_keeps_brackets_and_omits_ones_and_zeros() -> None:
     a, b, s = sp.symbols("a b s")
-    addends = [(a, s), (-a - b, sp.Integer(1))]
-    assert Latex((), (), ()).sum(addends) == r"a \, s - \left(a + b\right)"
+    write = Latex((), (), ()).sum
+    assert write([(a, s), (-a - b, sp.Integer(1))]) == r"a \, s - \left(a + b\right)"
+    assert write([(sp.Float(1.0), a), (sp.Float(0.0), a), (sp.Integer(-1), s)]) == "a - s"
+    assert write([(sp.Float(0.0), a)]) == "0"
+
+
+def test_number_has_six_digits() -> None:
+    assert latex_number(-1.23456789e-7) == r"-1.23457 \times 10^{-7}"
+    long = sp.Rational(198669330795061215459413, 10**24)
+    assert Latex((), (), ()).math(long * sp.Symbol("x")) == "0.198669 x"
 
 
 @pytest.mark.parametrize(
