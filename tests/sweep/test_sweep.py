@@ -302,7 +302,7 @@ def test_killed_sweep_resumes_and_runs_each_case_once(tmp_path: Path) -> None:
 
 def sweep_changed(script: str, words: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", script, "sweep_changed", *words],
+        [sys.executable, "-c", script, "sweep", *words],
         env=environment(),
         check=False,
         timeout=300,
