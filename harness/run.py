@@ -103,7 +103,7 @@ def run(
     order = {str(place): i for i, place in enumerate(places)}
     sorted_cases = _sorted_cases(builder, order)
     if any(case.whole_step and case.whole_step.touches for case in sorted_cases):
-        # Imported only here, since it imports the equations.
+        # The import takes the equations with it.
         from physics_crosscheck.harness.checks.shared_contacts import with_shared_contacts
 
         sorted_cases = with_shared_contacts(sorted_cases)

@@ -395,14 +395,12 @@ class _Judge:
             flat = {one.kind for one in pairs[k]} == {"plane", "box"}
             for contact in contacts if flat else (deepest,):
                 # Surfaces of several shapes do not name the one that touches.
-                away = [self._off(surfaces, pair, contact) for pair in pairs]
+                share = self._model.point_share
+                away = [_off_surface(*pair, contact, surfaces, share) for pair in pairs]
                 near = k if away[k] == min(away) else away.index(min(away))
                 self._judge_place(surfaces, pairs[near], contact, rows[near], away[near])
         else:
             self._unjudged[_INEXACT] += len(contacts)
-
-    def _off(self, surfaces: Pair, pair: tuple[Solid, Solid], contact: ContactPoint) -> float:
-        return _off_surface(*pair, contact, surfaces, self._model.point_share)
 
     def _judge_place(
         self,

@@ -242,6 +242,17 @@ def test_lone_joint_that_damping_locks_is_named(tmp_path: Path) -> None:
         prepare_tree(file)
 
 
+def test_objects_without_joints_are_free_and_compared(tmp_path: Path) -> None:
+    light, heavy = (
+        written(tmp_path, f"{mass}.urdf", f'<robot name="box"><link name="box"><inertial>'
+                f'<mass value="{mass}"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0"'
+                ' iyz="0"/></inertial></link></robot>')
+        for mass in (1, 2)
+    )  # fmt: skip
+    agrees(compared(light, light))
+    assert compared(light, heavy).outcome is Outcome.DIFFERS
+
+
 # PyBullet gives 1 kg to a link without <inertial>.
 MASSLESS = (
     '<inertial><mass value="0"/>'

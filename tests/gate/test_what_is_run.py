@@ -169,7 +169,7 @@ def test_accepted_audit_finding_passes_until_it_changes(
     (model,) = run([repository.folder], options, ignore_progress).results.models
     assert model.findings
     assert (model.accepted, model.passes) == ("a spare part, ordered so", True)
-    # Another number is another finding.
+    # Another value is not what was accepted.
     repository.edit("space.py", "SPARE = 1.4", "SPARE = 1.5")
     assert [c.kinds for c in repository.gate("pymunk").changes] == [("audit",)] * 2
     # After the fix, there is nothing to accept.

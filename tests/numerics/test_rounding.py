@@ -19,10 +19,8 @@ from physics_crosscheck.harness.diagnosis.samples import (
     sample_segments,
 )
 from physics_crosscheck.harness.numerics.accelerations import Accelerations
-from physics_crosscheck.harness.numerics.differences import OperatingPoint
 from physics_crosscheck.harness.numerics.judgement import resolvable
 from physics_crosscheck.harness.numerics.ladder import RUNGS, exact_weights, least_weights, limits
-from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.rounding import (
     Starts,
     quantization_error,
@@ -48,6 +46,7 @@ from tests.numerics.conftest import (
     MakeBench,
     SymplecticEuler,
 )
+from tests.numerics.test_discrete import linear_matrix
 
 MAX_PAIRS, MIN_PAIRS, EPSILON = 24, 4, float(np.finfo(float).eps)
 
@@ -358,15 +357,7 @@ def compare(bench: Bench) -> Array:
 
 def linearization(bench: Bench) -> Array:
     taylor = linearize(bench.equations, bench.system.equilibria[0])
-    point = OperatingPoint(
-        name="rest",
-        position=taylor.position,
-        hold=np.zeros(1),
-        matrices=taylor.arrays,
-        amplitude=bench.motion.amplitude,
-        push=np.array([5.0]),
-    )
-    _, matrix = linearize_engine(bench.model, bench.coordinates, point, 1e-9)
+    _, matrix = linear_matrix(bench)
     wanted = np.hstack([taylor.arrays["A"], taylor.arrays["B"]])
     return np.abs(matrix.value[:2] - wanted) / matrix.uncertainty[:2]
 

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_proble
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.model_files import check_springs, only_model
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
-from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS, read_as_it_runs
+from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS, read_as_it_runs, read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_sources import source_file
 from physics_crosscheck.harness.modelfiles.robot_system import names_of
@@ -259,7 +259,7 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         path: of the file, or of a folder with only one.
         engine: its name; None: the first installed one that reads the file, after all that follow
             their files one that adds numbers of its own.
-        floating: whether the root link of a URDF moves freely; a sidecar overrides it.
+        floating: whether a URDF's root moves freely, as without joints; a sidecar overrides it.
 
     Raises:
         CompareError: for a wrong path or engine, with the remedy.
@@ -279,7 +279,8 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     if sidecar is None:
         bare, notes = _bare(path, adapter)
         model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
-        return model.with_settings(floating=True) if floating and path.suffix == ".urdf" else model
+        floats = path.suffix == ".urdf" and (floating or read_robot(path).floats)
+        return model.with_settings(floating=True) if floats else model
     return Candidate(label, sidecar, name, caveats)
 
 

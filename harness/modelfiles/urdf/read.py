@@ -155,8 +155,7 @@ def read_urdf_robot(
         path: of the file.
         gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
-            fixed to the world, like a link named `world`. Without a moving joint, a root with mass
-            is free.
+            fixed to the world, like a link named `world`. Without joints, a root with mass is free.
         armatures: as in `Document`.
     """
     try:
