@@ -19,7 +19,7 @@ from xml.parsers import expat
 
 from .errors import EncodingError, LocationError, RefusedFileError, TruncatedFileError
 from .location import SourceFile, Span, apply_edits
-from .reading import MAX_MODEL_BYTES, read_regular
+from .reading import MAX_KEPT_BYTES, MAX_MODEL_BYTES, read_regular
 
 _HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")
@@ -32,9 +32,6 @@ _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _TAG = re.compile(rb"<[^\s/>]+")
 _EMPTY = re.compile(rb"\s*/>")
 _ELEMENT = re.compile(rb"<([A-Za-z_][^\s/>]*)")
-
-MAX_KEPT_BYTES = 2**22
-"""The largest file whose elements are kept."""
 
 MAX_XML_DEPTH = 300
 """The deepest nesting of elements: engines' parsers fail or crash at some hundreds."""

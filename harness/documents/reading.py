@@ -6,7 +6,9 @@ import errno
 import os
 import re
 import stat
+import time
 import tomllib
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,12 @@ MAX_MODEL_BYTES = 64 * 2**20
 
 MAX_SIDECAR_BYTES = 2**20
 """The largest size of a sidecar, bytes: more than ten thousand bindings."""
+
+MAX_KEPT_BYTES = 2**22
+"""The largest file whose bytes and elements are kept."""
+
+SETTLED_SECONDS = 2.0
+"""Age of the last change from which a file's times show each further change."""
 
 MAX_TOML_DEPTH = 20
 """The deepest nesting of TOML tables and arrays."""
@@ -34,6 +42,8 @@ _KINDS = {
 def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
     """Return the bytes of a plain file, without opening a pipe or a device, which could block.
 
+    Files that were read last are kept, and opened again only if they change.
+
     Args:
         path: of the file, or of a link to it.
         max_bytes: largest allowed size.
@@ -47,6 +57,15 @@ def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
     if max_bytes is not None and status.st_size > max_bytes:
         size = f"{status.st_size / 2**20:.1f} MB; at most {max_bytes / 2**20:g} MB are allowed"
         raise OSError(errno.EFBIG, f"it has {size}", str(path))
+    changed = max(status.st_mtime_ns, status.st_ctime_ns)
+    is_settled = time.time_ns() - changed > SETTLED_SECONDS * 1e9
+    if status.st_size > MAX_KEPT_BYTES or not is_settled:
+        return path.read_bytes()
+    return _kept_bytes(path, status.st_dev, status.st_ino, status.st_size, changed)
+
+
+@lru_cache(maxsize=16)
+def _kept_bytes(path: Path, *_state: int) -> bytes:
     return path.read_bytes()
 
 

@@ -30,6 +30,7 @@ from typing import NamedTuple
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.location import Resolve, SourceFile
 from physics_crosscheck.harness.documents.number import Number, read_number
+from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.registry import engines_reading
 from .literals import python_literals, toml_literals, xml_literals
 from .python import python_names, python_numbers, python_offset
@@ -152,9 +153,9 @@ def read_source(file: Path) -> SourceFile:
         LocationError: for a file that can't be read, or is not UTF-8.
     """
     try:
-        return _decoded(file.read_bytes(), file)
+        return _decoded(read_regular(file), file)
     except OSError as error:
-        raise LocationError(f"can't be read: {error.strerror}", file=file) from None
+        raise LocationError(f"can't be read: {error.strerror or error}", file=file) from None
 
 
 def _decoded(data: bytes, file: Path) -> SourceFile:
