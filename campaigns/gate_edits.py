@@ -28,7 +28,7 @@ from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import gate_lines
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.parts import parts
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 
 _NUMBERS = """
 timestep range damping armature stiffness frictionloss margin friction contype conaffinity condim

@@ -31,7 +31,7 @@ from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop
-from physics_crosscheck.harness.modelfiles.input_files import input_files
+from physics_crosscheck.harness.modelfiles.parts import input_files
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
 from physics_crosscheck.harness.planning.result_builder import Progress, ResultBuilder

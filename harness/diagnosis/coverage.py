@@ -15,9 +15,8 @@ from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.checks.whole_step import compares_steps
-from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.elements import Number, XmlElement, replace_numbers
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.number import Number, replace_numbers
 from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines

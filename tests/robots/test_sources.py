@@ -19,9 +19,8 @@ from physics_crosscheck.harness.documents.expanded import (
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, read_mesh
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 from tests.compare.asking import compared, result
 from tests.models import written
 

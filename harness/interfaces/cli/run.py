@@ -18,6 +18,7 @@ from pathlib import Path
 from physics_crosscheck.harness.baseline.fingerprint import always_lines
 from physics_crosscheck.harness.documents.expanded import source_of, with_sources
 from physics_crosscheck.harness.jobs.stop import asking
+from physics_crosscheck.harness.modelfiles.code_reads import states_now
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
     builtin,
@@ -26,7 +27,6 @@ from physics_crosscheck.harness.modelfiles.folders import (
 )
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines, unread_lines
 from physics_crosscheck.harness.modelfiles.parts import named_files
-from physics_crosscheck.harness.modelfiles.path_states import states_now
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below
 from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.records.hold import locked
