@@ -62,7 +62,7 @@ from .verdict import (
 MAX_LOSS = 1e-5
 """Largest relative difference that an engine's documented loss of precision excuses."""
 
-POSES_ONLY = "poses only: no link has an <inertial>; 1 kg and 1 kg m^2 stand for each"
+POSES_ONLY = "poses only: no link has mass or inertia; 1 kg and 1 kg m^2 stand for each"
 """Reason of a case that tests no masses."""
 
 

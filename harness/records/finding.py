@@ -30,7 +30,7 @@ format ignores, adds or assumes (`physics_crosscheck.harness.engines.remark`).
 PlausibilityKind = Literal[
     "mesh unit", "equal inertias", "moving without inertia", "inertia too large", "center outside",
     "density", "inertia too small", "swapped axes", "left and right", "weak drive",
-    "damping ratio", "rest outside limits", "negative limit",
+    "damping ratio", "rest outside limits", "negative limit", "repeated element",
 ]  # fmt: skip
 """Subject of advice about a number that real robots do not have; the most certain kind first."""
 
