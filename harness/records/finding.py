@@ -18,7 +18,7 @@ AuditKind = Literal[
     "inertia", "damping", "stiffness", "friction", "rest", "acceleration", "freedom",
     "linearization", "unresolved", "pose", "frames",
     "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit", "contact",
-    "constraint", "setting", "warning", "replaced", "default",
+    "constraint", "setting", "warning", "replaced", "default", "unstable step",
 ]  # fmt: skip
 """Subject of an audit finding; each has a message code and a page.
 
