@@ -19,6 +19,7 @@ AuditKind = Literal[
     "linearization", "unresolved", "pose", "frames",
     "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit", "contact",
     "constraint", "setting", "warning", "replaced", "default", "unread", "misspelled",
+    "unstable step",
 ]  # fmt: skip
 """Subject of an audit finding; each has a message code and a page.
 

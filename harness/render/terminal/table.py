@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -27,7 +28,9 @@ from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import (
     counted,
     duration,
+    listed,
     percent,
+    step_words,
     unread_words,
     unsettled_steps,
 )
@@ -283,7 +286,11 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         missing = [one for one in meshes if one.problem in ("missing", "not a regular file")]
         if missing:
             print_wrapped(console, f"{unread_words(missing)}; these shapes are left out")
-    lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
+    lines = [
+        *time_step_lines(results.cases),
+        *event_lines(results.cases),
+        *whole_step_lines(results.cases, details=False),
+    ]
     for line in lines:
         print_wrapped(console, line)
     for reason in dict.fromkeys(case.reason for case in results.cases if _by_poses(case)):
@@ -470,6 +477,9 @@ def _event_text(event: EventTime) -> str:
     return f"{event.part}, {event.change} at {event.time:.6g} s: {seen}"
 
 
+OFF = 0.01
+"""Error of a time step above which several files are counted."""
+
 UNSETTLED = 4
 """Number of whole steps without agreement that are listed without `--details`."""
 
@@ -530,6 +540,29 @@ def _why_not_compared(step: WholeStep) -> str:
     """Return why whole steps have no verdict; empty if they have one, or nothing acts in them."""
     has_none = step.outcome is None and step.uncovered
     return f"not compared: {', '.join(step.uncovered)}" if has_none else ""
+
+
+def time_step_lines(cases: Iterable[Case]) -> list[str]:
+    """Return the error of the time step of one file, by engine, or one line for several files."""
+    steps: dict[str, list[str]] = {}
+    errors = list[tuple[float, Case]]()
+    for case in cases:
+        if (step := case.time_step) is not None:
+            steps.setdefault(step_words(step), []).append(case.engine)
+            errors.append((math.inf if step.error is None else step.error, case))
+    if len({(case.folder, case.model) for _, case in errors}) > 1:
+        coarse = sum(error > OFF for error, _ in errors)
+        worst = max(errors, key=lambda one: one[0])[1]
+        assert worst.time_step is not None
+        number = f"{coarse} of {counted(len(errors), 'case')}"
+        return [
+            f"time step: more than {percent(OFF)} off in {number}; worst: {worst.id},"
+            f" {step_words(worst.time_step)}"
+        ]
+    return [
+        f"time step{f' in {listed(names, 9)}' if len(errors) > 1 else ''}: {text}"
+        for text, names in steps.items()
+    ]
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:
