@@ -105,13 +105,15 @@ def print_matrix(console: Console, results: Results) -> None:
 _NO_CELL = (Outcome.ABSENT, "")
 
 
+def _off_by(case: Case) -> float:
+    return 0.0 if case.verdict is None else case.verdict.discrepancy or 0.0
+
+
 def _cell(cases: Sequence[Case], faulty: Container[ModelKey]) -> tuple[Outcome, str]:
     """Return the worst outcome of cases in one engine, and its text."""
-    case = max(
-        cases, key=lambda c: (c.shown.severity, (c.verdict and c.verdict.discrepancy) or 0.0)
-    )
-    if case.shown is Outcome.DIFFERS and case.verdict is not None and case.verdict.discrepancy:
-        return case.shown, f"{WORDS[case.shown]} {percent(case.verdict.discrepancy)}"
+    case = max(cases, key=lambda one: (one.shown.severity, _off_by(one)))
+    if case.shown is Outcome.DIFFERS and _off_by(case):
+        return case.shown, f"{WORDS[case.shown]} {percent(_off_by(case))}"
     if case.shown is not Outcome.AGREES:
         return case.shown, WORDS[case.shown]
     if any(one.key in faulty for one in cases):
