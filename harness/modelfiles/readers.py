@@ -33,13 +33,15 @@ class RobotError(ValueError):
 
     Attributes:
         obstacles: the problems that prevent building the tree, each with its line.
-        kind: of the first of them.
+        kind: of the first of them, or as given.
     """
 
-    def __init__(self, message: str, obstacles: tuple[ReadError, ...] = ()) -> None:
+    def __init__(
+        self, message: str, obstacles: tuple[ReadError, ...] = (), kind: CaseKind = "robot"
+    ) -> None:
         super().__init__(message)
         self.obstacles = obstacles
-        self.kind: CaseKind = obstacles[0].kind if obstacles else "robot"
+        self.kind: CaseKind = obstacles[0].kind if obstacles else kind
 
 
 def robot_system(robot: Robot) -> TreeSystem:
@@ -51,7 +53,8 @@ def robot_system(robot: Robot) -> TreeSystem:
     if robot.tree is None:
         raise _refused(robot)
     if not robot.tree.links:
-        raise RobotError(f"{robot.file}: it has no joint that moves, and no free mass; add a joint")
+        still = "it has no joint that moves, and no free mass; add a joint"
+        raise RobotError(f"{robot.file}: {still}", kind="no joint")
     return tree_system(
         name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
     )
