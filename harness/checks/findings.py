@@ -99,9 +99,9 @@ def _unread_findings(robot: Robot) -> Iterator[AuditFinding]:
     unknown: tuple[UnknownName, ...] = ()
     with suppress(LocationError):  # already reported by the reader of the file
         unknown = tuple(unknown_names(Document(robot.file).root))
-    for one in unknown:
-        subject, place = (one.element.tag, one.name), _file_line(robot.file, one.place)
-        yield finding("misspelled", subject, one.sentence, location=place)
+    for part in unknown:
+        line = _file_line(robot.file, part.place)
+        yield finding("misspelled", (part.element.tag, part.name), part.sentence, location=line)
     misspelled = {one.place for one in unknown}
     for omission in robot.left_out:
         place = omission.place
