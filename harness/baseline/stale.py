@@ -49,11 +49,11 @@ def _of_several(file: Path) -> bool:
     return file.suffix == ".sdf" and file.stem != source_of(file).stem
 
 
-def robot_options(file: Path, *, floating: bool, model: str) -> RobotOptions:
+def robot_options(file: Path, *, floating: bool | None, model: str) -> RobotOptions:
     """Return the relevant options: floating for URDF, the model for SDFormat."""
     has_models = file.suffix == ".sdf" and not _of_several(file)
     return RobotOptions(
-        floating=floating and file.suffix == ".urdf", model=model if has_models else ""
+        floating=floating if file.suffix == ".urdf" else None, model=model if has_models else ""
     )
 
 

@@ -48,7 +48,7 @@ class Declared:
     warned: tuple[RecordedWarning, ...]
 
 
-def declared(target: Path, *, floating: bool = False, model: str = "") -> Declared:
+def declared(target: Path, *, floating: bool | None = None, model: str = "") -> Declared:
     """Load a declaration, or read a robot file, in a worker, since a declaration is a program.
 
     Args:
@@ -89,7 +89,7 @@ class Listed:
 
 
 def listed(
-    targets: Sequence[Path], only: Sequence[str], *, floating: bool = False, model: str = ""
+    targets: Sequence[Path], only: Sequence[str], *, floating: bool | None = None, model: str = ""
 ) -> Listed:
     """List the cases of system folders and robot files as a run would create them.
 

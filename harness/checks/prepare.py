@@ -475,7 +475,7 @@ def prepare(
     place: Path,
     *,
     described: bool = True,
-    floating: bool = False,
+    floating: bool | None = None,
     model: str = "",
     motion: float = 0.0,
     states: int = STATES,
@@ -527,7 +527,7 @@ def prepare_system(folder: Path, *, described: bool = True) -> PreparedSystem:
 def prepare_tree(
     file: Path,
     *,
-    floating: bool = False,
+    floating: bool | None = None,
     model: str = "",
     motion: float = 0.0,
     states: int = STATES,

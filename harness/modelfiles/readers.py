@@ -21,7 +21,7 @@ from physics_crosscheck.reference.mechanism.multibody import (
     TreeSystem,
     tree_system,
 )
-from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
 from .folders import FORMATS
 from .inertias import impossible_links
 from .numbers import ModelFile
@@ -98,13 +98,18 @@ def names_of(tree: Tree) -> tuple[str, ...]:
 
 
 def summary(robot: Robot) -> str:
-    """Return a summary such as: 7 joints, 8 links in 7 bodies, 21.4 kg."""
+    """Return a summary such as: 7 joints, 8 links in 7 bodies, 21.4 kg, root held."""
     count = 0 if robot.tree is None else len(robot.tree.links)
     mass = f"{sum(part.link.mass for part in robot.parts):.4g} kg"
     mass = "without masses" if has_stand_ins(robot.file) else mass
     links = counted(len(robot.parts), "link")
     bodies = counted(count, "body", "bodies")
-    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass}"
+    shaped = {one.body for one in robot.placed}
+    heavy = [one for one in robot.parts if one.body == WORLD and one.link.mass > 0]
+    held = any(one.name in shaped for one in heavy)
+    root = ", root free" if robot.floats else ", root held" if held else ""
+    root = root if robot.file.suffix == ".urdf" else ""
+    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass}{root}"
 
 
 FOLLOWERS = "joints that follow others"
@@ -132,12 +137,13 @@ def _reader(file: Path) -> Reader:
     return reader
 
 
-def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
+def read_robot(file: Path, *, floating: bool | None = None, model: str = "") -> Robot:
     """Read a robot's file, by its suffix.
 
     Args:
         file: the model file.
-        floating: whether the root link of a URDF moves freely; an SDFormat file states it.
+        floating: whether the root link of a URDF moves freely, which an SDFormat file states; None:
+            if it stands on legs or wheels.
         model: name of one of several models of an SDFormat file; empty for a single moving one.
     """
     return _reader(file).read(file, {"floating": floating, "model": model})

@@ -152,7 +152,7 @@ class Options:
     limits: Limits = field(default_factory=Limits)
     baseline: Path | None = None
     selection: Selection | None = None
-    floating: bool = False
+    floating: bool | None = None
     model: str = ""
     motion: float = 0.0
     smooth: bool = False

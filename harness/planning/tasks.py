@@ -15,7 +15,7 @@ def target(
     place: Path,
     *,
     described: bool = False,
-    floating: bool = False,
+    floating: bool | None = None,
     model: str = "",
     motion: float = 0.0,
     smooth: bool = False,

@@ -282,7 +282,7 @@ class RobotOptions(Record, frozen=True, kw_only=True):
         model: Model to read from an SDFormat file; empty for the only movable one.
     """
 
-    floating: bool = False
+    floating: bool | None = None
     model: str = ""
 
 

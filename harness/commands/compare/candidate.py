@@ -27,7 +27,6 @@ from physics_crosscheck.harness.modelfiles.readers import (
     FOLLOWERS,
     names_of,
     read_as_it_runs,
-    read_robot,
 )
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_targets import source_file
@@ -75,6 +74,12 @@ class Candidate:
     def name(self) -> str:
         """The name in messages."""
         return f"{self.sidecar.model} [{self.engine}]"
+
+    @property
+    def floating(self) -> bool | None:
+        """Whether its root moves freely; None if neither sidecar nor settings state it."""
+        floats = self.settings.get("floating")
+        return None if floats is None else bool(floats)
 
     @property
     def settings(self) -> Mapping[str, object]:
@@ -230,7 +235,10 @@ def _limits(model: LoadedModel, robot: Robot | None) -> Array:
 
 
 def candidates(
-    paths: tuple[Path, Path], requested: tuple[str | None, str | None], *, floating: bool = False
+    paths: tuple[Path, Path],
+    requested: tuple[str | None, str | None],
+    *,
+    floating: bool | None = None,
 ) -> tuple[Candidate, Candidate]:
     """Return A and B; without a requested engine, in one that both files share.
 
@@ -252,14 +260,15 @@ def fallbacks(a: Candidate, b: Candidate) -> Iterator[tuple[Candidate, Candidate
     """Yield both models in the other engines that they share."""
     for name in a.others:
         first, other = (
-            candidate(x.label, x.sidecar.model, name, floating="floating" in x.given)
-            for x in (a, b)
+            candidate(x.label, x.sidecar.model, name, floating=x.floating) for x in (a, b)
         )
         note = f"{a.engine} can't load both files: {name} runs them"
         yield replace(first, notes=(note, *first.notes)), other
 
 
-def candidate(label: str, path: Path, engine: str | None, *, floating: bool = False) -> Candidate:
+def candidate(
+    label: str, path: Path, engine: str | None, *, floating: bool | None = None
+) -> Candidate:
     """Return the model at `path`, in the given engine or in the one that fits its format.
 
     Args:
@@ -267,7 +276,8 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
         path: of the file, or of a folder with only one.
         engine: its name; None: the first installed one that reads the file, after all that follow
             their files one that adds numbers of its own.
-        floating: whether a URDF's root moves freely, as without joints; a sidecar overrides it.
+        floating: whether a URDF's root moves freely; None: as in the other file, or by its legs. A
+            sidecar overrides it.
 
     Raises:
         CompareError: for a wrong path or engine, with the remedy.
@@ -287,8 +297,8 @@ def candidate(label: str, path: Path, engine: str | None, *, floating: bool = Fa
     if sidecar is None:
         bare, notes = _bare(path, adapter)
         model = Candidate(label, bare, name, (*notes, *caveats), bare=True)
-        floats = path.suffix == ".urdf" and (floating or read_robot(path).floats)
-        return model.with_settings(floating=True) if floats else model
+        is_set = path.suffix == ".urdf" and floating is not None
+        return model.with_settings(floating=floating) if is_set else model
     return Candidate(label, sidecar, name, caveats)
 
 

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
+from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.tree import WORLD
@@ -182,22 +183,29 @@ def _load(executor: Executor, candidate: Candidate) -> Facts:
 
 
 def _loaded(executor: Executor, models: tuple[Candidate, Candidate]) -> tuple[Pair, list[str]]:
-    """Load both models; let the root of an unspecified URDF float if the other model's does."""
+    """Load both models; the root of an unspecified URDF moves or is held as the other model's.
+
+    Of two such URDFs, both move freely if one stands on legs or wheels, or has no joint.
+    """
     loaded: dict[str, Facts] = {}
     notes = []
+    unspecified = [one for one in models if _may_float(one)]
+    by_itself = {one.label: read_robot(one.sidecar.model).floats for one in unspecified}
     for candidate in sorted(models, key=_may_float):
-        if _may_float(candidate) and any(map(_floats, loaded.values())):
-            (other,) = loaded
-            candidate = candidate.with_settings(floating=True)
-            notes.append(f"the root link of {candidate.label} moves freely, as that of {other}")
+        if _may_float(candidate):
+            free = any(map(_floats, loaded.values()) if len(by_itself) == 1 else by_itself.values())
+            candidate = candidate.with_settings(floating=free)
+            if free != by_itself[candidate.label]:
+                verb, other = "moves freely" if free else "is held", "AB".strip(candidate.label)
+                notes.append(f"the root link of {candidate.label} {verb}, as that of {other}")
         loaded[candidate.label] = _load(executor, candidate)
     return (loaded["A"], loaded["B"]), notes
 
 
 def _may_float(candidate: Candidate) -> bool:
     """Return whether a URDF's root may float, since neither sidecar nor settings state it."""
-    stated = "floating" in candidate.settings
-    return candidate.sidecar.model.suffix == ".urdf" and candidate.bare and not stated
+    is_open = candidate.bare and candidate.floating is None
+    return is_open and candidate.sidecar.model.suffix == ".urdf"
 
 
 def _floats(model_facts: Facts) -> bool:

@@ -84,7 +84,7 @@ class VersionTask(Record, frozen=True, kw_only=True):
     resolution: float
     jobs: int
     limits: Limits
-    floating: bool
+    floating: bool | None
     diagnose: bool
 
 

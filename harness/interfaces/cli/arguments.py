@@ -92,13 +92,14 @@ def jobs(default: str = "one per processor") -> Option:
     )  # fmt: skip
 
 
-def floating(default: str = "fixed") -> Option:
-    """Return --floating; `default` describes what happens without it."""
+def floating(default: str = "free if it stands on legs or wheels") -> Option:
+    """Return --floating and --no-floating; `default` describes what happens without them."""
     return option(
         "Robot files",
         "--floating",
-        action="store_true",
-        help=f"Let the root link of a standalone URDF move [{default}]",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help=f"Let the root link of a standalone URDF move, or hold it [{default}]",
     )
 
 

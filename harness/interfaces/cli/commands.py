@@ -89,7 +89,7 @@ def _demo_defaults(command: argparse.ArgumentParser) -> None:
         standalone=False,
         watch=False,
         strict=False,
-        floating=False,
+        floating=None,
         motion=0.0,
         smooth=True,
         ideal=False,

@@ -50,7 +50,7 @@ def main(options: argparse.Namespace) -> int:
     return with_unknown(AGREE, targets.named)
 
 
-def describe_file(file: Path, *, form: Form, width: int, floating: bool, model: str) -> str:
+def describe_file(file: Path, *, form: Form, width: int, floating: bool | None, model: str) -> str:
     """Return the text about a robot's equations; the other arguments are those of `read_robot`.
 
     Raises:

@@ -210,7 +210,7 @@ def compare(
     starts: Sequence[Mapping[str, float]] = (),
     resolution: float = 1e-9,
     include_constraints: bool = False,
-    floating: bool = False,
+    floating: bool | None = None,
     strict: bool = False,
     limit: float = SECONDS,
     memory: float = MEMORY,

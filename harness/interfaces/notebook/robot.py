@@ -190,7 +190,7 @@ def _subject(name: Name) -> NotebookSubject:
     return NotebookSubject(folder=None, file=model.folder / model.model)
 
 
-def load(robot: Name, *, floating: bool = False) -> RobotModel:
+def load(robot: Name, *, floating: bool | None = None) -> RobotModel:
     """Read a robot's file, or a folder that declares bodies, without an engine's motion.
 
     Args:

@@ -271,7 +271,7 @@ class Checker:
         *paths: Target | Sequence[Target],
         engines: Sequence[str] = (),
         resolution: float | None = None,
-        floating: bool = False,
+        floating: bool | None = None,
         model: str = "",
         smooth: bool = False,
     ) -> CheckResults:

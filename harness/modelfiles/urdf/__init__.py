@@ -10,9 +10,10 @@ from .read import UrdfNumbers, read_urdf_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:
-    """Read a robot; `floating` lets its root link move."""
+    """Read a robot; `floating` lets its root link move, and None means by its chains."""
+    floats = settings.get("floating", False)
     return read_urdf_robot(
-        file, floating=bool(settings.get("floating")), armatures=armatures_of(settings)
+        file, floating=None if floats is None else bool(floats), armatures=armatures_of(settings)
     )
 
 

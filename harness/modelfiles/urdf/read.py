@@ -32,6 +32,8 @@ from physics_crosscheck.harness.documents.urdf import (
 )
 from physics_crosscheck.reference.mechanism.assemble import assembled, with_bodies
 from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.rotations import from_rpy
+from physics_crosscheck.reference.mechanism.spatial_inertia import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
 from ..build_tree import build_robot, couplings, enforceable, placed_in
 from ..numbers import NUDGE, ModelFile, set_temporarily
@@ -162,7 +164,7 @@ def read_urdf_robot(
     path: Path,
     *,
     gravity: Triple = GRAVITY,
-    floating: bool = False,
+    floating: bool | None = None,
     armatures: Mapping[str, float] = MappingProxyType({}),
 ) -> Robot:
     """Read a URDF completely.
@@ -177,6 +179,7 @@ def read_urdf_robot(
         gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
             fixed to the world, like a link named `world`. Without joints, a root with mass is free.
+            None: it is also free if it has mass and shapes, and two chains reach below all of them.
         armatures: as in `Document`.
     """
     try:
@@ -188,7 +191,7 @@ def read_urdf_robot(
         return _read(document, gravity, floating)
 
 
-def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
+def _read(document: Document, gravity: Triple, floating: bool | None) -> Robot:
     file = read_urdf(document)
     mimics = enforceable(file.mimics, singles(file.joints))
     left_out = urdf_left_out(file, mimics)
@@ -196,6 +199,8 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         # Its root is all that can move, unless it is a scene that engines fix.
         has_mass = any(link.body.mass for link in file.links.values())
         floating = floating or (file.can_float and has_mass)
+    elif floating is None:
+        floating = file.can_float and _stands(file)
     if floating and not file.can_float:
         floating = False
         left_out += (Omission(what="a free joint of the world", count=1, where=(file.root,)),)
@@ -210,6 +215,43 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         gravity=gravity,
         floats=floating,
     )
+
+
+def _stands(file: UrdfFile) -> bool:
+    """Return whether a robot with a heavy root stands on legs or wheels, as drawn.
+
+    Two or more chains of moving links have shapes below all shapes of the root and the links that
+    are fixed to it. Of a mesh, only its origin counts.
+    """
+    below: dict[str, list[UrdfJoint]] = {}
+    for joint in file.joints.values():
+        below.setdefault(joint.parent, []).append(joint)
+    lowest, mass = {"": np.inf}, 0.0
+    waiting, seen = [(file.root, Place(np.eye(3), np.zeros(3)), "")], set[str]()
+    while waiting:
+        name, place, chain = waiting.pop()
+        link = file.links.get(name)
+        if link is None or name in seen:
+            continue
+        seen.add(name)
+        mass += 0.0 if chain else link.body.mass
+        heights = [_lowest(shape, place) for shape in placed_in({name: link}, file.document.path)]
+        lowest[chain] = min([lowest.get(chain, np.inf), *heights])
+        for joint in below.get(name, ()):
+            frame = Place(from_rpy(*joint.rpy), np.array(joint.origin))
+            first = chain or (joint.name if joint.kind else "")
+            waiting.append((joint.child, place.compose(frame), first))
+    base = lowest.pop("")
+    return mass > 0 and np.isfinite(base) and sum(low < base for low in lowest.values()) > 1
+
+
+def _lowest(shape: PlacedShape, link: Place) -> float:
+    """Return the height of a shape's lowest point, m; of a mesh, that of its origin."""
+    placed = link.compose(shape.place)
+    down = np.abs(placed.rotation[2])
+    radius, *half = shape.size or (0.0,)
+    depth = down @ np.array(shape.size) if shape.kind == "box" else radius + down[2] * sum(half)
+    return float(placed.origin[2] - depth)
 
 
 def singles(joints: Mapping[str, UrdfJoint]) -> set[str]:
