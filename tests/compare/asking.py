@@ -44,7 +44,7 @@ def compared(
     resolution: float = 1e-9,
     starts: tuple[Mapping[str, float], ...] = (),
     include_constraints: bool = False,
-    floating: bool = False,
+    floating: bool | None = None,
     own_files: bool = False,
 ) -> ComparisonResult:
     """Compare two files as the command does; `own_files`: each engine with its own file too."""
@@ -91,7 +91,7 @@ def laws(
     b: Path,
     engine_a: str | None = None,
     engine_b: str | None = None,
-    floating: bool = False,
+    floating: bool | None = None,
 ) -> list[ComparedProperty]:
     """Compare the laws of two files alone, without the motions."""
     models = candidates((a, b), (engine_a, engine_b), floating=floating)

@@ -511,6 +511,28 @@ def test_urdf_floats_if_the_mjcf_floats(tmp_path: Path) -> None:
     assert len(result(comparison).joints) == 8
 
 
+@pytest.mark.parametrize("held", [True, False])
+def test_quadruped_is_held_if_the_other_file_holds_it(held: bool, tmp_path: Path) -> None:
+    """Let both roots move if neither file states it, also if one robot has lost its legs."""
+    moments = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
+    inertial = f'<inertial><mass value="1"/><inertia {moments}/></inertial>'
+    legs = "".join(
+        f'<joint name="j{i}" type="continuous"><origin xyz="{i} 0 -0.1"/><parent link="trunk"/>'
+        f'<child link="leg{i}"/><axis xyz="0 1 0"/></joint><link name="leg{i}">{inertial}'
+        '<collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
+        for i in range(2)
+    )
+    trunk = f'{inertial}<collision><geometry><box size="1 1 0.1"/></geometry></collision>'
+    text = f'<robot name="a"><link name="trunk">{trunk}</link>{legs}</robot>'
+    a = written(tmp_path, "a.urdf", text)
+    b = written(tmp_path, "b.urdf", text, ('sphere radius="0.1"', 'sphere radius="0.01"'))
+    other = candidate("B", b, "mujoco", floating=False if held else None)
+    models = candidate("A", a, "mujoco"), other
+    prepared = prepare(InThisProcess(), *models, ({}, {}), False)
+    assert [len(one.coordinates) for one in prepared.facts] == ([2, 2] if held else [8, 8])
+    assert any("the root link of A is held, as that of B" in one for one in prepared.notes) == held
+
+
 def test_arm_stays_fixed_if_the_other_file_has_a_free_body(tmp_path: Path) -> None:
     cube = '<body name="cube" pos="2 0 0"><freejoint/><geom size="0.1"/></body></worldbody>'
     a = written(tmp_path, "arm.xml", MJCF, ("</worldbody>", cube),

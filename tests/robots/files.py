@@ -30,14 +30,14 @@ def inertial(mass: str, moments: str, products: str = "0 0 0", origin: str = "")
     )
 
 
-def read(folder: Path, *lines: str, floating: bool = False) -> Robot:
+def read(folder: Path, *lines: str, floating: bool | None = False) -> Robot:
     """Read a robot with these lines; the first is the file's second."""
     return read_text(
         folder, "\n".join(['<robot name="written">', *lines, "</robot>"]), floating=floating
     )
 
 
-def read_text(folder: Path, text: str | bytes, *, floating: bool = False) -> Robot:
+def read_text(folder: Path, text: str | bytes, *, floating: bool | None = False) -> Robot:
     path = folder / "robot.urdf"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return read_urdf_robot(path, floating=floating)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_system
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_system, summary
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from tests.robots.files import BODY, inertial, joint, last, left_out, link, read, read_text, tree_of
@@ -155,6 +155,38 @@ def test_a_file_without_a_moving_joint_is_free_if_it_has_mass(tmp_path: Path) ->
     for scene in (link("world"), link("plane", "")):
         with pytest.raises(RobotError, match="no joint that moves, and no free mass; add a joint"):
             robot_system(read(tmp_path, scene))
+
+
+BOX = '<collision><geometry><box size="0.4 0.2 0.1"/></geometry></collision>'
+WHEEL = """<collision><origin rpy="1.5708 0 0"/><geometry><cylinder radius="0.1" length="0.02"/>
+</geometry></collision>"""
+
+
+@pytest.mark.parametrize(
+    ("root", "heights", "free"),
+    [
+        ((BODY, BOX), ("-0.01", "-0.01"), True),
+        ((BODY, BOX), ("-0.01", "0.2"), False),
+        ((BODY, BOX), ("0.2", "0.2"), False),
+        ((BODY, ""), ("-0.01", "-0.01"), False),
+        (("", BOX), ("-0.01", "-0.01"), False),
+    ],
+    ids=["wheels", "one leg", "arms", "no shape", "no mass"],
+)
+def test_root_is_free_on_legs_or_wheels(
+    root: tuple[str, str], heights: tuple[str, str], free: bool, tmp_path: Path
+) -> None:
+    """Two chains that reach below the root's shapes free it, unless the caller holds it."""
+    lines = [link("base", "".join(root)), *(link(name, BODY + WHEEL) for name in "ab")]
+    lines += [
+        joint(f"to_{name}", "base", name, f'<origin xyz="0 0 {z}"/><axis xyz="0 1 0"/>')
+        for name, z in zip("ab", heights, strict=True)
+    ]
+    robot = read(tmp_path, *lines, floating=None)
+    assert robot.floats == free
+    words = {True: "root free", False: "root held" if all(root) else "kg"}
+    assert summary(robot).endswith(words[free])
+    assert not read(tmp_path, *lines, floating=False).floats
 
 
 def test_root_link_named_world_never_floats(tmp_path: Path) -> None:
