@@ -65,7 +65,7 @@ SMALLER = 0.9
 PLACED, DEPTHS = 16, (0.2, 0.01)
 """Number of shapes that are put onto others, and their depths, as shares of the smaller one."""
 
-_INEXACT = "exact depths, normals and points by the file, of contacts without a closed form,"
+_INEXACT = "exact depths, normals and points by the file, of contacts without a closed form"
 
 Pair = tuple[int, int]
 
