@@ -51,6 +51,7 @@ def frames(report: Path) -> Iterator[Image.Image]:
         tab.send("Emulation.setScrollbarsHidden", hidden=True)
         tab.open((report / "index.html").resolve().as_uri())
         tab.until("document.querySelector('.view.current .scene [data-frames]')")
+        tab.run(f"{VIEWER}.open({VIEWER}.states.worst)")
         for i in range(FRAMES):
             share = (1 - math.cos(math.pi * i / (FRAMES - 1))) / 2
             tab.run(f"{VIEWER}.set({{ time: {share} * {VIEWER}.horizon }})")

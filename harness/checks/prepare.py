@@ -544,7 +544,7 @@ def prepare_tree(
     links = (part.link for part in robot.parts)
     prepared = replace(
         prepared,
-        record=_drawn(prepared, links, robot.placed),
+        record=_drawn(prepared, links, robot.placed, robot.home),
         settings=settings_of(robot),
         left_out=left_out,
         findings=(*robot_findings(robot), *plausibility_findings(robot)),
@@ -593,10 +593,13 @@ def _from_bodies(
 
 
 def _drawn(
-    solved: PreparedTree, bodies: Iterable[RigidBody], shapes: Sequence[PlacedShape] = ()
+    solved: PreparedTree,
+    bodies: Iterable[RigidBody],
+    shapes: Sequence[PlacedShape] = (),
+    home: Array | None = None,
 ) -> records.SystemResult:
     """Return the record with the scene of the bodies."""
-    scene = scene_record(solved.tree, solved.samples, bodies, shapes)
+    scene = scene_record(solved.tree, solved.samples, bodies, shapes, home)
     return msgspec.structs.replace(solved.record, scene=scene)
 
 

@@ -70,7 +70,11 @@ VISIBLE = 1e-3
 
 
 def scene_record(
-    tree: Tree, states: Segments, bodies: Iterable[RigidBody], shapes: Sequence[PlacedShape] = ()
+    tree: Tree,
+    states: Segments,
+    bodies: Iterable[RigidBody],
+    shapes: Sequence[PlacedShape] = (),
+    home: Array | None = None,
 ) -> Scene:
     """Return the scene of a tree at the starts of its segments.
 
@@ -79,8 +83,10 @@ def scene_record(
         states: the segments.
         bodies: the bodies, parents first.
         shapes: shapes of the file.
+        home: coordinates of the pose to open with, (nv,); None: zeros.
     """
     n = tree.dof
+    still = np.zeros(tree.nv) if home is None else home
     coordinates = Coupled(tree).positions(states.start[:, :n].T)
     rates = states.start[:, n:], (states.end - states.start)[:, n:] / states.lengths[:, None]
     velocities, accelerations = (joint_rates(tree, coordinates, one) for one in rates)
@@ -98,6 +104,7 @@ def scene_record(
         placements=placements,
         velocities=tuple(rounded(row, DIGITS) for row in velocities.tolist()),
         accelerations=tuple(rounded(row, DIGITS) for row in accelerations.tolist()),
+        home=_placements(tree, still[:, None]),
         length=number(_length(tree, coordinates)),
         meshes=meshes.records,
         unread=unread_meshes(filter(_is_mesh, shapes)),

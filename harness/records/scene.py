@@ -102,6 +102,7 @@ class Scene(Record, frozen=True, kw_only=True):
         placements: Position and quaternion in the parent joint's frame, all states in a row.
         velocities: Velocity of each velocity coordinate at each state.
         accelerations: Mean accelerations by the equations, from each state on.
+        home: Placements in the pose as drawn, or in the first keyframe; empty if unknown.
         length: Largest distance of a joint from the origin, m.
         meshes: Meshes of the shapes.
         unread: Meshes that can't be drawn.
@@ -115,6 +116,7 @@ class Scene(Record, frozen=True, kw_only=True):
     length: Number
     meshes: tuple[SceneMesh, ...] = ()
     unread: tuple[UnreadMesh, ...] = ()
+    home: Rows = ()
 
     def __post_init__(self) -> None:
         if any(not -1 <= joint.parent < i for i, joint in enumerate(self.joints)):

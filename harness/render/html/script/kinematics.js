@@ -47,10 +47,20 @@ function withActing(scene, states) {
   ];
 }
 
+/** Return scene and states with the pose as drawn as the last state, at rest. */
+function withHome(scene, states) {
+  if (!scene.home?.length) return [scene, states];
+  const resting = (rows) => rows.map((row) => [...row, 0]);
+  return [
+    { ...scene, placements: scene.placements.map((row, i) => [...row, ...scene.home[i]]), velocities: resting(scene.velocities), accelerations: resting(scene.accelerations) },
+    states && { ...states, accelerations: resting(states.accelerations) },
+  ];
+}
+
 /** A tree of bodies at its states. From a state it moves with constant joint accelerations. */
 class Mechanism {
   constructor(...given) {
-    const [scene, states] = withActing(...given);
+    const [scene, states] = withHome(...withActing(...given));
     Object.assign(this, { scene, states });
     this.acting = states?.acting ?? null;
     let count = 0;
@@ -59,6 +69,8 @@ class Mechanism {
       return count - twists.length;
     });
     this.count = scene.placements[0].length / 7;
+    this.home = scene.home?.length ? this.count - 1 : -1;
+    this.wholeStep = this.acting ? this.count - (this.home < 0 ? 1 : 2) : -1;
     this.differs = Boolean(states?.accelerations.length);
   }
 

@@ -185,6 +185,11 @@ class Projection {
     this.lines = scene.bodies.map((_, i) => outlines(formsOf(scene, i)));
   }
 
+  /** Show or hide a floor and axes, as lines with tones. */
+  floor(lines, visible) {
+    this.ground = visible ? lines : [];
+  }
+
   /** Draw the layers: `{ poses, colour(body), width, dash }`. */
   draw(camera, layers, ovals) {
     const { canvas, pen } = this;
@@ -193,6 +198,13 @@ class Projection {
     Object.assign(canvas, { width: width * ratio, height: height * ratio });
     pen.scale(ratio, ratio);
     const project = camera.projection(width, height);
+    pen.lineWidth = 1;
+    for (const { tone, line } of this.ground) {
+      pen.strokeStyle = this.colours[tone];
+      pen.beginPath();
+      line.map(project).forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+      pen.stroke();
+    }
     for (const { poses, ghost, tone } of layers) {
       pen.setLineDash(ghost ? [5, 3] : []);
       poses.forEach((pose, body) => {

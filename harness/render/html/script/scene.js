@@ -19,12 +19,29 @@ class Viewer {
     const unlike = this.ovals.filter(({ differs }) => differs);
     this.differs = unlike.length > 0;
     this.inertia = this.differs && unlike.every(({ points }) => extent(points) < 1.5 * extent(whole)) ? "differing" : "";
-    this.open(states?.worst ?? 0);
+    this.floor = this.#floor();
+    this.open(this.mechanism.home < 0 ? states?.worst ?? 0 : this.mechanism.home);
+  }
+
+  /** Return the lines of a grid under the bodies as drawn, and of the axes; none without that pose. */
+  #floor() {
+    const { mechanism, around } = this;
+    if (mechanism.home < 0) return [];
+    const points = mechanism.poses(mechanism.home).flatMap((pose, body) => around[body].map((point) => placedPoint(pose, point)));
+    const [low, high] = [Math.min, Math.max].map((end) => [0, 1, 2].map((i) => points.reduce((value, point) => end(value, point[i]), points[0]?.[i] ?? 0)));
+    const wide = Math.max(high[0] - low[0], high[1] - low[1], high[2] - low[2], 1e-3);
+    const step = 10 ** Math.round(Math.log10(wide / 6)), most = Math.max(2, Math.ceil((0.6 * wide) / step));
+    const [x, y] = [0, 1].map((i) => step * Math.round((low[i] + high[i]) / 2 / step)), [z] = low.slice(2);
+    const lines = [];
+    for (let i = -most; i <= most; i += 1) {
+      for (const line of [[[x + i * step, y - most * step, z], [x + i * step, y + most * step, z]], [[x - most * step, y + i * step, z], [x + most * step, y + i * step, z]]]) lines.push({ tone: "grid", line });
+    }
+    return [...lines, ...["x", "y", "z"].map((tone, i) => ({ tone, line: [[0, 0, 0], [0, 1, 2].map((k) => (i === k ? 0.25 * wide : 0))] }))];
   }
 
   /** The state of whole steps, if it is shown. */
   get acting() {
-    return this.state === this.mechanism.count - 1 ? this.mechanism.acting : null;
+    return this.state === this.mechanism.wholeStep ? this.mechanism.acting : null;
   }
 
   /** Show the start of a state, with a visible difference. */
@@ -79,6 +96,8 @@ class Viewer {
     const [expected, engine] = this.poses();
     const layers = [{ poses: expected, ghost: false, glow, tone: (body) => mark(body) ?? "body" }];
     if (engine) layers.push({ poses: engine, ghost: true, glow, tone: (body) => mark(body) ?? "engine" });
+    const floats = this.data.joints.some(({ parent, twists }) => parent < 0 && twists.length === 6);
+    this.drawing.floor(this.floor, !floats || this.state >= (this.mechanism.acting ? this.mechanism.wholeStep : this.mechanism.home));
     this.drawing.draw(this.camera, layers, this.shown, this.playing);
     const acting = this.forces ? this.acting : null;
     this.marks?.draw(this.camera, acting, acting ? this.mechanism.frames(this.state, this.time) : [], this.data.joints, this.data.bodies[this.chosen]?.joint);
@@ -147,7 +166,7 @@ async function buildScene(box) {
   const states = box.dataset.states ? await pack(box.dataset.states) : null;
   const scene = withDots((await pack(box.dataset.scene)).scene, states);
   const style = getComputedStyle(box);
-  const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive", "grid", "x", "y", "z"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   const plain = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
   const solid = (await three()) && graphics(plain), canvas = solid?.canvas ?? plain;
   const drawing = new (solid ? Solids : Projection)(scene, states, colours, solid ?? { canvas });
@@ -166,7 +185,6 @@ async function buildScene(box) {
   if (states) box.append(heatMap(viewer));
   new ResizeObserver(() => { if (canvas.isConnected) viewer.changed(); }).observe(canvas);
   viewer.changed();
-  if (viewer.mechanism.differs && !matchMedia("(prefers-reduced-motion: reduce)").matches) viewer.play();
   box.dataset.built = "scene";
 }
 
@@ -235,7 +253,12 @@ function sceneControls(viewer) {
   const play = make("button", { type: "button", class: "play" });
   play.addEventListener("click", () => { if (viewer.playing) viewer.set({ playing: false }); else viewer.play(); });
   const time = slider("Time", { min: 0, max: 1000, step: 1 }, (value) => viewer.set({ playing: false, time: (value / 1000) * viewer.horizon }));
-  const state = slider("State", { min: 1, max: mechanism.count, step: 1 }, (value) => viewer.open(value - 1));
+  const state = slider("State", { min: mechanism.home < 0 ? 1 : 0, max: mechanism.count - (mechanism.home < 0 ? 0 : 1), step: 1 }, (value) => viewer.open(value ? value - 1 : mechanism.home));
+  const worst = make("button", { type: "button" }, "Worst state");
+  worst.addEventListener("click", () => {
+    viewer.open(viewer.states.worst);
+    if (mechanism.differs && !matchMedia("(prefers-reduced-motion: reduce)").matches) viewer.play();
+  });
   const power = slider("Amplify the error", { min: 0, max: 6, step: 0.5 }, (value) => viewer.set({ power: value }));
   const links = data.bodies.map(({ name }, i) => make("option", { value: i }, name));
   const link = make("select", { "aria-label": "Link" }, make("option", { value: -1 }, "–"),
@@ -254,15 +277,16 @@ function sceneControls(viewer) {
     play.textContent = viewer.playing ? "❚❚ Pause" : "▶ Play";
     time.input.value = (1000 * viewer.time) / viewer.horizon;
     time.output.textContent = `${short(1000 * viewer.time)} ms`;
-    state.input.value = viewer.state + 1;
-    state.output.textContent = viewer.acting ? "whole step" : `${viewer.state + 1} of ${mechanism.count - Number(Boolean(acting))}`;
+    const drawn = viewer.state === mechanism.home, many = viewer.data.velocities[0].length;
+    state.input.value = drawn ? 0 : viewer.state + 1;
+    state.output.textContent = drawn ? "as drawn" : viewer.acting ? "whole step" : `${viewer.state + 1} of ${many}`;
     words.textContent = viewer.acting ? `At this state: ${actingWords(acting, data.joints)}.` : "";
     power.input.value = viewer.power;
     power.output.textContent = `× ${Number((10 ** viewer.power).toPrecision(2)).toLocaleString("en")}`;
     link.value = viewer.chosen;
     inertia.value = viewer.inertia;
   });
-  const rows = [make("div", { class: "row" }, play, time.row), state.row, ...(mechanism.differs ? [power.row] : []),
+  const rows = [make("div", { class: "row" }, play, time.row), make("div", { class: "row" }, ...(viewer.states ? [worst] : []), state.row), ...(mechanism.differs ? [power.row] : []),
     make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, "Inertia ", inertia),
       ...(acting ? [make("label", {}, toggle("forces"), " Contacts, limits, drives")] : []))];
   const solid = viewer.states?.inertias.length;
@@ -374,7 +398,7 @@ function heatMap(viewer) {
     mark.setAttribute("x", viewer.state);
     mark.setAttribute("y", row);
     const [e, u] = [error[row][viewer.state], uncertainty[row][viewer.state]];
-    readout.textContent = viewer.state >= count ? "The picture shows a whole step." : `${coordinates[row]} at state ${viewer.state + 1}: E ${e?.toExponential(1) ?? "–"}, U ${u?.toExponential(1) ?? "–"}`;
+    readout.textContent = viewer.state === viewer.mechanism.home ? "The picture shows the pose as drawn." : viewer.state >= count ? "The picture shows a whole step." : `${coordinates[row]} at state ${viewer.state + 1}: E ${e?.toExponential(1) ?? "–"}, U ${u?.toExponential(1) ?? "–"}`;
   });
   return make("section", { class: "errors" }, make("h4", {}, "Error over uncertainty, by coordinate and state"), make("div", { class: "rows" }, make("ul", { "aria-hidden": "true" }, ...coordinates.map((name) => make("li", { title: name }, name))), frame), readout);
 }

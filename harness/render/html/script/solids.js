@@ -114,6 +114,19 @@ class Solids {
     this.renderer.render(this.world, this.camera);
   }
 
+  /** Show or hide a floor and axes, as lines with tones. */
+  floor(lines, visible) {
+    if (!this.ground) {
+      this.ground = new THREE.Group();
+      for (const tone of new Set(lines.map((one) => one.tone))) {
+        const points = lines.filter((one) => one.tone === tone).flatMap(({ line }) => line.map((point) => new THREE.Vector3(...point)));
+        this.ground.add(new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: this.colours[tone] })));
+      }
+      this.world.add(this.ground);
+    }
+    this.ground.visible = visible;
+  }
+
   /** Return the body at a pixel of the last picture; -1 if there is none. */
   pick(x, y) {
     const { clientWidth: width, clientHeight: height } = this.canvas, ray = new THREE.Raycaster();
