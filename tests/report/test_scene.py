@@ -111,6 +111,9 @@ CASE = "case-system_0/humanoid.xml/mujoco/states"
 BOX = "document.querySelector('.view.current .scene')"
 DRAWN = f"{BOX}?.dataset.built === 'scene' && {BOX}.querySelector('[data-frames]')"
 
+WORST_STATE = f"""[...{BOX}.querySelectorAll('button')]
+  .find((one) => one.textContent === 'Worst state').click()"""
+
 Planted = tuple[Path, Tree, Segments, Array]
 
 
@@ -188,6 +191,12 @@ def test_long_path_fits_on_a_phone(scene_tab: Tab) -> None:
 @needs_browser
 def test_bodies_follow_kinematics_with_time_and_amplifier(scene_tab: Tab, planted: Planted) -> None:
     """Compare positions, which a wrong axis, parent, rotation order or error share changes."""
+    (drawn,), tree = poses(scene_tab), planted[1]
+    (frames,) = TreeFrames(tree, tuple(tree.frames))(np.zeros((1, tree.dof)))
+    assert np.max(np.abs(drawn - frames.reshape(len(drawn), -1)[:, :3])) < 1e-5, "it opens as drawn"
+    floor = scene_tab.run(f"{BOX}.viewer.floor[0].line[0][2]")
+    assert -0.5 < floor - drawn[:, 2].min() < 0
+    scene_tab.run(WORST_STATE)
     assert scene_tab.run(f"{BOX}.viewer.state") == WORST
     for state, time, power in ((WORST, 0.05, 1), (0, 0.02, 0), (STATES - 1, 0.1, 2.5)):
         scene_tab.run(f"{BOX}.viewer.set({{ playing: false, state: {state}, time: {time}, "
@@ -269,6 +278,7 @@ def test_keyboard_reaches_wrong_link_line_and_controls(
     scene_tab.key("Enter", 13)
     scene_tab.until(f"document.querySelector('.view.current').id === '{CASE}'")
     scene_tab.until(DRAWN)
+    scene_tab.run(WORST_STATE)
     tab_to(scene_tab, "canvas")
     yaw = scene_tab.run(f"{viewer}.camera.yaw")
     scene_tab.key("ArrowRight", 39)

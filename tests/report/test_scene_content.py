@@ -23,7 +23,7 @@ from physics_crosscheck.records import Outcome, Results, SourceLine
 from tests.report.chromium import Browser, Tab
 from tests.report.samples import changed_model, results
 from tests.report.steps import needs_browser, sound
-from tests.report.test_scene import BOX, DRAWN
+from tests.report.test_scene import BOX, DRAWN, WORST_STATE
 
 CORNERS = 24
 """Corners of each ring of the mesh, a prism."""
@@ -145,7 +145,9 @@ def test_meshes_inertias_and_forces_are_drawn(arm_tab: Tab, arm: tuple[Path, Res
     assert arm_tab.run(f"{BOX}.viewer.inertia")
     text = arm_tab.run(f"{BOX}.querySelector('.unequal').textContent")
     assert text == "The engine has another inertia of arm (mass 1.5 kg instead of 1)."
-    # The picture opens at the whole step: both robots, and a mark at each contact.
+    # The worst state is the whole step: both robots, and a mark at each contact.
+    arm_tab.run(WORST_STATE)
+    arm_tab.until(f"{BOX}.viewer.acting")
     assert len(arm_tab.run(f"{BOX}.viewer.poses()")) == 2
     assert f"{len(acting.contacts)} contact" in arm_tab.run(
         f"{BOX}.querySelector('.acting').textContent"
