@@ -42,6 +42,8 @@ def test_difference_exits_1_and_is_printed_and_recorded(tmp_path: Path) -> None:
     done = crosscheck(path, other, "--json", "out/record.json", cwd=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "motions differ by 1.4e-04" in done.stdout
+    assert "body[rod]/inertial@diaginertia[1]: 0.024, new/mujoco.xml:59: 0.024012" in done.stdout
+    done = crosscheck(path, other, "--details", "--json", "out/record.json", cwd=tmp_path)
     assert "link rod: principal moments of inertia (0.0001, 0.024, 0.024) in A" in done.stdout
     line = next(
         i for i, text in enumerate(path.read_text().splitlines(), 1) if "0.024 0.024" in text

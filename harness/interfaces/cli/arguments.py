@@ -255,12 +255,14 @@ CACHE = option(
     metavar="DIR",
     help="Store results here; reuse those whose inputs have not changed",
 )
-DETAILS = option(
-    "Output",
-    "--details",
-    action="store_true",
-    help="Print errors, coverage, steps and every implausible number too",
-)
+
+
+def details(what: str) -> Option:
+    """Return --details; `what` describes what it prints."""
+    return option("Output", "--details", action="store_true", help=f"Print {what} too")
+
+
+DETAILS = details("errors, coverage, steps and every implausible number")
 STANDALONE = option(
     "Robot files",
     "--standalone",

@@ -47,7 +47,7 @@ def main(options: argparse.Namespace) -> int:
     except FailureError as error:
         record = failed_comparison(pair, error.failure, created)
     console = terminal()
-    print_comparison(console, record)
+    print_comparison(console, record, details=options.details)
     if options.json:
         write_whole(options.json, encoded(record, indent=1))
         print(options.json)

@@ -165,6 +165,9 @@ def _print_share(console: Console, comparison: ComparisonResult, compared: Compa
 
 
 MAX_TERMS = 8
+MAX_BRIEF = 10
+"""Maximum number of differences without `--details`."""
+
 NOT_COMPARED = "not compared"
 
 MOST_EXPLAINED = 0.5
@@ -183,13 +186,24 @@ VALUES = re.compile(r"(.+): (.*?)([^ (]+|\([^)]*\)) in A, ([^ (]+|\([^)]*\)) in 
 """Pattern of a sentence about a property: subject, property, value in A and in B."""
 
 
-def print_comparison(console: Console, comparison: ComparisonResult) -> None:
-    """Print the verdict with its cause and remedy, other differences, then what was compared."""
+def print_comparison(
+    console: Console, comparison: ComparisonResult, *, details: bool = True
+) -> None:
+    """Print the verdict with its cause and remedy, and what the files state differently.
+
+    Args:
+        console: to print on.
+        comparison: to report.
+        details: whether to print what motions and edits show, and how both models ran.
+    """
     compared = comparison.compared
     if compared is None:
         _print_failure(console, comparison)
+    elif not details and _is_stated(compared):
+        _print_brief(console, comparison, compared)
     else:
-        _print_outcome(console, comparison, compared)
+        for line in _print_outcome(console, comparison, compared):
+            print_text(console, line)
         if compared.rounding is not None:
             compared = replace(compared, properties=(), differences=(), laws=None, acting=())
         edit = _edit_that_explains(compared)
@@ -201,6 +215,42 @@ def print_comparison(console: Console, comparison: ComparisonResult) -> None:
         _print_acting(console, compared)
         _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
+
+
+def _is_stated(compared: Compared) -> bool:
+    """Return whether what the files state explains the verdict."""
+    return (
+        compared.decisive is not None or not _is_unexplained(compared) or not compared.discrepancy
+    )
+
+
+def _print_brief(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
+    """Print the verdict, what got lost or changed from A to B, and the motions' difference."""
+    motions = _print_outcome(console, comparison, compared)
+    rows = () if compared.rounding is not None else compared.properties
+    moving, others = [one for one in rows if one.moves], [one for one in rows if not one.moves]
+    laws = () if compared.rounding is not None else compared.laws or ()
+    lines = [*_folded_rows(moving), *law_lines(laws), *_folded_rows(others)]
+    if len(lines) > 1:
+        console.print("lost or changed from A to B, by the files")
+        for line in lines[:MAX_BRIEF]:
+            print_text(console, f"  {line}")
+        if len(lines) > MAX_BRIEF:
+            console.print(f"  and {len(lines) - MAX_BRIEF} more; --details lists them")
+    for line in motions[:1]:
+        print_text(console, line.strip())
+    ok = [model for model in comparison.models if model.case and model.case.passes]
+    if len(ok) == len(comparison.models):
+        names = " and ".join(dict.fromkeys(model.engine for model in ok))
+        verb = "follow" if " and " in names else "follows"
+        print_text(console, f"{names} {verb} the equations of each file; --details prints the runs")
+    else:
+        _print_own_files(console, comparison)
+    for note in _folded(compared.notes, comparison.models):
+        if not note.startswith(NOT_COMPARED) and "has no sidecar" not in note:
+            print_text(console, note, "dim")
+    if line := _not_compared(compared):
+        print_text(console, line)
 
 
 def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
@@ -319,8 +369,8 @@ def _not_compared(compared: Compared) -> str:
     return f"{begin}{text}" if parts else ""
 
 
-def _print_outcome(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
-    """Print the verdict, with the first cause, the remedy, and the size of the difference."""
+def _print_outcome(console: Console, comparison: ComparisonResult, compared: Compared) -> list[str]:
+    """Print the verdict with the first cause and the remedy; return lines on the motions."""
     outcome, lead = comparison.outcome, f"{WORDS[comparison.outcome]}  "
     size = f"{_size(compared.discrepancy)}, uncertainty {_size(compared.uncertainty)}"
     names = [Path(model.model).name for model in comparison.models]
@@ -333,7 +383,7 @@ def _print_outcome(console: Console, comparison: ComparisonResult, compared: Com
             rounded = f"numbers differ by up to {_size(compared.rounding)}, rounding to six digits"
             text = f"{both}: {rounded}; motions differ by {size}"
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
-        return
+        return []
     if compared.decisive is not None:
         share = f" ({law_effect(compared.decisive)})" if compared.decisive.kind == "law" else ""
         cause, remedy = _property_cause(compared.decisive, share, names)
@@ -341,19 +391,16 @@ def _print_outcome(console: Console, comparison: ComparisonResult, compared: Com
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         if remedy:
             print_text(console, f"Fix: {remedy}")
-        print_text(console, f"  motions without such forces are alike: difference {size}")
-        return
+        return [f"  motions without such forces are alike: difference {size}"]
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
     text = with_code(comparison.code, _own_cause(comparison) or cause or comparison.reason)
     print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
     if outcome is not Outcome.DIFFERS:
-        print_text(console, f"  difference {size}, on {compared.component}")
-        return
+        return [f"  difference {size}, on {compared.component}"]
     if remedy:
         print_text(console, f"Fix: {remedy}")
-    print_text(console, f"  motions differ by {size}, on {compared.component}")
-    if len(compared.joints) > 1:
-        print_text(console, f"  by joint: {_by_joint(compared)}")
+    several = [f"  by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 else []
+    return [f"  motions differ by {size}, on {compared.component}", *several]
 
 
 def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
