@@ -125,7 +125,7 @@ def test_forces_are_linear_in_the_numbers_of_bodies(
         patched.setattr(flows, "bodies_apart", lambda *_: None)
         expected = flow.variation(other)
     assert np.abs(expected).max() > 1e-4
-    monkeypatch.setattr(flow, "_residual", None)
+    monkeypatch.setattr(flow, "_residuals", None)
     assert np.allclose(flow.variation(other), expected, atol=1e-12)
 
 
