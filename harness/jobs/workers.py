@@ -214,10 +214,10 @@ class Workers(Executor):
         """
         busy = {one.subject for one in self._running if one.pending is not None} - {""}
         tasks = [one for one in islice(self._waiting, MOST_SEEN) if one.subject not in busy]
-        idle = [one for one in self._running if one.pending is None]
-        if not tasks or not (idle or len(self._running) < self._jobs):
+        free = [one for one in self._running if one.pending is None]
+        if not tasks or not (free or len(self._running) < self._jobs):
             return None
-        pairs: list[tuple[Pending[Any], _Worker]] = [*product(tasks, idle or [self._new()])]
+        pairs: list[tuple[Pending[Any], _Worker]] = [*product(tasks, free or [self._new()])]
         alike = (pair for pair in pairs if pair[0].subject == pair[1].subject != "")
         return next(alike, pairs[0])
 
