@@ -88,9 +88,10 @@ def _file_quantities(task: TreeTask | SystemTask) -> tuple[ActingQuantity, ...]:
     engine = engines()[task.engine]
     if task.file.suffix in engine.compiles:
         return acting_quantities(engine.compiled(task.file))
-    target = task.target
-    is_shared = isinstance(target, PreparedTree) and task.spec.path == target.place
-    rows = merged(urdf_quantities(task.spec, task.engine, target.steps if is_shared else None))
+    target, steps = task.target, None
+    if isinstance(target, PreparedTree) and task.spec.path == target.place:
+        steps = target.steps
+    rows = merged(urdf_quantities(task.spec, task.engine, steps))
     # Default damping is the same for all files, and off here.
     return tuple(row for row in rows if row.quantity != DRAG)
 

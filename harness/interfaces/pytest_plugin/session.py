@@ -158,6 +158,7 @@ class CrosscheckSession:
 
     def __init__(self, config: pytest.Config) -> None:
         settings = run_settings(config)
+        self._codes = settings.codes
         targets = targets_by_path(config)
         config.args = to_collect(config, targets)
         config.args_source = config.ArgsSource.ARGS
@@ -197,7 +198,7 @@ class CrosscheckSession:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print the outcomes, the accepted results, and the skipped tests."""
         summarize(terminalreporter)
-        for line in self._accepting.lines:
+        for line in (*self._codes.lines(), *self._accepting.lines):
             terminalreporter.write_line(line)
         for line in absent_engine_lines(sorted(self._folders)):
             terminalreporter.write_line(f"crosscheck: {line}")
