@@ -7,18 +7,17 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from difflib import unified_diff
-from functools import partial
 from itertools import chain, groupby
 from pathlib import Path
 
 from msgspec import structs
+from physics_crosscheck.harness.modelfiles.formats import is_robot
 from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
 from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.modelfiles.formats import is_robot
-from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.codes import case_code, part_code
 from physics_crosscheck.harness.records.outcome import Outcome
@@ -41,14 +40,12 @@ from physics_crosscheck.harness.results.ignored import CodeFilter
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.visible import visible
-from . import arguments
 from .exit_codes import AGREE, DIFFER, FAIL
-from .targets import resolve_targets, warn_unknown, with_unknown
+from .targets import resolve_targets, run_options, warn_unknown, with_unknown
 
 
 def main(options: argparse.Namespace) -> int:
     """Audit the named models and print the findings."""
-    check_engines(options.engine)
     # A hook of pre-commit passes every file of a commit.
     others = [name for name in options.folders if _is_other_xml(Path(name))]
     if others:
@@ -56,28 +53,18 @@ def main(options: argparse.Namespace) -> int:
     names = [name for name in options.folders if name not in others]
     if not names:
         return AGREE
-    wanted = resolve_targets(names, standalone=options.standalone, model=options.chosen_model)
+    check_engines(options.engines)
+    wanted = resolve_targets(names, standalone=options.standalone, model=options.model)
     warn_unknown(wanted.named)
-    cache = None if options.cache is None else Cache(options.cache)
-    audit = partial(
-        audits,
-        wanted.paths,
-        engines=options.engine,
-        jobs=options.jobs,
-        limits=arguments.limits_of(options),
-        cache=cache,
-        choice=wanted.choice,
-        floating=options.floating,
-        model=options.chosen_model,
-    )
-    chosen = CodeFilter(select=options.select, ignore=options.ignore)
-    model_audits = _reported(audit(), chosen)
+    chosen = run_options(Options, options, choice=wanted.choice)
+    reported = CodeFilter(select=options.select, ignore=options.ignore)
+    model_audits = _reported(audits(wanted.paths, chosen), reported)
     if options.fix and fix(model_audits):
-        model_audits = _reported(audit(), chosen)
+        model_audits = _reported(audits(wanted.paths, chosen), reported)
     if not model_audits:
         raise FolderError("no model matches these names and engines; run `crosscheck list` for all")
-    if cache is not None and cache.problem:
-        print(f"crosscheck: {cache.problem}", file=sys.stderr)
+    if chosen.cache is not None and chosen.cache.problem:
+        print(f"crosscheck: {chosen.cache.problem}", file=sys.stderr)
     code = AGREE
     if all(model.absent for model in model_audits):
         print(f"crosscheck: {nothing_tested(m.id.engine for m in model_audits)}", file=sys.stderr)
@@ -90,7 +77,7 @@ def main(options: argparse.Namespace) -> int:
         for _, alike in groupby(model_audits, _without_engine):
             code = max(code, _print(console, list(alike), codes, options.details))
         print_hint(console, explain_hint(codes))
-    for line in chosen.lines():
+    for line in reported.lines():
         print(f"crosscheck: {line}", file=sys.stderr)
     return with_unknown(code, wanted.named)
 

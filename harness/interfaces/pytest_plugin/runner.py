@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -41,6 +41,7 @@ from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, mo
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER, RESOLUTION
 from physics_crosscheck.harness.planning.model_checks import AUDIT, CASE, DIAGNOSIS, MEASUREMENT
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, task_function
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
@@ -54,38 +55,15 @@ from ..cli import arguments
 from ..cli.settings import SettingsError, project_settings
 
 
-@dataclass(frozen=True)
-class RunSettings:
-    """Settings for running cases.
-
-    Attributes:
-        resolution: smallest relative discrepancy to detect.
-        limits: limits of a task.
-        baseline: folder of the accepted differences.
-        thorough: whether every check of a case runs.
-        smooth: whether robot files run without limits, friction, contacts and drives only.
-        strict: whether the resolution is stated, so that an engine's own precision excuses nothing.
-        codes: codes that the project ignores.
-    """
-
-    resolution: float
-    limits: Limits
-    baseline: Path
-    thorough: bool
-    smooth: bool
-    strict: bool
-    codes: CodeFilter
-
-
-def run_settings(config: pytest.Config) -> RunSettings:
-    """Return the settings of the options.
+def run_settings(config: pytest.Config) -> Options:
+    """Return the options of a run, which pytest's own ones give.
 
     Raises:
         pytest.UsageError: if one is out of range.
     """
     given = setting_of(config, "resolution")
     try:
-        return RunSettings(
+        return Options(
             resolution=RESOLUTION if given is None else arguments.resolution(str(given)),
             strict=given is not None,
             limits=Limits(
@@ -96,10 +74,17 @@ def run_settings(config: pytest.Config) -> RunSettings:
             baseline=config.rootpath / Path(str(setting_of(config, "baseline") or DEFAULT_FOLDER)),
             thorough=bool(setting_of(config, "thorough")),
             smooth=bool(setting_of(config, "smooth")),
-            codes=CodeFilter(**project_settings(config.rootpath, ("select", "ignore"))),
         )
     except (argparse.ArgumentTypeError, ValueError) as error:
         raise pytest.UsageError(f"--crosscheck: {error}") from None
+
+
+def code_filter(config: pytest.Config) -> CodeFilter:
+    """Return the codes that the project's table selects and ignores; errors as of `setting_of`."""
+    try:
+        return CodeFilter(**project_settings(config.rootpath, ("select", "ignore")))
+    except SettingsError as error:
+        raise pytest.UsageError(str(error)) from None
 
 
 def setting_of(config: pytest.Config, name: str) -> object:
@@ -127,9 +112,10 @@ Value = TypeVar("Value")
 class CaseRunner:
     """Runs one case or audit at a time outside pytest, so that a crash is only an outcome."""
 
-    def __init__(self, settings: RunSettings) -> None:
-        self._settings = settings
-        read_baseline(settings.baseline)  # an untrusted one ends the session at its start
+    def __init__(self, settings: Options, codes: CodeFilter | None = None) -> None:
+        self._settings, self._codes = settings, codes or CodeFilter()
+        # An untrusted one ends the session at its start.
+        read_baseline(settings.baseline or DEFAULT_FOLDER)
         self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()
@@ -168,7 +154,7 @@ class CaseRunner:
 
     def _filtered(self, case: Case, target: Path, model: Sidecar | Path) -> Case:
         """Return a case, marked as accepted if the project ignores its codes."""
-        codes, record = self._settings.codes, None
+        codes, record = self._codes, None
         if case.outcome is Outcome.DIFFERS and (codes.select or codes.ignore):
             names = {name: getattr(case, name) for name in ("system", "model", "engine", "folder")}
             diagnosis = self.diagnosis(target, model, case.engine)
@@ -270,7 +256,7 @@ class CaseRunner:
     def marked(self, model: Model, target: Path) -> Model:
         """Return a model with the reason for accepting its audit findings, if there is one."""
         if model.audit is not None:
-            kept = self._settings.codes.reported(model.audit, model.folder)
+            kept = self._codes.reported(model.audit, model.folder)
             model = structs.replace(model, audit=tuple(kept))
         before = self._before(target) if model.findings else None
         return mark_models((model,), before)[0]
@@ -356,7 +342,7 @@ class Checker:
                 resolution=wanted,
                 limit=settings.limits.seconds,
                 memory=settings.limits.memory,
-                baseline=settings.baseline,
+                baseline=settings.baseline or DEFAULT_FOLDER,
                 thorough=settings.thorough,
                 floating=floating,
                 model=model,
