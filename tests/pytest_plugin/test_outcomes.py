@@ -112,7 +112,7 @@ def test_project_table_and_ini_file_set_options(project: Project) -> None:
     table.write_text("[tool.crosscheck]\nignore = ['XC1', 'XC2']\n")
     done = project.run("--crosscheck", "models", "-k", "free or audit")
     done.assert_outcomes(passed=2, deselected=2)
-    done.stdout.fnmatch_lines(["*findings ignored: XC101, XC201"])
+    done.stdout.fnmatch_lines(["*findings ignored: XC101, XC123, XC201"])
     table.write_text("[tool.crosscheck]\nlimit = -1\n")
     assert project.run("--crosscheck", "models").ret == pytest.ExitCode.USAGE_ERROR
     (project.path / "pytest.ini").write_text("[pytest]\ncrosscheck_limit = 60\n")

@@ -11,12 +11,11 @@ from itertools import chain, groupby
 from pathlib import Path
 
 from msgspec import structs
-from physics_crosscheck.harness.modelfiles.formats import is_robot
 from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
 from physics_crosscheck.harness.documents.reading import read_regular
-from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
+from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines, is_robot
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.codes import case_code, part_code
