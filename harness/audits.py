@@ -42,6 +42,7 @@ class ModelAudit:
 
     Attributes:
         id: name of the model; its engine is `-` if it cannot be read.
+        target: its file, or its folder.
         findings: findings and notes.
         failure: the reason for missing findings; empty otherwise.
         absent: whether the failure is that the engine is not installed.
@@ -52,6 +53,7 @@ class ModelAudit:
     """
 
     id: ModelId
+    target: Path
     findings: tuple[AuditFinding, ...] = ()
     failure: str = ""
     absent: bool = False
@@ -90,7 +92,7 @@ class _TargetAudits:
         """Yield the audits in the order of the models, or the reason for a failed preparation."""
         for case in self._results.cases:
             model_id = ModelId(system=case.system, model=case.model, engine=case.engine)
-            yield ModelAudit(model_id, failure=case.reason)
+            yield ModelAudit(model_id, self._target, failure=case.reason)
         for audit in self._audits:
             record = self._results.models.get((str(self._target), audit.id.model, audit.id.engine))
             if record is None:
@@ -111,7 +113,7 @@ class _TargetAudits:
                 continue
             if isinstance(file, UnreadModel):
                 unread = ModelId(system=system, model=name, engine="-")
-                self._audits.append(ModelAudit(unread, failure=file.reason))
+                self._audits.append(ModelAudit(unread, self._target, failure=file.reason))
                 continue
             for engine in chosen_engines(file, self._options.engines):
                 model_id = ModelId(system=system, model=name, engine=engine)
@@ -121,10 +123,14 @@ class _TargetAudits:
                 # The findings of a robot file apply to every engine, also to missing ones.
                 if why and not target.standalone:
                     absent = why.outcome is Outcome.ABSENT
-                    self._audits.append(ModelAudit(model_id, failure=why.reason, absent=absent))
+                    self._audits.append(
+                        ModelAudit(model_id, self._target, failure=why.reason, absent=absent)
+                    )
                     continue
                 # Its findings go to its record.
-                self._audits.append(ModelAudit(model_id, bodies=bodies, mechanics=not why))
+                self._audits.append(
+                    ModelAudit(model_id, self._target, bodies=bodies, mechanics=not why)
+                )
                 model = ModelPlan(target, file, engine, ())
                 model.begin()
                 if not why:

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from physics_crosscheck.harness.records.case import Case
 
 
+INI_OPTIONS = (
+    "resolution", "thorough", "smooth", "limit", "memory", "baseline", "require_engines",
+)  # fmt: skip
+"""Options that the ini file and `[tool.crosscheck]` can set too, below the command line."""
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare the options."""
     group = parser.getgroup("crosscheck", "check physics models against their equations")
@@ -52,19 +58,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--crosscheck-limit",
         metavar="S",
-        default="120",
         help="processor seconds for each task [120]",
     )
     group.addoption(
         "--crosscheck-memory",
         metavar="GIB",
-        default="4",
         help="memory limit of the worker in GiB [4]",
     )
     group.addoption(
         "--crosscheck-baseline",
         metavar="DIR",
-        default="reports/baseline",
         help="accepted baseline, in the root folder [reports/baseline]",
     )
     group.addoption(
@@ -72,6 +75,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="REASON",
         help="accept the results of the selected cases; refused in CI",
     )
+    for name in INI_OPTIONS:
+        parser.addini(f"crosscheck_{name}", help=f"default of the option for {name}", default=None)
     parser.addini(
         "crosscheck_paths",
         type="paths",

@@ -57,6 +57,7 @@ from physics_crosscheck.reference.mechanism.planar import PlanarJoint
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .law_comparison import LawComparison
+from .law_states import KeptSteps
 
 NAMED = 3
 """Largest number of subjects that a line names."""
@@ -98,15 +99,22 @@ def acting_quantities(
     return tuple(acting.quantities())
 
 
-def urdf_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
+def urdf_quantities(
+    spec: ModelSpec, engine: str, steps: KeptSteps | None = None
+) -> tuple[ActingQuantity, ...]:
     """Return what the numbers of a URDF act as in an engine, by its settings and its law.
 
     Each joint and body has its rows. Engines without such a law have no rows.
 
+    Args:
+        spec: the file with its settings.
+        engine: name of the engine.
+        steps: keeps the model for other checks.
+
     Raises:
         EngineError: if the file cannot be loaded.
     """
-    model = engines()[engine].load_whole(spec)
+    model = (steps or KeptSteps()).model(engine, spec)
     if model is None or model.rules is None:
         return ()
     try:

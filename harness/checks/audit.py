@@ -34,6 +34,7 @@ from .compiled_terms import Compiled
 from .findings import finding, format_omission, negative_findings, robot_findings, source_line
 from .plausibility.survey import plausibility_findings
 from .poses import check_poses
+from .prepare import PreparedTree
 from .task import SystemTask, TreeTask
 
 MAX_DOF = 12
@@ -87,7 +88,10 @@ def _file_quantities(task: TreeTask | SystemTask) -> tuple[ActingQuantity, ...]:
     engine = engines()[task.engine]
     if task.file.suffix in engine.compiles:
         return acting_quantities(engine.compiled(task.file))
-    rows = merged(urdf_quantities(task.spec, task.engine))
+    target, steps = task.target, None
+    if isinstance(target, PreparedTree) and task.spec.path == target.place:
+        steps = target.steps
+    rows = merged(urdf_quantities(task.spec, task.engine, steps))
     # Default damping is the same for all files, and off here.
     return tuple(row for row in rows if row.quantity != DRAG)
 

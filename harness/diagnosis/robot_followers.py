@@ -68,6 +68,8 @@ class Following:
 
     def apart(self, tree: Tree, by: Array) -> Array:
         """Return the change of deviations, (B, 2k), for another tree and changed end states."""
+        if tree.couplings == self.coupled.couplings:
+            return np.zeros((len(by), len(self.scale)))
         other = Coupled(tree)
         if other.kept != self.coupled.kept:
             return np.zeros((len(by), len(self.scale)))

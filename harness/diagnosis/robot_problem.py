@@ -252,6 +252,8 @@ class RobotProblem:
 
     def _changed(self, tree: Tree) -> Iterator[int]:
         for i, (link, nominal) in enumerate(zip(tree.links, self.flow.tree.links, strict=True)):
+            if link is nominal:
+                continue
             if inertia_difference(inertia_of(link), inertia_of(nominal)) > ROUNDING_CHANGE:
                 yield i
 

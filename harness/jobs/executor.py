@@ -31,11 +31,13 @@ class Pending(Generic[Value]):
 
     Attributes:
         function, argument: the task.
+        subject: what it is about; a process keeps parts of it for the next task. Empty: of none.
         value: its result, once it has `ended`.
     """
 
     function: Callable[[Any], Value]
     argument: object
+    subject: str = ""
     value: Value | Failure | None = None
     ended: bool = False
 
@@ -53,13 +55,19 @@ class Executor(ABC):
         self._waiting: deque[Pending[Any]] = deque()
 
     def submit(
-        self, function: Callable[[Argument], Value], argument: Argument, *, first: bool = False
+        self,
+        function: Callable[[Argument], Value],
+        argument: Argument,
+        *,
+        first: bool = False,
+        subject: str = "",
     ) -> Pending[Value]:
         """Submit a task, which starts when there is room, during calls of `turn` or `outcome`.
 
-        A task with `first` starts before all waiting ones.
+        A task with `first` starts before all waiting ones. Tasks with one subject run one after the
+        other, in one process if possible.
         """
-        pending: Pending[Value] = Pending(function, argument)
+        pending: Pending[Value] = Pending(function, argument, subject)
         if first:
             self._waiting.appendleft(pending)
         else:

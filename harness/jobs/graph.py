@@ -13,10 +13,16 @@ from .stop import Stop
 
 @dataclass(frozen=True)
 class Task(Generic[Argument, Value]):
-    """A function of a module and its argument, to be called in a worker process."""
+    """A function of a module and its argument, to be called in a worker process.
+
+    Attributes:
+        function, argument: as above.
+        subject: as in `Pending`.
+    """
 
     function: Callable[[Argument], Value]
     argument: Argument
+    subject: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +51,10 @@ def run_jobs(jobs: Iterable[Job[Any]], workers: Executor, stop: Stop | None = No
 
     def start(some: Iterable[Job[Any]], *, first: bool) -> None:
         for job in reversed(list(some)) if first else some:
-            submitted = workers.submit(job.task.function, job.task.argument, first=first)
+            task = job.task
+            submitted = workers.submit(
+                task.function, task.argument, first=first, subject=task.subject
+            )
             waiting[submitted] = job
 
     start(jobs, first=False)

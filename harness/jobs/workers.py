@@ -20,6 +20,7 @@ import warnings
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice, product
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -55,6 +56,9 @@ PRELOADED_TO_DERIVE = "sympy.physics.units", "sympy.assumptions.wrapper", "sympy
 _UNKNOWN = 255
 """Exit code from multiprocessing if the process that should report it is gone."""
 
+MOST_SEEN = 200
+"""Number of waiting tasks among which a worker looks for one with its last subject."""
+
 _UNAFFECTED = "other cases are not affected"
 
 _Ended = tuple[str, CaseKind]
@@ -69,6 +73,7 @@ class _Worker:
     """A process with its task and the start time of the task.
 
     Attributes:
+        subject: that of its last task.
         orphaned: whether the process that started it is gone, so that only its pipe shows its end.
     """
 
@@ -78,11 +83,12 @@ class _Worker:
     pending: Pending[Any] | None = None
     since: float = 0.0
     used: float = 0.0
+    subject: str = ""
     orphaned: bool = False
 
     def begin(self, pending: Pending[Any]) -> None:
         """Start a task now."""
-        self.pending, self.since = pending, time.monotonic()
+        self.pending, self.since, self.subject = pending, time.monotonic(), pending.subject
         self.used = processor_seconds(self.process.pid or 0)
 
     def overdue(self) -> _Ended | None:
@@ -188,13 +194,9 @@ class Workers(Executor):
 
     def _hand_out(self) -> Iterator[Pending[Any]]:
         """Give waiting tasks to idle workers; yield those that cannot be sent."""
-        while self._waiting:
-            worker = next((one for one in self._running if one.pending is None), None)
-            if worker is None:
-                if len(self._running) >= self._jobs:
-                    return
-                worker = self._new()
-            pending = self._waiting.popleft()
+        while (chosen := self._chosen()) is not None:
+            pending, worker = chosen
+            self._waiting.remove(pending)
             try:
                 data = ForkingPickler.dumps((pending.function, pending.argument))
             except Exception as error:
@@ -204,6 +206,20 @@ class Workers(Executor):
             worker.begin(pending)
             with contextlib.suppress(OSError):  # the worker is gone; detected below
                 worker.tasks.send_bytes(data)
+
+    def _chosen(self) -> tuple[Pending[Any], _Worker] | None:
+        """Return a waiting task and an idle worker, if possible the one with the task's subject.
+
+        A task waits while another one of its subject runs, since that process keeps what it needs.
+        """
+        busy = {one.subject for one in self._running if one.pending is not None} - {""}
+        tasks = [one for one in islice(self._waiting, MOST_SEEN) if one.subject not in busy]
+        free = [one for one in self._running if one.pending is None]
+        if not tasks or not (free or len(self._running) < self._jobs):
+            return None
+        pairs: list[tuple[Pending[Any], _Worker]] = [*product(tasks, free or [self._new()])]
+        alike = (pair for pair in pairs if pair[0].subject == pair[1].subject != "")
+        return next(alike, pairs[0])
 
     def _new(self) -> _Worker:
         self._started += 1

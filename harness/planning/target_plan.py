@@ -176,10 +176,12 @@ class TargetPlan:
         )
 
         def job() -> Job[Any]:
-            task = Task(check.task(self.facts, arguments), self._solved)
+            # The checks of a robot file in an engine share a loaded model and its steps.
+            subject = "" if sidecar else str(key)
+            task = Task(check.task(self.facts, arguments), self._solved, subject)
             # The files that a model in code reads are not known in advance.
             if cache_key is not None and Path(cache_key.model).suffix == ".py":
-                task = Task(Reading(task, self.place), task.argument)
+                task = Task(Reading(task, self.place), task.argument, subject)
 
             def ended(outcome: Any) -> Jobs:
                 value, reads = (

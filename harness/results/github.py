@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO, cast
 
+from msgspec.structs import replace
+
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.codes import part_code
@@ -22,8 +24,9 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from .causes import cause_sentences
 from .issues import audited_alike, named_models, untold_failures
+from .messages import with_code
 from .next_steps import ProposedChange, changes_of, stated_changes
-from .places import placed, shown_line
+from .places import placed, shown_line, shown_path
 from .visible import visible
 
 MAX_ANNOTATIONS = 10
@@ -74,6 +77,19 @@ class Annotation:
         message = _data(self.message[:_LONGEST])
         return f"::{self.level} {where},title={title}::{message}".replace("##[", "## [")
 
+    @property
+    def concise(self) -> str:
+        """The line `file:line: CODE message`, as editors and other linters expect."""
+        return concise_line(
+            SourceLine(file=str(self.file), line=self.line), self.code, self.message
+        )
+
+
+def concise_line(where: SourceLine, code: str, message: str) -> str:
+    """Return `file:line: CODE message`, with a path relative to the working folder."""
+    place = replace(where, file=shown_path(where.file))
+    return visible(f"{place}: {with_code(code, ' '.join(message.split()))}")
+
 
 def run_notes(results: Results) -> list[Annotation]:
     """Return one annotation per distinct problem: cases, audits and failures of a model."""
@@ -98,6 +114,25 @@ def _audit_notes(results: Results) -> Iterator[Annotation]:
                 changes=tuple(changes),
                 model=model,
             )
+
+
+def advice(results: Results) -> list[Annotation]:
+    """Return one notice per implausible number, which fails nothing."""
+    rows = {
+        (model.folder, model.model, one.code, one.message): (model, one)
+        for model in results.models for one in model.advice
+    }  # fmt: skip
+    return [
+        _note(
+            (model.folder, model.model),
+            [one.location] if one.location is not None else [],
+            level="notice",
+            code=one.code,
+            title=f"advice on {model.id}",
+            message=one.message,
+        )
+        for model, one in rows.values()
+    ]
 
 
 def _failure_notes(results: Results) -> Iterator[Annotation]:

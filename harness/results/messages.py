@@ -22,6 +22,19 @@ def find_code(word: str) -> Code | None:
     )
 
 
+def search_codes(words: Iterable[str]) -> list[Code]:
+    """Return the messages whose code, name or texts contain all the words, in any case."""
+    wanted = [word.casefold() for word in words]
+    return [
+        one
+        for one in codes().values()
+        if all(
+            word in f"{one.code} {one.name} {one.title} {one.cause} {one.remedy}".casefold()
+            for word in wanted
+        )
+    ]
+
+
 def with_code(code: str, text: str) -> str:
     """Put a message's code in front of it, if it has one."""
     return f"{code} {text}" if code else text
@@ -85,13 +98,20 @@ def _wrapped(line: str, width: int) -> list[str]:
     return parts or [""]
 
 
-def list_lines(width: int) -> Iterator[str]:
-    """Yield all codes with their titles, by group, for a terminal of the given width in columns."""
+def list_lines(width: int, chosen: Iterable[Code] | None = None) -> Iterator[str]:
+    """Yield codes with their titles, by group, for a terminal of the given width in columns.
+
+    Args:
+        width: columns.
+        chosen: the codes; None: all.
+    """
+    rows = list(codes().values() if chosen is None else chosen)
     for prefix, title in GROUPS.items():
-        yield f"{title} ({prefix}xx)"
-        for code in codes().values():
-            if code.code.startswith(prefix):
-                yield from textwrap.wrap(
-                    f"{code.code}  {code.title}", max(width, 40), initial_indent="  ",
-                    subsequent_indent=" " * 9,
-                )  # fmt: skip
+        group = [code for code in rows if code.code.startswith(prefix)]
+        if group:
+            yield f"{title} ({prefix}xx)"
+        for code in group:
+            yield from textwrap.wrap(
+                f"{code.code}  {code.title}", max(width, 40), initial_indent="  ",
+                subsequent_indent=" " * 9,
+            )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
@@ -48,11 +50,31 @@ class Charted:
 
     def residual(self, x: Scalars, rate: Scalars, second: Scalars, forces: Scalars) -> Scalars:
         """Return the residual forces of given second derivatives, on the independent velocities."""
-        chart = self._chart
+        return self.residuals(x, rate, second, forces)(self._tree)
+
+    def residuals(
+        self, x: Scalars, rate: Scalars, second: Scalars, forces: Scalars
+    ) -> Callable[[Tree], Scalars]:
+        """Return the function that gives `residual` for a tree that differs in some links.
+
+        Links that the tree shares with this one, as the same objects, are not computed again.
+        """
         y, v, q = self._state(x, rate)
-        a = chart.accelerations(y, v, self._all(second))
-        residual = self._dynamics.residual(q, v, a, chart.forces(y, self._spread(forces)))
-        return residual if self._coupled is None else self._coupled.forces(residual, self._field)
+        a = self._chart.accelerations(y, v, self._all(second))
+        u = self._chart.forces(y, self._spread(forces))
+        mine, field, coupled = self._tree, self._field, self._coupled
+        trace = self._dynamics.recursion.trace(q, v, a)
+
+        def residual(tree: Tree) -> Scalars:
+            alike = tree.couplings == mine.couplings and np.array_equal(tree.gravity, mine.gravity)
+            if not alike or [one.kind for one in tree.links] != [one.kind for one in mine.links]:
+                return Charted(tree, field).residual(x, rate, second, forces)
+            like = self._dynamics
+            dynamics = like if tree is mine else Dynamics(tree, field, like.recursion)
+            by = dynamics.residual(q, v, a, u, trace)
+            return by if coupled is None else coupled.forces(by, field)
+
+        return residual
 
     def inertia(self, x: Scalars) -> Scalars:
         """Return the inertia of `residual` forces: M of the independent velocities, (n, n, ...)."""

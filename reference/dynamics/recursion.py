@@ -8,6 +8,9 @@ in each link's own frame.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from physics_crosscheck.reference.mechanism.rotations import (
@@ -23,7 +26,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     turned_by,
     weighted,
 )
-from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeLink
 from .propagation import (
     Acting,
     Composite,
@@ -39,6 +42,24 @@ from .propagation import (
 )
 
 
+class Trace(NamedTuple):
+    """Quantities of each link at a state, of one recursion.
+
+    Attributes:
+        links: the links of the tree.
+        placements, motions, wrenches: frame in the parent's, motion, and wrench that causes it.
+        passed: force and moment on the parent, in its frame.
+        forces: joint forces, (size of the velocity, ...) each.
+    """
+
+    links: Sequence[TreeLink]
+    placements: list[Placement]
+    motions: list[LinkMotion]
+    wrenches: list[Acting]
+    passed: list[Acting]
+    forces: list[Scalars]
+
+
 class Recursion:
     """The equations of a tree over one number type.
 
@@ -47,11 +68,15 @@ class Recursion:
     Args:
         tree: the links.
         field: the number type.
+        like: recursion of a tree that shares links with this one; None: of no such tree.
     """
 
-    def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
+    def __init__(self, tree: Tree, field: Field = DOUBLES, like: Recursion | None = None) -> None:
         self.tree, self._field = tree, field
-        self._links = [numbers_of(link, field) for link in tree.links]
+        same = dict(zip(like.tree.links, like._links, strict=True)) if like else {}
+        self._links: list[LinkNumbers] = [
+            same.get(link) or numbers_of(link, field) for link in tree.links
+        ]
         self._gravity = field.array(tree.gravity)
 
     def placements(self, q: Scalars) -> list[Placement]:
@@ -135,6 +160,39 @@ class Recursion:
         forces = [motion.wrench(link) for motion, link in zip(motions, self._links, strict=True)]
         return self.propagate(placements, forces)
 
+    def trace(self, q: Scalars, v: Scalars, a: Scalars, before: Trace | None = None) -> Trace:
+        """Return the joint forces of `bias`, with the quantities of each link.
+
+        Args:
+            q, v, a: state and accelerations.
+            before: of a tree with the same kinds of joints and gravity, at the same state. Only
+                links that differ from its links, their descendants and ancestors are computed.
+        """
+        links = self.tree.links
+        same = [before is not None and one is before.links[i] for i, one in enumerate(links)]
+        parts = [[None] * len(links)] * 5 if before is None else before[1:]
+        placements, motions, wrenches, passed, forces = (list[Any](part) for part in parts)
+        moved = set[int]()
+        for i, link in enumerate(links):
+            if not same[i]:
+                here = q[self.tree.positions[i]]
+                placements[i] = self._placed(link.kind, self._links[i], here)
+            if not same[i] or link.parent in moved:
+                moved.add(i)
+                motions[i] = self._motion(i, placements, motions, v, a)
+                wrenches[i] = motions[i].wrench(self._links[i])
+        carriers = set(moved)
+        for i in reversed(range(len(links))):
+            carriers |= {links[i].parent} if i in carriers else set()
+        total = {i: wrenches[i] for i in carriers - {WORLD}}
+        for i in reversed(range(len(links))):
+            if i in total:
+                forces[i] = self._joint_force(i, *total[i])
+                passed[i] = _passed(placements[i], *total[i])
+            if (parent := links[i].parent) in total:
+                total[parent] = total[parent][0] + passed[i][0], total[parent][1] + passed[i][1]
+        return Trace(links, placements, motions, wrenches, passed, forces)
+
     def regressor(self, q: Scalars, v: Scalars, a: Scalars) -> Scalars:
         """Return the regressor of `bias` by the inertial parameters, (nv, 10 links, ...).
 
@@ -168,16 +226,28 @@ class Recursion:
         self, placements: list[Placement], v: Scalars, a: Scalars | None
     ) -> list[LinkMotion]:
         """Return the motion of each link, relative to a freely falling frame."""
-        tree, batch = self.tree, v.shape[1:]
-        still = self._field.array(np.zeros((3, *batch)))
-        up = still - tall(self._gravity, batch)
         motions: list[LinkMotion] = []
-        for i, (link, numbers) in enumerate(zip(tree.links, self._links, strict=True)):
-            base = LinkMotion(still, still, up) if link.parent == WORLD else motions[link.parent]
-            there = tree.velocities[i]
-            acceleration = None if a is None else a[there]
-            motions.append(base.child(placements[i], numbers, v[there], acceleration))
+        for i in range(len(self.tree.links)):
+            motions.append(self._motion(i, placements, motions, v, a))
         return motions
+
+    def _motion(
+        self,
+        i: int,
+        placements: list[Placement],
+        motions: list[LinkMotion],
+        v: Scalars,
+        a: Scalars | None,
+    ) -> LinkMotion:
+        """Return the motion of a link from its parent's."""
+        parent, there = self.tree.links[i].parent, self.tree.velocities[i]
+        if parent == WORLD:
+            still = self._field.array(np.zeros((3, *v.shape[1:])))
+            base = LinkMotion(still, still, still - tall(self._gravity, v.shape[1:]))
+        else:
+            base = motions[parent]
+        acceleration = None if a is None else a[there]
+        return base.child(placements[i], self._links[i], v[there], acceleration)
 
     def velocities(self, placements: list[Placement], v: Scalars) -> list[Moving]:
         """Return the velocity of each link, in its own frame, (3, ...) each."""
@@ -209,8 +279,7 @@ class Recursion:
             force, moment = forces[i]
             out[i] = self._joint_force(i, force, moment)
             if (parent := tree.links[i].parent) != WORLD:
-                force = rotate(placements[i].rotation, force)
-                moment = rotate(placements[i].rotation, moment) + cross(placements[i].origin, force)
+                force, moment = _passed(placements[i], force, moment)
                 forces[parent] = forces[parent][0] + force, forces[parent][1] + moment
         return np.concatenate(out)
 
@@ -260,3 +329,9 @@ class Recursion:
         moved = (c * c).sum(keepdims=True) * eye - c[:, None] * c[None]
         result: Scalars = numbers.inertia + numbers.mass * moved
         return result
+
+
+def _passed(placed: Placement, force: Scalars, moment: Scalars) -> Acting:
+    """Return a force and its moment in the parent's frame."""
+    force, moment = rotate(placed.rotation, force), rotate(placed.rotation, moment)
+    return force, moment + cross(placed.origin, force)

@@ -20,7 +20,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
 from physics_crosscheck.reference.mechanism.tree import Bushing, Tree, TreeError
 from .fluid import Immersion
 from .force_elements import ForceElements
-from .recursion import Recursion
+from .recursion import Recursion, Trace
 
 
 class Bushings:
@@ -135,10 +135,11 @@ class Dynamics:
     Args:
         tree: the links.
         field: the number type.
+        like: as in `Recursion`.
     """
 
-    def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
-        self.tree, self.recursion, self._field = tree, Recursion(tree, field), field
+    def __init__(self, tree: Tree, field: Field = DOUBLES, like: Recursion | None = None) -> None:
+        self.tree, self.recursion, self._field = tree, Recursion(tree, field, like), field
         self._pulls, self._bushings = (
             ForceElements(tree, self.recursion, field),
             Bushings(tree, field),
@@ -187,12 +188,19 @@ class Dynamics:
         """
         return self._net_force(self.recursion.bias(q, v), q, v, u)
 
-    def residual(self, q: Scalars, v: Scalars, a: Scalars, u: Scalars) -> Scalars:
+    def residual(
+        self, q: Scalars, v: Scalars, a: Scalars, u: Scalars, before: Trace | None = None
+    ) -> Scalars:
         """Return the residual force f(q, v, u) - M(q) a, (nv, ...).
 
         It needs no mass matrix, so it is the cheapest way to compare accelerations with a tree.
+
+        Args:
+            q, v, a, u: state, accelerations and forces on the joints.
+            before: as in `Recursion.trace`.
         """
-        bodies = self.recursion.bias(q, v, a) + self._along(self._armature, a) * a
+        bodies = np.concatenate(self.recursion.trace(q, v, a, before).forces)
+        bodies = bodies + self._along(self._armature, a) * a
         if self._pulls:
             bodies = bodies + np.tensordot(self._pulls.mass(), a, 1)
         return self._net_force(bodies, q, v, u)

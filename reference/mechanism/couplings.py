@@ -12,6 +12,7 @@ class Coupled:
     """All coordinates of a tree, y = G x + c, as functions of the independent ones, x.
 
     Attributes:
+        couplings: of the tree.
         kept: indices of x in y.
         matrix: G, (nv, kept).
         offset: c, (nv,).
@@ -19,6 +20,7 @@ class Coupled:
 
     def __init__(self, tree: Tree) -> None:
         rows = {tree.velocities[one.follower].start: one for one in tree.couplings}
+        self.couplings = tree.couplings
         self.kept = [i for i in range(tree.nv) if i not in rows]
         self.matrix, self.offset = np.zeros((tree.nv, len(self.kept))), np.zeros(tree.nv)
         self.matrix[self.kept, range(len(self.kept))] = 1.0

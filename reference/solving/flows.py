@@ -39,6 +39,9 @@ PERTURBATION, MIN_STATE_SIZE = 1e-7, 1e-3
 
 TINY = 1e-300
 
+_OF_TREE = ("_rounding_residual", "_residuals", "_inverse")
+"""Cached quantities that belong to a tree."""
+
 
 _Step = Callable[[Scalars], Scalars]
 
@@ -75,9 +78,7 @@ class Flow:
         """
         _ = self._to_ends
         flow = Flow.__new__(Flow)
-        flow.__dict__ |= {
-            k: v for k, v in self.__dict__.items() if k not in ("_rounding_residual", "_inverse")
-        }
+        flow.__dict__ |= {k: v for k, v in self.__dict__.items() if k not in _OF_TREE}
         equations = Charted(tree)
         flow._take(tree, equations, self._corrected(equations))
         return flow
@@ -125,7 +126,7 @@ class Flow:
         """Return the residual forces of a changed tree at the stages, minus this tree's."""
         by = bodies_apart(changed, self.tree)
         if by is None:
-            return self._residual(changed, self._stages) - self._rounding_residual
+            return self._residuals(changed) - self._rounding_residual
         moved = np.flatnonzero(by)
         result: Scalars = -np.tensordot(self._bodies[:, moved], by[moved], ([1], [0]))
         return result
@@ -139,7 +140,12 @@ class Flow:
     @cached_property
     def _rounding_residual(self) -> Scalars:
         """Residual of the tree's own forces, caused by rounding."""
-        return self._residual(self.tree, self._stages)
+        return self._residuals(self.tree)
+
+    @cached_property
+    def _residuals(self) -> Callable[[Tree], Scalars]:
+        """Residual forces at the stages, by the tree."""
+        return self._residuals_at(self._stages)
 
     @cached_property
     def _inverse(self) -> Scalars:
@@ -149,11 +155,10 @@ class Flow:
         result: Scalars = np.moveaxis(np.linalg.inv(mass), (-2, -1), (0, 1))
         return result
 
-    def _residual(self, tree: Tree, states: Scalars) -> Scalars:
-        """Return a tree's residual forces at the known accelerations."""
-        n = tree.dof
-        equations = self._equations if tree is self.tree else Charted(tree)
-        return equations.residual(states[:n], states[n:], self._slopes[n:], self._forces)
+    def _residuals_at(self, states: Scalars) -> Callable[[Tree], Scalars]:
+        """Return the function of a tree that gives its residual forces at these accelerations."""
+        n = self.tree.dof
+        return self._equations.residuals(states[:n], states[n:], self._slopes[n:], self._forces)
 
     def _pushed(self, forces: Scalars) -> Scalars:
         """Return the change of the coordinates' second derivatives caused by forces."""
@@ -235,7 +240,8 @@ class Flow:
         for i in range(size):
             by = PERTURBATION * max(float(np.abs(self._stages[i]).max()), MIN_STATE_SIZE)
             forces = (
-                self._residual(self.tree, self._stages + by * units[i]) - self._rounding_residual
+                self._residuals_at(self._stages + by * units[i])(self.tree)
+                - self._rounding_residual
             )
             rates = np.broadcast_to(units[i, n:], forces.shape)
             columns.append(np.concatenate([rates, self._pushed(forces) / by]))

@@ -19,6 +19,25 @@ from tests.robots.files import ARM, LAMP, TIPPED
 from tests.standing import keep_default_engines, shorten_scenarios
 
 
+def test_fix_writes_the_stated_number_and_prints_the_change(faulty: Path, tmp_path: Path) -> None:
+    shutil.copytree(faulty / "pendulum", tmp_path / "pendulum")
+    file = tmp_path / "pendulum" / "mujoco.xml"
+    others = [tmp_path / "package.xml", tmp_path / "start.launch.xml"]
+    for other in others:
+        other.write_text("<launch/>\n")
+    names = ["pendulum/mujoco.xml", *(one.name for one in others)]
+    listed = crosscheck("audit", *names, "--format", "concise", cwd=tmp_path)
+    assert listed.returncode == 1
+    lines = r"(pendulum/mujoco.xml:\d+: XC101 .* -g = -9.8 .*\n)(pendulum/mujoco.xml: XC1.*\n)*"
+    assert re.fullmatch(lines, listed.stdout)
+    assert "skipped, without <mujoco>: package.xml, start.launch.xml" in listed.stderr
+    before = file.read_text()
+    done = crosscheck("audit", *names, "--fix", "--format", "concise", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert file.read_text() == before.replace("-9.81", "-9.8")
+    assert [line[0] for line in done.stdout.splitlines()] == ["-", "+", "@", "-", "+"]
+
+
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     """Create a working folder with two robots in `robots`."""

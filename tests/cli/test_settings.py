@@ -187,3 +187,15 @@ def test_accept_of_a_named_target_ignores_the_folder_setting(
         options = parsed("accept", "--reason", "right", *given)
         assert separate_patterns(options) == patterns
         assert options.folders == folders
+
+
+def test_codes_that_mean_a_missing_test_cannot_be_ignored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings(tmp_path, "[tool.crosscheck]\nignore = ['xc1', 'XC207']\n")
+    assert parsed("audit", "a").ignore == ("XC1", "XC207")
+    for code, words in (("XC613", "cannot be ignored"), ("XC9", "no code begins")):
+        settings(tmp_path, f"[tool.crosscheck]\nignore = ['{code}']\n")
+        with pytest.raises(SettingsError, match=rf"pyproject.toml:4: .*{words}"):
+            parsed("run")

@@ -105,6 +105,21 @@ def test_wrong_literal_is_reported_with_its_location(
     assert f"mujoco.xml:{line}" in failure.text
 
 
+def test_project_table_and_ini_file_set_options(project: Project) -> None:
+    """Find a setting that only the command line reads."""
+    project.edit(project.add() / "mujoco.xml", 'stiffness="47.0"', 'stiffness="47.000047"')
+    table = project.path / "pyproject.toml"
+    table.write_text("[tool.crosscheck]\nignore = ['XC1', 'XC2']\n")
+    done = project.run("--crosscheck", "models", "-k", "free or audit")
+    done.assert_outcomes(passed=2, deselected=2)
+    done.stdout.fnmatch_lines(["*findings ignored: XC101, XC123, XC201"])
+    table.write_text("[tool.crosscheck]\nlimit = -1\n")
+    assert project.run("--crosscheck", "models").ret == pytest.ExitCode.USAGE_ERROR
+    table.write_text("[tool.crosscheck]\nlimit = 60\n")
+    (project.path / "pytest.ini").write_text("[pytest]\ncrosscheck_limit = -1\n")
+    assert project.run("--crosscheck", "models").ret == pytest.ExitCode.USAGE_ERROR
+
+
 def test_failed_test_reruns_by_lf_and_by_id(project: Project, fake_results: FakeResults) -> None:
     project.add()
     fake_results.cases["step"] = {"outcome": Outcome.DIFFERS, "reason": "x is off"}

@@ -125,8 +125,24 @@ def test_forces_are_linear_in_the_numbers_of_bodies(
         patched.setattr(flows, "bodies_apart", lambda *_: None)
         expected = flow.variation(other)
     assert np.abs(expected).max() > 1e-4
-    monkeypatch.setattr(flow, "_residual", None)
+    monkeypatch.setattr(flow, "_residuals", None)
     assert np.allclose(flow.variation(other), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_residuals_of_a_changed_link_are_those_of_the_whole_tree(which: int) -> None:
+    """Find a link, a child or an ancestor that keeps what it had before the change."""
+    robot = mechanism(("hinge", "slide", "ball", "hinge"))
+    robot = replace(robot, couplings=())
+    link = robot.links[which]
+    moved = replace(link, position=link.position + 0.1, mass=1.2 * link.mass, damping=0.3)
+    links = (*robot.links[:which], moved, *robot.links[which + 1 :])
+    n, draw = robot.dof, np.random.default_rng(4)
+    given = draw.normal(size=(4, n, 7))
+    other = replace(robot, links=links)
+    actual = Charted(robot).residuals(*given)(other)
+    assert np.array_equal(actual, Charted(other).residual(*given))
+    assert not np.allclose(actual, Charted(robot).residual(*given))
 
 
 def test_only_changes_of_bodies_count_as_such() -> None:

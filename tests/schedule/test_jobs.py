@@ -204,3 +204,16 @@ def test_user_settings_are_kept(program: str, rest: str) -> None:
     printed = last_line(program, **given)
     assert printed.startswith(f"{rest}2,1,1,1,{2**25},disable,cuda,false ")
     assert program is PROGRAM or printed.endswith(" False" if sys.platform == "linux" else " None")
+
+
+def own_process(_: object) -> int:
+    return os.getpid()
+
+
+def test_tasks_of_one_subject_run_in_one_process() -> None:
+    subjects = "abababba"
+    with Workers(2) as pool:
+        pending = [pool.submit(own_process, 0, subject=name) for name in subjects]
+        for task in pending:
+            pool.outcome(task)
+    assert len({(task.subject, task.value) for task in pending}) == 2

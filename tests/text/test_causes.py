@@ -114,6 +114,12 @@ def test_explain_suggests_the_closest_code(capsys: pytest.CaptureFixture[str]) -
     assert shown.out.startswith("XC104 ")
 
 
+def test_explain_searches_for_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "Inertia", "no mass"]) == 0
+    assert "XC104  A link has inertia but no mass." in capsys.readouterr().out
+    assert main(["explain", "zebra", "mass"]) == 2
+
+
 def test_explain_without_a_code_lists_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain"]) == 0
     words = [line.split()[0] for line in capsys.readouterr().out.splitlines()]

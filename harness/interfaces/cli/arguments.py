@@ -257,6 +257,48 @@ CACHE = option(
 )
 
 
+def code_prefixes(text: str) -> tuple[str, ...]:
+    """Return comma-separated codes, or their first characters, such as XC1,XC207.
+
+    Raises:
+        ArgumentTypeError: for one that is the start of no code that can be ignored.
+    """
+    from physics_crosscheck.harness.records.codes import codes
+    from physics_crosscheck.harness.results.ignored import IGNORABLE
+
+    given = tuple(filter(None, re.split(r"[,\s]+", text.upper())))
+    for prefix in given:
+        matching = [code for code in codes() if code.startswith(prefix)]
+        if not matching:
+            raise argparse.ArgumentTypeError(
+                f"no code begins with {prefix}; see crosscheck explain"
+            )
+        if not any(code.startswith(IGNORABLE) for code in matching):
+            raise argparse.ArgumentTypeError(
+                f"{prefix} cannot be ignored, since nothing is tested there; only"
+                f" {', '.join(f'{one}xx' for one in IGNORABLE)} can"
+            )
+    return given
+
+
+SELECT = option(
+    "Selection",
+    "--select",
+    type=code_prefixes,
+    default=(),
+    metavar="CODES",
+    help="Report only findings with these codes, e.g. XC1,XC207 [all]",
+)
+IGNORE = option(
+    "Selection",
+    "--ignore",
+    type=code_prefixes,
+    default=(),
+    metavar="CODES",
+    help="Ignore findings with these codes, or first characters of codes",
+)
+
+
 def details(what: str) -> Option:
     """Return --details; `what` describes what it prints."""
     return option("Output", "--details", action="store_true", help=f"Print {what} too")

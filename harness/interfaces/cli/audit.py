@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
+from difflib import unified_diff
+from itertools import chain, groupby
+from pathlib import Path
 
 from msgspec import structs
 from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
-from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
+from physics_crosscheck.harness.documents.reading import read_regular
+from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines, is_robot
 from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.codes import case_code, part_code
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import nothing_tested
+from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.render.terminal.console import (
     print_hint,
     print_status_lines,
@@ -29,18 +34,32 @@ from physics_crosscheck.harness.results.failure import (
     audit_lines,
     survey_lines,
 )
+from physics_crosscheck.harness.results.github import concise_line, plain_line, print_commands
+from physics_crosscheck.harness.results.ignored import CodeFilter
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
+from physics_crosscheck.harness.results.places import shown_path
+from physics_crosscheck.harness.results.visible import visible
 from .exit_codes import AGREE, DIFFER, FAIL
 from .targets import resolve_targets, run_options, warn_unknown, with_unknown
 
 
 def main(options: argparse.Namespace) -> int:
     """Audit the named models and print the findings."""
+    # A hook of pre-commit passes every file of a commit.
+    others = [name for name in options.folders if _is_other_xml(Path(name))]
+    if others:
+        print(f"crosscheck: skipped, without <mujoco>: {', '.join(others)}", file=sys.stderr)
+    names = [name for name in options.folders if name not in others]
+    if not names:
+        return AGREE
     check_engines(options.engines)
-    wanted = resolve_targets(options.folders, standalone=options.standalone, model=options.model)
+    wanted = resolve_targets(names, standalone=options.standalone, model=options.model)
     warn_unknown(wanted.named)
     chosen = run_options(Options, options, choice=wanted.choice)
-    model_audits = audits(wanted.paths, chosen)
+    reported = CodeFilter(select=options.select, ignore=options.ignore)
+    model_audits = _reported(audits(wanted.paths, chosen), reported)
+    if options.fix and fix(model_audits):
+        model_audits = _reported(audits(wanted.paths, chosen), reported)
     if not model_audits:
         raise FolderError("no model matches these names and engines; run `crosscheck list` for all")
     if chosen.cache is not None and chosen.cache.problem:
@@ -49,11 +68,78 @@ def main(options: argparse.Namespace) -> int:
     if all(model.absent for model in model_audits):
         print(f"crosscheck: {nothing_tested(m.id.engine for m in model_audits)}", file=sys.stderr)
         code = FAIL
-    console, codes = terminal(), list[str]()
-    for _, alike in groupby(model_audits, _without_engine):
-        code = max(code, _print(console, list(alike), codes, options.details))
-    print_hint(console, explain_hint(codes))
+    if options.format == "concise":
+        code = max([code, *(_code(model) for model in model_audits)])
+        print_commands(map(plain_line, dict.fromkeys(chain(*map(_concise, model_audits)))))
+    else:
+        console, codes = terminal(), list[str]()
+        for _, alike in groupby(model_audits, _without_engine):
+            code = max(code, _print(console, list(alike), codes, options.details))
+        print_hint(console, explain_hint(codes))
+    for line in reported.lines():
+        print(f"crosscheck: {line}", file=sys.stderr)
     return with_unknown(code, wanted.named)
+
+
+def _is_other_xml(path: Path) -> bool:
+    """Return whether a file is XML of another purpose, such as a launch file."""
+    return path.suffix == ".xml" and path.is_file() and not is_robot(path)
+
+
+def _reported(model_audits: Iterable[ModelAudit], codes: CodeFilter) -> tuple[ModelAudit, ...]:
+    """Return audits without ignored findings."""
+    return tuple(replace(m, findings=tuple(codes.reported(m.findings))) for m in model_audits)
+
+
+def _code(model: ModelAudit) -> int:
+    """Return the exit code of an audit."""
+    if model.absent:
+        return AGREE
+    is_wrong = any(one.severity == "finding" for one in model.findings)
+    return FAIL if model.failure else DIFFER if is_wrong else AGREE
+
+
+def _concise(model: ModelAudit) -> Iterator[str]:
+    """Yield `file:line: CODE message` for a failure, and each finding and advice."""
+    is_folder = model.target.is_dir()
+    file = model.target / model.id.model if is_folder else model.target
+    whole = SourceLine(file=str(file))
+    if model.failure and not model.absent:
+        yield concise_line(whole, part_code(), model.failure)
+    for finding in model.findings:
+        if finding.severity != "note":
+            yield concise_line(finding.location or whole, finding.code, finding.message)
+
+
+def fix(model_audits: Iterable[ModelAudit]) -> bool:
+    """Write the numbers that findings state into their files, print the change; return if any."""
+    repairs: dict[str, dict[tuple[int, int], tuple[str, str]]] = {}
+    for finding in chain.from_iterable(model.findings for model in model_audits):
+        where = finding.location
+        if finding.replacement and where is not None and where.span is not None:
+            first, last = where.span
+            repairs.setdefault(where.file, {})[first, last] = where.text, finding.replacement
+    written = [_is_written(Path(name), spans) for name, spans in repairs.items()]
+    return any(written)
+
+
+def _is_written(path: Path, spans: Mapping[tuple[int, int], tuple[str, str]]) -> bool:
+    """Replace texts at spans of bytes as a whole, and print the change; nothing if one differs."""
+    before = read_regular(path)
+    if any(before[slice(*span)] != old.encode() for span, (old, _) in spans.items()):
+        print(f"crosscheck: {path} has changed since it was read; not fixed", file=sys.stderr)
+        return False
+    after = before
+    for (first, last), (_, new) in sorted(spans.items(), reverse=True):
+        after = after[:first] + new.encode() + after[last:]
+    write_whole(path, after.decode())
+    name, (old_rows, new_rows) = (
+        shown_path(path),
+        (text.decode().splitlines() for text in (before, after)),
+    )
+    rows = unified_diff(old_rows, new_rows, name, name, n=0, lineterm="")
+    print_commands(plain_line(visible(row)) for row in rows)
+    return True
 
 
 def _without_engine(model: ModelAudit) -> ModelAudit:
@@ -72,11 +158,11 @@ def _print(console: Console, models: Sequence[ModelAudit], codes: list[str], det
     model = models[0]
     name = structs.replace(model.id, engine=", ".join(one.id.engine for one in models))
     print_status_lines(console, wrapped(str(name), console.width))
-    code = AGREE
+    code = _code(model)
     if model.absent:
         lines = [f"skipped  {with_code(case_code(Outcome.ABSENT, ''), model.failure)}"]
     elif model.failure:
-        lines, code = [f"ERROR    {with_code(part_code(), model.failure)}"], FAIL
+        lines = [f"ERROR    {with_code(part_code(), model.failure)}"]
         codes.append(part_code())
     else:
         lines = (
@@ -89,7 +175,6 @@ def _print(console: Console, models: Sequence[ModelAudit], codes: list[str], det
         lines = [*lines, *(f"{'advice':<8} {line}" for line in shown), *acting_lines(model.acting)]
         found_codes = [one.code for one in model.findings if one.severity == "finding"]
         codes += found_codes
-        code = DIFFER if found_codes else AGREE
         codes += [one.code for one in advice]
     for line in lines:
         print_status_lines(console, wrapped(f"  {line}", console.width))

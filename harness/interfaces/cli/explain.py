@@ -10,6 +10,7 @@ from physics_crosscheck.harness.results.messages import (
     code_lines,
     find_code,
     list_lines,
+    search_codes,
     similar_codes,
 )
 from physics_crosscheck.harness.results.visible import visible
@@ -17,7 +18,7 @@ from .exit_codes import AGREE, USAGE
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print the page of each code; without a code, list all of them."""
+    """Print the page of each code, or list those with all other words; without any, list all."""
     width = min(shutil.get_terminal_size().columns, 100)
     if not options.codes:
         print("\n".join(list_lines(width)))
@@ -29,6 +30,9 @@ def main(options: argparse.Namespace) -> int:
         "\n\n".join("\n".join(code_lines(one, width)) for one in known_codes),
         end="\n" * bool(known_codes),
     )
+    if unknown and not known_codes and (matching := search_codes(unknown)):
+        print("\n".join(list_lines(width, matching)))
+        return AGREE
     for word in unknown:
         similar = similar_codes(word)
         hint = (
@@ -36,5 +40,7 @@ def main(options: argparse.Namespace) -> int:
             if similar
             else "`crosscheck explain` lists all"
         )
-        print(f"crosscheck: no message has the code {visible(word)}; {hint}", file=sys.stderr)
+        print(
+            f"crosscheck: no message has the code or text {visible(word)}; {hint}", file=sys.stderr
+        )
     return USAGE if unknown else AGREE

@@ -37,7 +37,8 @@ strict = true
 
 Options on the command line override these settings. `crosscheck run` prints the name of the file,
 and `crosscheck run --help` lists the settings in force. An unknown setting or an invalid value is
-an error with file and line. `check()` and pytest do not read this table.
+an error with file and line. `check()` does not read this table. pytest reads `resolution`, `limit`,
+`memory`, `baseline`, `require-engines`, `select` and `ignore`.
 
 ## Which file is read
 

@@ -38,11 +38,14 @@ from physics_crosscheck.harness.render.terminal.progress import Progress
 from physics_crosscheck.harness.render.terminal.table import print_results
 from physics_crosscheck.harness.results.coverage import left_out, refused
 from physics_crosscheck.harness.results.github import (
+    advice,
     commands,
     harmless_json,
+    plain_line,
     print_commands,
     run_notes,
 )
+from physics_crosscheck.harness.results.ignored import CodeFilter
 from physics_crosscheck.harness.results.sarif import sarif
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.harness.results.visible import visible
@@ -200,6 +203,7 @@ def _run(options: argparse.Namespace, wanted: Targets) -> Ran:
     """Run once, and write and print the results."""
     check_page(options.out / "index.html")
     warn_unknown(wanted.named)
+    codes = CodeFilter(select=options.select, ignore=options.ignore)
     chosen = run_options(
         Options, options, choice=wanted.choice, strict=options.strict or options.exact
     )
@@ -209,11 +213,13 @@ def _run(options: argparse.Namespace, wanted: Targets) -> Ran:
         if not (ran.results.cases or stop.requested or chosen.choice.everything):
             why = "no case has such a name, or its engine is not installed"
             raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
-        results = with_sources(ran.results)
+        results = codes.results(with_sources(ran.results))
         progress.phase("writing the report")
         write_whole(options.out / "results.json", encoded(results))
         write_report(options.out / "index.html", results)
     _print(results, options)
+    for line in codes.lines():
+        print(f"crosscheck: {line}", file=sys.stderr)
     for line in always_lines(ran.reads):
         print(f"crosscheck: {line}", file=sys.stderr)
     _print_stopped(results, options)
@@ -242,6 +248,9 @@ def _print(results: Results, options: argparse.Namespace) -> None:
         return
     if options.format == "sarif":
         print(harmless_json(sarif(results)))
+        return
+    if options.format == "concise":
+        print_commands(plain_line(note.concise) for note in [*run_notes(results), *advice(results)])
         return
     if options.format == "github":
         print_commands(note.command(Path.cwd()) for note in run_notes(results))

@@ -18,6 +18,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from . import arguments
 from .help import suggestion
@@ -104,6 +105,25 @@ def apply(parser: argparse.ArgumentParser, settings: Collection[str]) -> None:
     parser.set_defaults(**defaults, settings_defaults=defaults, settings_notes=notes)
 
 
+def project_settings(folder: Path, names: Collection[str]) -> dict[str, Any]:
+    """Return the values of a project's settings, by the arguments that they set.
+
+    Args:
+        folder: where the search for the file begins.
+        names: of the arguments.
+
+    Raises:
+        SettingsError: as of `apply`.
+    """
+    file, _ = _nearest(folder)
+    rows = {} if file is None else {key: _read(file, key, one) for key, one in file.table.items()}
+    values = {SETTINGS[key].argument: value for key, value in rows.items()}
+    return {
+        name: value.resolve() if isinstance(value, Path) else value
+        for name, value in values.items() if name in names
+    }  # fmt: skip
+
+
 def _read(file: _SettingsFile, key: str, value: object) -> object:
     """Return the default that a setting stands for."""
     if why := _REFUSED.get(key):
@@ -122,7 +142,7 @@ def _nearest(here: Path) -> tuple[_SettingsFile | None, tuple[str, ...]]:
     """Return the nearest file with settings, and notes about ignored files."""
     notes: list[str] = []
     for folder in _searched(here):
-        path = Path(os.path.relpath(folder / FILE, here))
+        path = Path(os.path.relpath(folder / FILE))
         if not (folder / FILE).is_file():
             continue
         ours = _is_ours(folder / FILE)
@@ -214,6 +234,10 @@ def _path(value: object, base: Path) -> Path:
     return base / value
 
 
+def _codes(value: object, base: Path) -> tuple[str, ...]:
+    return arguments.code_prefixes(",".join(_names(value, base)))
+
+
 def _switch(value: object, _: Path) -> bool:
     if not isinstance(value, bool):
         raise _must_be("true or false", value)
@@ -234,6 +258,8 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType(
         "baseline": Setting(argument="baseline", kind="path", read=_path),
         "out": Setting(argument="out", kind="path", read=_path),
         "strict": Setting(argument="strict", kind="boolean", read=_switch),
+        "select": Setting(argument="select", kind="list of codes", read=_codes),
+        "ignore": Setting(argument="ignore", kind="list of codes", read=_codes),
         "require-engines": Setting(argument="require_engines", kind="boolean", read=_switch),
     }
 )

@@ -45,7 +45,7 @@ from physics_crosscheck.harness.results.status import (
     unsettled_steps,
 )
 from physics_crosscheck.harness.results.visible import visible_lines
-from .runner import CaseRunner
+from .runner import CaseRunner, setting_of
 
 RUNNER = pytest.StashKey[CaseRunner]()
 
@@ -188,7 +188,7 @@ class CrosscheckItem(pytest.Item):
     def runtest(self) -> None:
         """Run the test; `status_of` decides its result."""
         record = self.record()
-        required = self.config.getoption("crosscheck_require_engines")
+        required = bool(setting_of(self.config, "require_engines"))
         decision = status_of(
             record,
             require_engines=required,

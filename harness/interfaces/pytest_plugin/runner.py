@@ -35,7 +35,7 @@ from physics_crosscheck.harness.checks.not_run import (
 from physics_crosscheck.harness.commands.gate.gate import file_diffs
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.environment import without_main
-from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
@@ -49,8 +49,10 @@ from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import Audit
+from physics_crosscheck.harness.results.ignored import CodeFilter
 from ..api import CheckResults, Target, check, target_names
 from ..cli import arguments
+from ..cli.settings import SettingsError, project_settings
 
 
 def run_settings(config: pytest.Config) -> Options:
@@ -59,22 +61,48 @@ def run_settings(config: pytest.Config) -> Options:
     Raises:
         pytest.UsageError: if one is out of range.
     """
-    stated = config.getoption("crosscheck_resolution")
+    given = setting_of(config, "resolution")
     try:
         return Options(
-            resolution=RESOLUTION if stated is None else arguments.resolution(stated),
-            strict=stated is not None,
+            resolution=RESOLUTION if given is None else arguments.resolution(str(given)),
+            strict=given is not None,
             limits=Limits(
-                seconds=arguments.seconds(config.getoption("crosscheck_limit")),
-                memory=arguments.memory(config.getoption("crosscheck_memory")),
+                seconds=arguments.seconds(str(setting_of(config, "limit") or SECONDS)),
+                memory=arguments.memory(str(setting_of(config, "memory") or MEMORY)),
                 options="--crosscheck-",
             ),
-            baseline=config.rootpath / config.getoption("crosscheck_baseline"),
-            thorough=config.getoption("crosscheck_thorough"),
-            smooth=config.getoption("crosscheck_smooth"),
+            baseline=config.rootpath / Path(str(setting_of(config, "baseline") or DEFAULT_FOLDER)),
+            thorough=bool(setting_of(config, "thorough")),
+            smooth=bool(setting_of(config, "smooth")),
         )
     except (argparse.ArgumentTypeError, ValueError) as error:
         raise pytest.UsageError(f"--crosscheck: {error}") from None
+
+
+def code_filter(config: pytest.Config) -> CodeFilter:
+    """Return the codes that the project's table selects and ignores; errors as of `setting_of`."""
+    try:
+        return CodeFilter(**project_settings(config.rootpath, ("select", "ignore")))
+    except SettingsError as error:
+        raise pytest.UsageError(str(error)) from None
+
+
+def setting_of(config: pytest.Config, name: str) -> object:
+    """Return an option of the command line, else of the ini file, else of `[tool.crosscheck]`.
+
+    Raises:
+        pytest.UsageError: for an invalid value.
+    """
+    if given := config.getoption(f"crosscheck_{name}"):
+        return given
+    stated = config.getini(f"crosscheck_{name}")
+    if stated is None:
+        try:
+            return project_settings(config.rootpath, (name,)).get(name)
+        except SettingsError as error:
+            raise pytest.UsageError(str(error)) from None
+    switch = {"true": True, "1": True, "false": None, "0": None, "": None}
+    return switch.get(str(stated).lower(), stated)
 
 
 Argument = TypeVar("Argument")
@@ -84,8 +112,8 @@ Value = TypeVar("Value")
 class CaseRunner:
     """Runs one case or audit at a time outside pytest, so that a crash is only an outcome."""
 
-    def __init__(self, settings: Options) -> None:
-        self._settings = settings
+    def __init__(self, settings: Options, codes: CodeFilter | None = None) -> None:
+        self._settings, self._codes = settings, codes or CodeFilter()
         # An untrusted one ends the session at its start.
         read_baseline(settings.baseline or DEFAULT_FOLDER)
         self._accepted: dict[Path, Accepted | None] = {}
@@ -118,10 +146,20 @@ class CaseRunner:
         A case of a robot file runs once for all tests that need it.
         """
         if isinstance(model, Sidecar):
-            return self._run(case_id, target, model)
+            return self._filtered(self._run(case_id, target, model), target, model)
         if (target, case_id) not in self._robot_cases:
-            self._robot_cases[target, case_id] = self._run(case_id, target, model)
+            case = self._filtered(self._run(case_id, target, model), target, model)
+            self._robot_cases[target, case_id] = case
         return self._robot_cases[target, case_id]
+
+    def _filtered(self, case: Case, target: Path, model: Sidecar | Path) -> Case:
+        """Return a case, marked as accepted if the project ignores its codes."""
+        codes, record = self._codes, None
+        if case.outcome is Outcome.DIFFERS and (codes.select or codes.ignore):
+            names = {name: getattr(case, name) for name in ("system", "model", "engine", "folder")}
+            diagnosis = self.diagnosis(target, model, case.engine)
+            record = Model(**names, text="", sidecar="", diagnosis=diagnosis)
+        return codes.case(case, record)
 
     def _options(self, target: Path) -> dict[str, Any]:
         """Return the options with which a robot file was accepted; empty for a folder."""
@@ -217,6 +255,9 @@ class CaseRunner:
 
     def marked(self, model: Model, target: Path) -> Model:
         """Return a model with the reason for accepting its audit findings, if there is one."""
+        if model.audit is not None:
+            kept = self._codes.reported(model.audit, model.folder)
+            model = structs.replace(model, audit=tuple(kept))
         before = self._before(target) if model.findings else None
         return mark_models((model,), before)[0]
 
@@ -308,6 +349,6 @@ class Checker:
                 smooth=smooth,
             )
         results = self._results[key]
-        if results.untested and not self._config.getoption("crosscheck_require_engines"):
+        if results.untested and not setting_of(self._config, "require_engines"):
             pytest.skip(results.untested)
         return results

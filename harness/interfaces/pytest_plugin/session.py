@@ -37,7 +37,7 @@ from physics_crosscheck.harness.results.github import in_ci
 from physics_crosscheck.harness.results.messages import explain_hint
 from physics_crosscheck.harness.results.status import counted
 from .collect import RUNNER, RobotFile, SystemFile
-from .runner import CaseRunner, run_settings
+from .runner import CaseRunner, code_filter, run_settings
 
 DECLARATION = "system.py"
 
@@ -164,6 +164,7 @@ class CrosscheckSession:
 
     def __init__(self, config: pytest.Config) -> None:
         settings = run_settings(config)
+        self._codes = code_filter(config)
         targets = targets_by_path(config)
         config.args = to_collect(config, targets)
         config.args_source = config.ArgsSource.ARGS
@@ -171,7 +172,7 @@ class CrosscheckSession:
         self._folders = {path for path in paths if path.is_dir()}
         self._robots = paths - self._folders
         try:
-            self._runner = CaseRunner(settings)
+            self._runner = CaseRunner(settings, self._codes)
         except BaselineError as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
         config.stash[RUNNER] = self._runner
@@ -203,7 +204,7 @@ class CrosscheckSession:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print the outcomes, the accepted results, and the skipped tests."""
         summarize(terminalreporter)
-        for line in self._accepting.lines:
+        for line in (*self._codes.lines(), *self._accepting.lines):
             terminalreporter.write_line(line)
         for line in absent_engine_lines(sorted(self._folders)):
             terminalreporter.write_line(f"crosscheck: {line}")
