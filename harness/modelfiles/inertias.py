@@ -12,8 +12,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import rotate
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia, rotate
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .robot import Robot
 

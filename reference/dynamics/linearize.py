@@ -20,8 +20,7 @@ from physics_crosscheck.reference.mechanism.declaration import (
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.real import shown
-from .derive import Equations
-from .simplify import LONG_OPERATIONS, simplify_bounded
+from .derive import LONG_OPERATIONS, Equations, simplify_bounded
 
 DIGITS = 60
 """Working precision of the linear algebra; a defective eigenvalue keeps half of the digits."""

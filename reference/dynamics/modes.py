@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
+from .derive import LONG_OPERATIONS
 from .linearize import DIGITS, TaylorLinearization, to_array
-from .simplify import LONG_OPERATIONS
 
 s = sp.Symbol("s")
 """The Laplace variable of transfer functions."""

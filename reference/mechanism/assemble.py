@@ -8,21 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .bodies import BodyModel, Coupling, ForceElement, Joint, RigidBody, Site, Triple, powers
-from .force_paths import JointForce, LinkFrame, Way
 from .numeric import Array
-from .rotations import DOUBLES, about_axis
-from .spatial_inertia import IDENTITY, NO_INERTIA, Place, SpatialInertia
+from .rotations import DOUBLES, IDENTITY, NO_INERTIA, Place, SpatialInertia, about_axis
 from .tree import (
     VELOCITIES,
     WORLD,
     Bushing,
     Fluid,
     Immersed,
+    JointForce,
+    LinkFrame,
     Tree,
     TreeCoupling,
     TreeError,
     TreeForce,
     TreeLink,
+    Way,
 )
 
 

@@ -7,8 +7,7 @@ from functools import cached_property
 
 from .assemble import Assembled, assembled
 from .bodies import Coupling, ForceElement, RigidBody, Triple
-from .chart import coordinate_names
-from .couplings import Coupled
+from .chart import Coupled, coordinate_names
 from .declaration import Coordinate, Declaration, DeclarationError
 from .tree import Fluid, Tree, TreeError
 

@@ -41,7 +41,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError,
 from physics_crosscheck.harness.records.baseline import BaselineFile
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.reference.dynamics.notation import readings
+from physics_crosscheck.reference.dynamics.errata import readings
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation
 from physics_crosscheck.reference.mechanism.system import System

@@ -9,11 +9,14 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck import DeclarationError, PublishedEquation, Quantity
-from physics_crosscheck.reference.dynamics.derive import derive
-from physics_crosscheck.reference.dynamics.errata import EquationCheck, best_reading, errata
+from physics_crosscheck.reference.dynamics.derive import derive, simplify_bounded
+from physics_crosscheck.reference.dynamics.errata import (
+    EquationCheck,
+    best_reading,
+    errata,
+    readings,
+)
 from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, linearize
-from physics_crosscheck.reference.dynamics.notation import readings
-from physics_crosscheck.reference.dynamics.simplify import simplify_bounded
 from tests.reference.mechanisms import NAMES, built_in, equations_of, pendulum
 
 AGREES, DIFFERS, UP_TO_SIGNS = "agrees", "differs", "agrees up to signs"

@@ -16,8 +16,8 @@ from physics_crosscheck.reference.dynamics.modes import modes, poles
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving.collocation import collocate
-from physics_crosscheck.reference.solving.family import Family
 from physics_crosscheck.reference.solving.integrate import field_of
+from physics_crosscheck.reference.solving.next_state import Family
 from physics_crosscheck.reference.solving.segments import chebyshev_nodes
 from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of, motion_of

@@ -35,8 +35,8 @@ from physics_crosscheck.reference.mechanism.bodies import (
     Joint,
     RigidBody,
 )
-from physics_crosscheck.reference.mechanism.force_paths import JointForce
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.tree import JointForce
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from .folder import NewError, write_folder
 from .places import Key, places

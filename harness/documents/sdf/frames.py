@@ -19,12 +19,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import (
+from physics_crosscheck.reference.mechanism.rotations import (
     IDENTITY,
     NO_INERTIA,
     Place,
     SpatialInertia,
+    from_quaternion,
+    from_rpy,
 )
 from ..document import Document, named_elements
 from ..elements import XmlElement

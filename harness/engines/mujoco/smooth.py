@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act, straight_equalities
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     acts,
     actuators,
@@ -17,9 +16,11 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     covered_actuator,
     covered_tendon,
     ellipsoids,
+    equalities_act,
     joint_name,
     pulls_by_itself,
     spatial_tendon,
+    straight_equalities,
     without_ellipsoids,
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files

@@ -20,7 +20,6 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledTree,
     Numbers,
 )
-from physics_crosscheck.harness.engines.mujoco.equalities import couplings
 from physics_crosscheck.harness.engines.mujoco.laws import laws_of
 from physics_crosscheck.harness.engines.mujoco.mjcf import included, load_error, sources
 from physics_crosscheck.harness.engines.mujoco.pulls import (
@@ -33,6 +32,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     body_name,
     box_fluid,
     control,
+    couplings,
     covered_actuator,
     has_box_drag,
     joint_name,
@@ -43,6 +43,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     pulls_as_computed,
     split_tendons,
 )
+from physics_crosscheck.harness.engines.mujoco.settings import Warnings
 from physics_crosscheck.harness.engines.mujoco.shapes import (
     files_of_shapes,
     fitted_shapes,
@@ -52,7 +53,6 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     without_idle_files,
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import besides, uncovered
-from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,
