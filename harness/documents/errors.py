@@ -52,28 +52,25 @@ class FileError(Exception):
         self.sentence, self.file, self.line = sentence, file, line
 
 
+RESTORE = "restore the missing end of the file"
+"""The remedy for a file that ends inside an element."""
+
+
 class LocationError(FileError, ValueError):
     """An address that matches no number or several; the message names file, line and remedy."""
 
     remedy = "write well-formed XML"
+
+    def with_remedy(self, remedy: str) -> LocationError:
+        """Return it with another remedy."""
+        self.remedy = remedy
+        return self
 
 
 class RefusedFileError(LocationError):
     """A file that is refused, though an engine might read it: a DTD, or too many elements."""
 
     remedy = "remove that"
-
-
-class TruncatedFileError(LocationError):
-    """A file that ends inside an element."""
-
-    remedy = "restore the missing end of the file"
-
-
-class EncodingError(LocationError):
-    """A file in an encoding that no engine reads."""
-
-    remedy = "save the file as UTF-8"
 
 
 ReadKind = Literal[

@@ -47,17 +47,9 @@ _FUNCTIONS = {
 }
 
 
-@dataclass(frozen=True)
-class EquationReading:
-    """An equation with one choice of its lost signs.
-
-    Attributes:
-        sides: its sides, two or more.
-        point: expansion point of a linear part; zero for other claims.
-    """
-
-    sides: tuple[sp.Expr, ...]
-    point: sp.Expr
+EquationReading = tuple[tuple[sp.Expr, ...], sp.Expr]
+"""Sides of an equation with one choice of its lost signs, and the expansion point of a linear part;
+zero for other claims."""
 
 
 def readings(
@@ -101,7 +93,7 @@ def _readings(
         raise DeclarationError(f"{where}: {published.text!r} has {len(sides)} sides; expected two")
     point = sp.sympify(names.get(f"{published.of}0", 0))
     return [
-        EquationReading(tuple(side.subs(choice) for side in sides), point.subs(choice))
+        (tuple(side.subs(choice) for side in sides), point.subs(choice))
         for values in itertools.product((-1, 1), repeat=count)
         for choice in [dict(zip(signs, values, strict=True))]
     ]
@@ -421,11 +413,9 @@ def _linear_parts(published: PublishedEquation, equations: Equations) -> list[li
             f"{_place(published, equations)}: {published.of!r} is not a coordinate"
         )
     choices = []
-    for reading in readings(published, system):
-        derived = taylor(reading.sides[0], {coordinate.q: reading.point}, 1)
-        choices.append(
-            [(derived, _left_over(expression, derived)) for expression in reading.sides[1:]]
-        )
+    for sides, point in readings(published, system):
+        derived = taylor(sides[0], {coordinate.q: point}, 1)
+        choices.append([(derived, _left_over(expression, derived)) for expression in sides[1:]])
     return choices
 
 
@@ -440,10 +430,10 @@ def _values(published: PublishedEquation, equations: Equations) -> list[list[Com
         )
     variables = _variables(equations)
     choices = []
-    for reading in readings(published, system):
-        derived = _undriven(reading.sides[0], published, equations)
+    for sides, _ in readings(published, system):
+        derived = _undriven(sides[0], published, equations)
         comparisons = []
-        for expression in reading.sides[1:]:
+        for expression in sides[1:]:
             difference = _left_over(expression, derived)
             # The zero of a potential energy is arbitrary.
             constant = derived == system.V and not difference.free_symbols & variables
@@ -484,7 +474,7 @@ def _is_something(expression: sp.Expr) -> bool:
 
 
 def _motion_left_over(reading: EquationReading, derived: sp.Expr, equations: Equations) -> sp.Expr:
-    left_side, right_side = reading.sides
+    left_side, right_side = reading[0]
     published = left_side - right_side
     difference = _left_over(published, derived)
     if difference == 0:

@@ -305,5 +305,5 @@ def test_number_of_ambiguous_signs_is_limited() -> None:
 
 def test_root_is_an_exponent() -> None:
     published = PublishedEquation("1", "g = (g^2)^(1/2)", "value", of="", driven=False, note="")
-    (reading,) = readings(published, built_in("simple_pendulum"))
-    assert reading.sides[0] == reading.sides[1]
+    ((sides, _),) = readings(published, built_in("simple_pendulum"))
+    assert sides[0] == sides[1]

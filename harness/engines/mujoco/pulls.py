@@ -6,7 +6,7 @@ Lengths are of joints, points or frames.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -397,24 +397,19 @@ _CURVED = slice(2, 5)
 """Coefficients of an equality's polynomial that make it nonlinear."""
 
 
-@dataclass(frozen=True)
-class _LinearCoupling:
-    """A joint's position as an offset and multiples of others' positions, by index."""
-
-    follower: int
-    leaders: Mapping[int, float]
-    offset: float
+_LinearCoupling = tuple[int, Mapping[int, float], float]
+"""A joint, and its position as multiples of others' positions, by index, and an offset."""
 
 
 def couplings(m: Any) -> Iterator[Coupling]:
     """Yield joints that linear equalities couple to others or fix."""
-    for coupling in straight_equalities(m).values():
-        (leader, multiplier), *others = coupling.leaders.items() or [(None, 0.0)]
+    for follower, leaders, offset in straight_equalities(m).values():
+        (leader, multiplier), *others = leaders.items() or [(None, 0.0)]
         yield Coupling(
-            follower=joint_name(m, coupling.follower),
+            follower=joint_name(m, follower),
             leader=None if leader is None else joint_name(m, leader),
             multiplier=multiplier,
-            offset=coupling.offset,
+            offset=offset,
             others=tuple((joint_name(m, joint), x) for joint, x in others if joint is not None),
         )
 
@@ -434,12 +429,10 @@ def straight_equalities(m: Any) -> dict[int, _LinearCoupling]:
     for i in range(m.neq) if equalities_act(m) else ():
         if not m.eq_active0[i] or m.eq_data[i][_CURVED].any():
             continue
-        for coupling in _followings(m, i):
-            if coupling.follower not in leaders and coupling.follower not in _above(
-                coupling.leaders, leaders
-            ):
-                couplings_by_row[i] = coupling
-                leaders[coupling.follower] = set(coupling.leaders)
+        for follower, shares, offset in _followings(m, i):
+            if follower not in leaders and follower not in _above(shares, leaders):
+                couplings_by_row[i] = follower, shares, offset
+                leaders[follower] = set(shares)
                 break
     return couplings_by_row
 
@@ -465,7 +458,7 @@ def _followings(m: Any, i: int) -> Iterator[_LinearCoupling]:
     if m.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT:
         leaders = {other: slope} if other >= 0 else {}
         offset = start + _drawn(m, first) - sum(x * _drawn(m, k) for k, x in leaders.items())
-        yield _LinearCoupling(first, leaders, offset)
+        yield first, leaders, offset
     if m.eq_type[i] != mujoco.mjtEq.mjEQ_TENDON:
         return
     shares: dict[int, float] = {}
@@ -480,7 +473,7 @@ def _followings(m: Any, i: int) -> Iterator[_LinearCoupling]:
         coefficient = shares[joint]
         if coefficient:
             rest = {k: -share / coefficient for k, share in shares.items() if k != joint and share}
-            yield _LinearCoupling(joint, rest, whole / coefficient)
+            yield joint, rest, whole / coefficient
 
 
 def _drawn(m: Any, joint: int) -> float:

@@ -54,8 +54,8 @@ def keep_equalities(m: Any, followers: Collection[str] | None) -> None:
     if followers is not None:
         held = {
             i
-            for i, one in straight_equalities(m).items()
-            if joint_name(m, one.follower) in followers
+            for i, (follower, *_) in straight_equalities(m).items()
+            if joint_name(m, follower) in followers
         }
         for i in set(range(m.neq)) - held:
             m.eq_active0[i] = 0

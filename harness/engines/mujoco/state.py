@@ -17,7 +17,7 @@ Munthe-Kaas's to the last digit).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +42,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     unit_quaternion,
 )
 
-
-class _RotationSlices(NamedTuple):
-    """The indices of a ball or free joint's rotation in qpos and qvel."""
-
-    quaternion: slice
-    angular: slice
+_RotationSlices = tuple[slice, slice]
+"""The indices of a ball or free joint's rotation in qpos and qvel."""
 
 
 class States:
@@ -82,15 +78,14 @@ class States:
             return z
         out = np.empty((*z.shape[:-1], self._nq))
         out[..., self._qpos] = z[..., self._dofs]
-        for turning in self._turning:
-            out[..., turning.quaternion] = unit_quaternion(z[..., turning.angular].T).T
+        for quaternion, angular in self._turning:
+            out[..., quaternion] = unit_quaternion(z[..., angular].T).T
         return out
 
     def qvel(self, z: Array, w: Array) -> Array:
         """Return qvel (..., nv) of coordinates and rates."""
         out = np.array(w, dtype=float)
-        for turning in self._turning:
-            angular = turning.angular
+        for _, angular in self._turning:
             out[..., angular] = angular_velocity(z[..., angular].T, w[..., angular].T).T
         return out
 
@@ -103,15 +98,13 @@ class States:
             return qpos.copy(), qvel.copy()
         z, w = np.empty_like(qvel), np.array(qvel)
         z[..., self._dofs] = qpos[..., self._qpos]
-        for turning in self._turning:
-            near = start[:, turning.quaternion]
+        for quaternion, angular in self._turning:
+            near = start[:, quaternion]
             for k in range(qpos.shape[1]):
-                turn = qpos[:, k, turning.quaternion]
-                z[:, k, turning.angular] = minimal_coordinates(turn.T, near.T).T
-                near = unit_quaternion(z[:, k, turning.angular].T).T
-            w[..., turning.angular] = coordinate_rate(
-                z[..., turning.angular].T, qvel[..., turning.angular].T
-            ).T
+                turn = qpos[:, k, quaternion]
+                z[:, k, angular] = minimal_coordinates(turn.T, near.T).T
+                near = unit_quaternion(z[:, k, angular].T).T
+            w[..., angular] = coordinate_rate(z[..., angular].T, qvel[..., angular].T).T
         return z, w
 
     def coordinates_of(self, qpos: Array, near: Array | None) -> list[float]:
@@ -146,9 +139,9 @@ def _turning(model: Any) -> Iterator[_RotationSlices]:
     for q, d, kind in zip(model.jnt_qposadr, model.jnt_dofadr, model.jnt_type, strict=True):
         q, d = int(q), int(d)
         if int(kind) == FREE:
-            yield _RotationSlices(slice(q + 3, q + 7), slice(d + 3, d + 6))
+            yield slice(q + 3, q + 7), slice(d + 3, d + 6)
         if int(kind) == BALL:
-            yield _RotationSlices(slice(q, q + 4), slice(d, d + 3))
+            yield slice(q, q + 4), slice(d, d + 3)
 
 
 def forward(
@@ -196,7 +189,7 @@ def holds_exactly(model: Any) -> bool:
 
 def following_dofs(model: Any) -> list[int]:
     """Return the degrees of freedom that active equalities make follow others, one per row."""
-    return [int(model.jnt_dofadr[e.follower]) for e in straight_equalities(model).values()]
+    return [int(model.jnt_dofadr[i]) for i, *_ in straight_equalities(model).values()]
 
 
 def equality_errors(model: Any, data: Any, qpos: Array) -> Array:
