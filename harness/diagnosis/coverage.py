@@ -244,7 +244,7 @@ def count_numbers(task: SystemTask) -> Coverage:
             CountedNumber(
                 path=one.path,
                 address="",
-                line=f"{one.file.name}:{one.line}",
+                line=f"{one.file.name}{one.place}",
                 effect=effects[i],
                 bound=_place(one) in bound,
             )
@@ -407,7 +407,7 @@ def counted_numbers(task: TreeTask, numbers: ModelFile) -> list[CountedNumber]:
         CountedNumber(
             path=one.path,
             address=one.address,
-            line=f"{one.file.name}:{one.line}",
+            line=f"{one.file.name}{one.place}",
             effect=_otherwise(one, says.get(i, NumberEffect.NONE), choices, fixed),
             read=i in read,
             smooth=i in smooth,
