@@ -74,7 +74,7 @@ class RefusedFileError(LocationError):
 
 
 ReadKind = Literal[
-    "robot", "file", "unsupported", "massless", "negative mass", "moments", "triangle"
+    "robot", "file", "unsupported", "massless", "negative mass", "moments", "triangle", "not finite"
 ]
 
 
@@ -90,6 +90,8 @@ class ReadError:
         kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
             `unsupported`, `massless` for joints that move no inertia, or the rule that the
             inertia of a link breaks.
+        link: name of the link whose inertia no body can have.
+        rounded: whether the rounding of its written digits explains that.
     """
 
     sentence: str
@@ -97,6 +99,8 @@ class ReadError:
     line: int
     remedy: str
     kind: ReadKind = "robot"
+    link: str = ""
+    rounded: bool = False
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else f"{self.file}"

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
@@ -39,7 +39,8 @@ class RobotError(ValueError):
     def __init__(self, message: str, obstacles: tuple[ReadError, ...] = ()) -> None:
         super().__init__(message)
         self.obstacles = obstacles
-        self.kind: CaseKind = obstacles[0].kind if obstacles else "robot"
+        kind = obstacles[0].kind if obstacles else "robot"
+        self.kind: CaseKind = "robot" if kind == "not finite" else kind
 
 
 def robot_system(robot: Robot) -> TreeSystem:
@@ -108,25 +109,9 @@ FOLLOWERS = "joints that follow others"
 """Omission of couplings that a setting releases."""
 
 
-class Reader(Protocol):
-    """The package of a format; settings are those of the engines that run the file."""
-
-    def read(self, file: Path, settings: Mapping[str, object]) -> Robot:
-        """Read a robot's file."""
-
-    def numbers(self, file: Path, settings: Mapping[str, object]) -> ModelFile:
-        """Return the numbers of a file that has a tree.
-
-        Raises:
-            RobotError: if no installed engine compiles the file.
-        """
-
-
-def _reader(file: Path) -> Reader:
-    """Return the reader of a file's suffix; an engine compiles unknown ones."""
-    package = FORMATS.get(file.suffix, FORMATS[".xml"]).package
-    reader: Reader = import_module(f"{__package__}.{package}")
-    return reader
+def _reader(file: Path) -> Any:
+    """Return the package of a file's suffix, as in `FORMATS`; an engine compiles unknown ones."""
+    return import_module(f"{__package__}.{FORMATS.get(file.suffix, FORMATS['.xml']).package}")
 
 
 def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
@@ -137,7 +122,8 @@ def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
         floating: whether the root link of a URDF moves freely; an SDFormat file states it.
         model: name of one of several models of an SDFormat file; empty for a single moving one.
     """
-    return _reader(file).read(file, {"floating": floating, "model": model})
+    robot: Robot = _reader(file).read(file, {"floating": floating, "model": model})
+    return robot
 
 
 def read_as_it_runs(
@@ -148,7 +134,7 @@ def read_as_it_runs(
     Joints named by `held` are fixed where the file draws them. Without `couplings`, followers move
     freely; without `actuators`, no actuator acts.
     """
-    robot = _reader(file).read(file, settings)
+    robot: Robot = _reader(file).read(file, settings)
     held = settings.get("held")
     names = held if isinstance(held, list) else []
     released = not settings.get("couplings", True)
@@ -214,4 +200,5 @@ def robot_numbers(file: Path, settings: Mapping[str, object]) -> ModelFile:
     Raises:
         RobotError: if no installed engine compiles the file.
     """
-    return _reader(file).numbers(file, settings)
+    numbers: ModelFile = _reader(file).numbers(file, settings)
+    return numbers
