@@ -28,7 +28,7 @@ from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.diagnosis.coverage import SMOOTH, NumberEffect, counted_numbers
 from physics_crosscheck.harness.diagnosis.law_problem import (
-    AnyLawProblem,
+    LawProblem,
     diagnose_laws,
     law_problem,
 )
@@ -109,7 +109,7 @@ class LawBaseline:
     """
 
     task: TreeTask
-    problem: AnyLawProblem
+    problem: LawProblem
 
     @staticmethod
     def from_file(file: Path, engine: str = "", *, floating: bool = False) -> LawBaseline | None:
@@ -187,7 +187,7 @@ def _judge_shape(wrong: TreeTask, number: Number, acts: float) -> LawFault:
     return LawFault(acts=np.inf, outcome="DIFFERS", named=named)
 
 
-def _names(problem: AnyLawProblem, address: str) -> bool:
+def _names(problem: LawProblem, address: str) -> bool:
     """Return whether the diagnosis names a number as the cause, alone or tied."""
     ranking = diagnose_laws(problem)
     if not (ranking.explained and ranking.fits):

@@ -50,6 +50,7 @@ from .poses import case_poses
 from .prepare import Prepared, PreparedSystem, PreparedTree
 from .scene import body_lines, errors_record, inertia_records
 from .task import ModelTask, RefusedError
+from .time_step import case_time_step
 from .verdict import (
     CaseJudgement,
     judged,
@@ -62,7 +63,7 @@ from .verdict import (
 MAX_LOSS = 1e-5
 """Largest relative difference that an engine's documented loss of precision excuses."""
 
-POSES_ONLY = "poses only: no link has an <inertial>; 1 kg and 1 kg m^2 stand for each"
+POSES_ONLY = "poses only: no link has mass or inertia; 1 kg and 1 kg m^2 stand for each"
 """Reason of a case that tests no masses."""
 
 
@@ -143,6 +144,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     if why and isinstance(task.target, PreparedSystem):
         raise StepError(f"{_place_of_step(task)}: {why}")
     # Now: some engines unload this model when another one is loaded.
+    time_step = case_time_step(task, model, coordinates)
     parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
     inertias = _inertias(task.target, model)
     judged = _judgement(task, (model, coordinates), None if why else motion)
@@ -179,6 +181,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         locations=next((p.locations for p in parts.values() if p and p.kind == kind), ()),
         **{name: part.record for name, part in parts.items() if part},
         verdict=verdict_record(verdict, judged.limits, judged.order, judged.steps_taken),
+        time_step=time_step,
         full_run=full_run,
         series=series,
         by_state=_by_state(task, judged, inertias),

@@ -54,7 +54,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from physics_crosscheck.reference.solving.segments import Segments
-from .law_comparison import Evaluated, M, S, WholeStepComparison
+from .law_comparison import Evaluated, LawComparison
 
 DIGITS = 7
 """Significant digits of drawn numbers."""
@@ -333,9 +333,7 @@ def inertia_differences(
         yield f"{what} {axes}".strip(), float(first.flat[index]), float(second.flat[index]), off
 
 
-def acting_state(
-    comparison: WholeStepComparison[M, S], sample: Evaluated[S], *, differs: bool
-) -> ActingState:
+def acting_state(comparison: LawComparison, sample: Evaluated, *, differs: bool) -> ActingState:
     """Return a state of whole steps with the contacts, limits and drives that act there.
 
     Args:
@@ -365,7 +363,7 @@ def acting_state(
                 force=rounded([force], SIZE_DIGITS)[0],
                 share=number(round(force / largest, 4)) if 0 < largest < np.inf else None,
             )
-            for joint, force, largest in comparison.efforts(sample)
+            for joint, force, largest in sample.solution.law.efforts
         ),
     )
 
@@ -378,9 +376,9 @@ def _contact(contact: ContactPoint) -> SceneContact:
     )
 
 
-def _limits(comparison: WholeStepComparison[M, S], posture: Posture) -> Iterator[SceneLimit]:
+def _limits(comparison: LawComparison, posture: Posture) -> Iterator[SceneLimit]:
     tree = comparison.laws.tree.tree
-    for joint, *bounds in comparison.limits():
+    for joint, *bounds in comparison.laws.limits:
         if tree.links[joint].kind in ("hinge", "slide"):
             position = float(posture.y[tree.velocities[joint].start])
             lower, upper = rounded([bound - position for bound in bounds], SIZE_DIGITS)

@@ -32,6 +32,7 @@ class Document:
         omitted: number of bytes of the file before these: those of a byte order mark.
         elements: all of them, in order; change only copies of them.
         obstacles: problems so far.
+        repeated: elements without effect, since another one of their tag comes first.
         armatures: inertia of rotors, by joint, kg or kg m^2, that the file states for one engine.
 
     Raises:
@@ -41,6 +42,7 @@ class Document:
     def __init__(self, path: Path, written: bytes | None = None) -> None:
         self.path = path
         self.obstacles: list[ReadError] = []
+        self.repeated: dict[XmlElement, ReadError] = {}
         self.armatures: Mapping[str, float] = {}
         try:
             written = read_regular(path, MAX_MODEL_BYTES) if written is None else written
@@ -64,25 +66,28 @@ class Document:
         self, element: XmlElement, sentence: str, remedy: str, kind: ReadKind = "robot"
     ) -> None:
         """Add a problem that prevents building a tree."""
+        self.obstacles.append(self._problem(element, sentence, remedy, kind))
+
+    def _problem(
+        self, element: XmlElement, sentence: str, remedy: str, kind: ReadKind = "robot"
+    ) -> ReadError:
         line = self.line(element)
-        self.obstacles.append(
-            ReadError(sentence=sentence, file=self.path, line=line, remedy=remedy, kind=kind)
-        )
+        return ReadError(sentence=sentence, file=self.path, line=line, remedy=remedy, kind=kind)
 
     def child(self, element: XmlElement | None, path: str) -> XmlElement | None:
         """Return the element at a path of tags, such as `axis/limit`, or None.
 
-        Several children of one tag are a problem unless they are equal.
+        Of several children of one tag, the first counts, as in engines; others are `repeated`.
         """
         for tag in path.split("/"):
             if element is None:
                 return None
             children = element.findall(tag)
             for other in children[1:]:
-                if other.content != children[0].content:
-                    self.add_problem(
-                        other, f"a second <{tag}> in one <{element.tag}>", "keep one of them"
-                    )
+                if other.content != children[0].content and other not in self.repeated:
+                    place = element.spelled(1 if element.identity else min(element.depth, 2))
+                    sentence = f"a second <{tag}> in {place} has no effect"
+                    self.repeated[other] = self._problem(other, sentence, "keep one of them")
             element = children[0] if children else None
         return element
 

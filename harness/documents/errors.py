@@ -74,7 +74,15 @@ class RefusedFileError(LocationError):
 
 
 ReadKind = Literal[
-    "robot", "file", "unsupported", "massless", "negative mass", "moments", "triangle", "not finite"
+    "robot",
+    "file",
+    "unsupported",
+    "massless",
+    "no joint",
+    "negative mass",
+    "moments",
+    "triangle",
+    "not finite",
 ]
 
 
@@ -88,8 +96,8 @@ class ReadError:
         line: of the file, counted from 1; 0 without a line.
         remedy: the correction.
         kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
-            `unsupported`, `massless` for joints that move no inertia, or the rule that the
-            inertia of a link breaks.
+            `unsupported`, `massless` for joints that move no inertia, `no joint` where none moves,
+            or the rule that the inertia of a link breaks.
         link: name of the link whose inertia no body can have.
         rounded: whether the rounding of its written digits explains that.
     """

@@ -165,6 +165,7 @@ def build_robot(
         floats=floats,
         placed=placed_in(links, path),
         stated=dict(stated),  # a proxy can't be sent between processes
+        repeated=tuple(document.repeated.values()),
     )
 
 

@@ -33,14 +33,16 @@ class RobotError(ValueError):
 
     Attributes:
         obstacles: the problems that prevent building the tree, each with its line.
-        kind: of the first of them.
+        kind: of the first of them, or as given.
     """
 
-    def __init__(self, message: str, obstacles: tuple[ReadError, ...] = ()) -> None:
+    def __init__(
+        self, message: str, obstacles: tuple[ReadError, ...] = (), kind: CaseKind = "robot"
+    ) -> None:
         super().__init__(message)
         self.obstacles = obstacles
-        kind = obstacles[0].kind if obstacles else "robot"
-        self.kind: CaseKind = "robot" if kind == "not finite" else kind
+        first = obstacles[0].kind if obstacles else kind
+        self.kind: CaseKind = "robot" if first == "not finite" else first
 
 
 def robot_system(robot: Robot) -> TreeSystem:
@@ -52,7 +54,8 @@ def robot_system(robot: Robot) -> TreeSystem:
     if robot.tree is None:
         raise _refused(robot)
     if not robot.tree.links:
-        raise RobotError(f"{robot.file}: it has no joint that moves, and no free mass; add a joint")
+        still = "it has no joint that moves, and no free mass; add a joint"
+        raise RobotError(f"{robot.file}: {still}", kind="no joint")
     return tree_system(
         name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
     )

@@ -53,7 +53,12 @@ def test_process_opens_and_parses_a_file_once(
         pytest.skip(f"{engine} is not installed")
     create, read, opened = Mock(side_effect=expat.ParserCreate), Path.read_bytes, list[Path]()
     monkeypatch.setattr(expat, "ParserCreate", create)
-    monkeypatch.setattr(Path, "read_bytes", lambda path: (opened.append(path), read(path))[1])
+
+    def counted(path: Path) -> bytes:
+        opened.append(path)
+        return read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", counted)
     monkeypatch.setattr(reading, "SETTLED_SECONDS", -1.0)
     file = written(tmp_path, name, (CASES / name).read_text())
     task = model_task(prepare_tree(file), engine)

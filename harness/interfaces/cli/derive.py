@@ -28,16 +28,14 @@ def main(options: argparse.Namespace) -> int:
     """Print the equations of each system folder and each robot file."""
     form: Form = "latex" if options.latex else "text"
     width = terminal().width
-    targets = resolve_targets(
-        options.folders, standalone=options.standalone, model=options.chosen_model
-    )
+    targets = resolve_targets(options.folders, standalone=options.standalone, model=options.model)
     warn_unknown(targets.named)
     describe_robot = partial(
         describe_file,
         form=form,
         width=width,
         floating=options.floating,
-        model=options.chosen_model,
+        model=options.model,
     )
     with Workers(1, arguments.limits_of(options)) as workers:
         for path in targets.paths:

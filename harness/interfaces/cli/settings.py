@@ -223,7 +223,7 @@ def _switch(value: object, _: Path) -> bool:
 SETTINGS: Mapping[str, Setting] = MappingProxyType(
     {
         "folders": Setting(argument="folders", kind="list of paths or names", read=_folders),
-        "engines": Setting(argument="engine", kind="list of names", read=_names),
+        "engines": Setting(argument="engines", kind="list of names", read=_names),
         "resolution": Setting(
             argument="resolution", kind="number", read=_of_text(arguments.resolution)
         ),

@@ -70,7 +70,8 @@ def read_compiled_robot(
     if not actuated:
         compiled = replace(compiled, pulls=compiled.passive, controls=0)
     if sentences := list(_problems(compiled)):
-        return _refused(path, sentences, _left_out(engine, compiled), compiled.name)
+        kind: ReadKind = "unsupported" if compiled.joints else "no joint"
+        return _refused(path, sentences, _left_out(engine, compiled), compiled.name, kind=kind)
     try:
         return compiled_robot(compiled, path, _left_out(engine, compiled), controls)
     except TreeError as error:

@@ -90,7 +90,7 @@ def _all(file: SdfFile) -> Iterator[Note]:
         yield from _of_automatic(element, name)
     yield from _unread(model, "")
     numbers = [one for surface in document.root.iter("surface") for one in surface.iter()]
-    yield from ((f"<{one.tag}> of <surface>", "") for one in numbers if _is_ignored(one))
+    yield from ((f"<{one.tag}> of <surface>", "", one.place) for one in numbers if _is_ignored(one))
     for element in (*document.root.children, *(world.children if world is not None else ())):
         name = element.attributes.get("name", "")
         if element.tag == "model" and element is not model:
@@ -141,14 +141,14 @@ def _unread(element: XmlElement, name: str) -> Iterator[Note]:
     meaningful = _MEANINGFUL_ATTRIBUTES.get(element.tag, ())
     for key, value in element.attributes.items():
         if key not in meaningful and value.strip() and not key.startswith("xmlns"):
-            yield f"{key} of <{element.tag}>", name
+            yield f"{key} of <{element.tag}>", name, element.attribute_place(key)
     readable = _READ.get(element.tag)
     for child in element.children:
         if child.tag in _VISUALS or (readable is not None and child.tag in _WHOLE):
             continue
         owner = name or child.attributes.get("name", "")
         if readable is None or child.tag not in readable:
-            yield f"<{child.tag}> of <{element.tag}>", owner
+            yield f"<{child.tag}> of <{element.tag}>", owner, child.place
         else:
             yield from _unread(child, owner)
 

@@ -70,6 +70,9 @@ _MEANINGFUL_ATTRIBUTES: Mapping[str, Collection[str]] = MappingProxyType(
 )
 """Attributes with a meaning."""
 
+_RATIOS = {"mechanicalReduction": ((1.0,), None), "motorInertia": ((0.0,), None)}
+"""Numbers of a transmission that no engine reads, and values without effect."""
+
 
 def urdf_left_out(file: UrdfFile, followers: Collection[str]) -> tuple[Omission, ...]:
     """Return all of it, except visual geometry, which does not matter.
@@ -89,6 +92,7 @@ def _all(file: UrdfFile) -> Iterator[Note]:
     yield from _unknown_attributes(document.root, "")
     for element in document.root.children:
         name = element.attributes.get("name", element.attributes.get("reference", ""))
+        yield from _of_transmission(element, name)
         yield from _unread(element, name)
         if element.tag in ("link", "joint"):
             yield from _unknown_attributes(element, name)
@@ -129,6 +133,13 @@ def _nonzero(element: XmlElement, key: str) -> bool:
     return read_numbers(text, 1) != (0.0,)
 
 
+def _of_transmission(element: XmlElement, name: str) -> Iterator[Note]:
+    """Yield a ratio and a rotor's inertia that change motions."""
+    for number in element.iter() if element.tag == "transmission" else ():
+        if number.tag in _RATIOS and read_numbers(number.text, 1) not in _RATIOS[number.tag]:
+            yield f"<{number.tag}> of <transmission>", name, number.place
+
+
 def _unread(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield child elements that have no meaning here."""
     readable = _READ.get(element.tag)
@@ -137,14 +148,14 @@ def _unread(element: XmlElement, name: str) -> Iterator[Note]:
     for child in element.children:
         if child.tag not in readable and child.tag not in _VISUALS:
             within = "" if element.tag == "robot" else f" of <{element.tag}>"
-            yield f"<{child.tag}>{within}", name or child.attributes.get("name", "")
+            yield f"<{child.tag}>{within}", name or child.attributes.get("name", ""), child.place
 
 
 def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield the attributes of an element that have no meaning."""
     for key in element.attributes if element.tag in _MEANINGFUL_ATTRIBUTES else ():
         if key not in _MEANINGFUL_ATTRIBUTES[element.tag] and not key.startswith("xmlns"):
-            yield f"{key} of <{element.tag}>", name
+            yield f"{key} of <{element.tag}>", name, element.attribute_place(key)
 
 
 def read_urdf_robot(
