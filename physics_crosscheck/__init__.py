@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison, compare
     from physics_crosscheck.harness.interfaces.notebook.robot import RobotJoint, RobotModel, load
     from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
+    from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
     from physics_crosscheck.reference.mechanism.bodies import (
         Coupling,
         ForceElement,
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
         Limit,
     )
     from physics_crosscheck.reference.mechanism.kinematics import Frame, ground, rotation
-    from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
     from physics_crosscheck.reference.mechanism.system import System
     from physics_crosscheck.reference.mechanism.tree import CablePath, Fluid, FrameForce, JointForce
 
@@ -72,7 +72,7 @@ _FROM = {
     "physics_crosscheck.reference.mechanism.interactions": (
         "Buffer", "DryFriction", "Limit", "Contact", "Drive",
     ),
-    "physics_crosscheck.reference.mechanism.multibody": ("MultibodySystem",),
+    "physics_crosscheck.reference.mechanism.assemble": ("MultibodySystem",),
     "physics_crosscheck.reference.mechanism.system": ("System",),
     "physics_crosscheck.reference.mechanism.tree": (
         "CablePath", "Fluid", "FrameForce", "JointForce",

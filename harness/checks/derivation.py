@@ -15,15 +15,17 @@ from physics_crosscheck.reference.dynamics.formulas import SymbolicEquations, fo
 from physics_crosscheck.reference.dynamics.linearize import (
     TaylorLinearization,
     classify,
+    damped_shapes,
     linearize,
+    s,
     taylor,
     to_array,
+    transfer_functions,
 )
-from physics_crosscheck.reference.dynamics.modes import damped_shapes, s, transfer_functions
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
 from physics_crosscheck.reference.mechanism.bodies import powers
 from physics_crosscheck.reference.mechanism.chart import Coupled
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.mechanism.system import System
 from .system_record import (
     errata_records,

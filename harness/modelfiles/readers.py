@@ -13,14 +13,14 @@ from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.engines.protocol import Spring
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.reference.mechanism.assemble import assemble
-from physics_crosscheck.reference.mechanism.bodies import ForceElement
-from physics_crosscheck.reference.mechanism.chart import coordinate_names
-from physics_crosscheck.reference.mechanism.multibody import (
+from physics_crosscheck.reference.mechanism.assemble import (
     MultibodySystem,
     TreeSystem,
+    assemble,
     tree_system,
 )
+from physics_crosscheck.reference.mechanism.bodies import ForceElement
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 from .folders import FORMATS
 from .inertias import impossible_links

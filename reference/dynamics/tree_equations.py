@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from physics_crosscheck.reference.mechanism.assemble import TreeSystem
 from physics_crosscheck.reference.mechanism.chart import Coupled, MinimalCoordinates
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, Field, Scalars
 from physics_crosscheck.reference.mechanism.system import ENTRIES

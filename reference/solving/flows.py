@@ -19,9 +19,9 @@ from functools import cached_property
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
+from physics_crosscheck.reference.dynamics.recursion import bodies_apart
 from physics_crosscheck.reference.dynamics.tree_equations import Charted, TreeEquations
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
+from physics_crosscheck.reference.mechanism.assemble import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.tree import Tree

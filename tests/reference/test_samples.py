@@ -15,7 +15,7 @@ from physics_crosscheck.reference.dynamics.equations import slopes_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.dynamics.tree_equations import Charted, TreeEquations
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_system
+from physics_crosscheck.reference.mechanism.assemble import TreeSystem, tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import (
     DOUBLES,

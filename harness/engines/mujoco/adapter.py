@@ -33,16 +33,6 @@ from physics_crosscheck.harness.engines.mujoco.remarks import (
     idle_compensation,
     model_remarks,
 )
-from physics_crosscheck.harness.engines.mujoco.settings import (
-    WITHOUT,
-    Warnings,
-    apply_settings,
-    held_controls,
-    is_on,
-    rounded_frames,
-    state_names,
-    states_move,
-)
 from physics_crosscheck.harness.engines.mujoco.shapes import (
     mesh_of,
     mesh_offset,
@@ -52,8 +42,16 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     without_mesh_files,
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import (
+    WITHOUT,
+    Warnings,
+    apply_settings,
+    held_controls,
+    is_on,
     keep_equalities,
     remove_uncovered,
+    rounded_frames,
+    state_names,
+    states_move,
     without_joints,
 )
 from physics_crosscheck.harness.engines.mujoco.state import (

@@ -29,7 +29,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
 from physics_crosscheck.harness.engines.mujoco.pulls import powers
-from physics_crosscheck.harness.engines.mujoco.settings import states_move
+from physics_crosscheck.harness.engines.mujoco.smooth import states_move
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import (
     Array,

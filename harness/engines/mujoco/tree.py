@@ -43,7 +43,6 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     pulls_as_computed,
     split_tendons,
 )
-from physics_crosscheck.harness.engines.mujoco.settings import Warnings
 from physics_crosscheck.harness.engines.mujoco.shapes import (
     files_of_shapes,
     fitted_shapes,
@@ -52,7 +51,7 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     with_mesh_files,
     without_idle_files,
 )
-from physics_crosscheck.harness.engines.mujoco.smooth import besides, uncovered
+from physics_crosscheck.harness.engines.mujoco.smooth import Warnings, besides, uncovered
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,

@@ -17,7 +17,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.mujoco.laws import default_softness, laws_of
-from physics_crosscheck.harness.engines.mujoco.settings import WITHOUT, apply_settings, is_on
+from physics_crosscheck.harness.engines.mujoco.smooth import WITHOUT, apply_settings, is_on
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
 from physics_crosscheck.harness.engines.source import shortened

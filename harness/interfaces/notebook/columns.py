@@ -15,8 +15,8 @@ from physics_crosscheck.reference.dynamics.tree_equations import (
     Charted,
     TreeEquations,
 )
+from physics_crosscheck.reference.mechanism.assemble import TreeSystem
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES
 from physics_crosscheck.reference.mechanism.system import System
