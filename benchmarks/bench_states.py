@@ -20,7 +20,7 @@ from physics_crosscheck.harness.modelfiles.numbers import NUDGE
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers, robot_system
 from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.chart import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.samples import candidates, select_d_optimal
 

@@ -33,7 +33,7 @@ from physics_crosscheck.harness.checks.verdict import component_scale
 from physics_crosscheck.harness.commands.mutation.mistakes import Edit
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.modelfiles.bindings import at_constants, bindings, with_literals
-from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, elements
+from physics_crosscheck.harness.modelfiles.locations.attributes import elements
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.dynamics.derive import derive
@@ -190,7 +190,7 @@ def planted_edits(system: System, sidecar: Sidecar) -> Iterator[tuple[str, str, 
         if one.tag == tag and one.attributes.get("name") == name
     ]
     for label, share in FAULTS.items():
-        added = Attribute(element.start, key, f"{0.02 * (1 + share)!r} 1")
+        added = (element.start, key, f"{0.02 * (1 + share)!r} 1")
         yield f"{element.spelled(1)}@{key}[0]", label, Edit(attributes=(added,))
 
 

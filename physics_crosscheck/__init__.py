@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from physics_crosscheck.harness.interfaces.notebook.comparison import Comparison, compare
     from physics_crosscheck.harness.interfaces.notebook.robot import RobotJoint, RobotModel, load
     from physics_crosscheck.harness.interfaces.notebook.trajectory import MotionError, Trajectory
+    from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
     from physics_crosscheck.reference.mechanism.bodies import (
         Coupling,
         ForceElement,
@@ -37,12 +38,12 @@ if TYPE_CHECKING:
         Equilibrium,
         Input,
         Output,
+        Pose,
         PublishedEquation,
         Quantity,
         Scenario,
         t,
     )
-    from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
     from physics_crosscheck.reference.mechanism.interactions import (
         Buffer,
         Contact,
@@ -51,10 +52,8 @@ if TYPE_CHECKING:
         Limit,
     )
     from physics_crosscheck.reference.mechanism.kinematics import Frame, ground, rotation
-    from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
-    from physics_crosscheck.reference.mechanism.pose import Pose
     from physics_crosscheck.reference.mechanism.system import System
-    from physics_crosscheck.reference.mechanism.tree import Fluid
+    from physics_crosscheck.reference.mechanism.tree import CablePath, Fluid, FrameForce, JointForce
 
 _FROM = {
     "physics_crosscheck.harness.interfaces.api": ("CheckResults", "check"),
@@ -68,18 +67,16 @@ _FROM = {
     ),
     "physics_crosscheck.reference.mechanism.declaration": (
         "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Output",
-        "PublishedEquation", "Quantity", "Scenario", "t",
-    ),
-    "physics_crosscheck.reference.mechanism.force_paths": (
-        "CablePath", "FrameForce", "JointForce",
+        "Pose", "PublishedEquation", "Quantity", "Scenario", "t",
     ),
     "physics_crosscheck.reference.mechanism.interactions": (
         "Buffer", "DryFriction", "Limit", "Contact", "Drive",
     ),
-    "physics_crosscheck.reference.mechanism.multibody": ("MultibodySystem",),
-    "physics_crosscheck.reference.mechanism.pose": ("Pose",),
+    "physics_crosscheck.reference.mechanism.assemble": ("MultibodySystem",),
     "physics_crosscheck.reference.mechanism.system": ("System",),
-    "physics_crosscheck.reference.mechanism.tree": ("Fluid",),
+    "physics_crosscheck.reference.mechanism.tree": (
+        "CablePath", "Fluid", "FrameForce", "JointForce",
+    ),
     "physics_crosscheck.reference.mechanism.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, LocatedError
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import TreeError
 

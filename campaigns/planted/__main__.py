@@ -82,7 +82,7 @@ def judged_faults(robot: RobotRun, seconds: float, record: FaultRecord) -> Itera
         index = baseline.numbers.relevant_numbers[place]
         number = baseline.numbers.numerals[index]
         for share in SHARES:
-            fault = record.lookup(number.file.name, number.line, number.address, share)
+            fault = record.lookup(number.file.name, number.line or 0, number.address, share)
             if fault is None:
                 fault = judge(baseline, index, share)
                 record.add(fault)

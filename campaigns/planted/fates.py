@@ -192,7 +192,7 @@ def judge_fault(
             fate, explanation = judge_copy(copy, number, value, effect)
     return RobotFault(
         file=number.file.name,
-        line=number.line,
+        line=number.line or 0,
         address=number.address,
         share=share,
         fate=fate,

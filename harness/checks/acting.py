@@ -260,12 +260,12 @@ class Acting:
         weight = float(max(self.model.weights.bodies[body, 0] for body in bodies))
         if not self._weight or not weight:
             return
-        rest = rest_on(contact, laws, weight, self._weight)
+        depth, creep = rest_on(contact, laws, weight, self._weight)
         whole = "the whole weight on one contact"
-        yield _quantity(subject, "rest depth", rest.depth, "m", whole)
+        yield _quantity(subject, "rest depth", depth, "m", whole)
         if contact.dimension > 1 and contact.friction[0] > np.tan(SLOPE):
             note = f"{whole}, on a slope of {np.degrees(SLOPE):g} degrees"
-            yield _quantity(subject, "creep", rest.creep, "m/s", note)
+            yield _quantity(subject, "creep", creep, "m/s", note)
 
     def _limits(self) -> Iterator[ActingQuantity]:
         """Yield the rebound of joint limits, once for those with the same softness."""

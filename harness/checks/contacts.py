@@ -39,7 +39,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     SoftRules,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .law_comparison import Evaluated, LawComparison
 from .law_states import MAX_CONTACTS

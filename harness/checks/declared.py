@@ -20,7 +20,7 @@ from physics_crosscheck.harness.modelfiles.model_files import (
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
 from .prepare import SCENARIO, scenario_of
 
 

@@ -10,21 +10,22 @@ import sympy as sp
 from physics_crosscheck.harness.modelfiles.robot import home_of
 from physics_crosscheck.harness.render.terminal.equations import DerivedPage, Matrix
 from physics_crosscheck.harness.render.terminal.typeset import SumTerms, deviation
-from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.derive import LONG_OPERATIONS, Equations, derive
 from physics_crosscheck.reference.dynamics.formulas import SymbolicEquations, formulas
 from physics_crosscheck.reference.dynamics.linearize import (
     TaylorLinearization,
     classify,
+    damped_shapes,
     linearize,
+    s,
     taylor,
     to_array,
+    transfer_functions,
 )
-from physics_crosscheck.reference.dynamics.modes import damped_shapes, s, transfer_functions
-from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
 from physics_crosscheck.reference.mechanism.bodies import powers
-from physics_crosscheck.reference.mechanism.couplings import Coupled
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.chart import Coupled
 from physics_crosscheck.reference.mechanism.system import System
 from .system_record import (
     errata_records,

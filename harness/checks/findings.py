@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
+from typing import cast
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import Number
@@ -15,6 +16,7 @@ from physics_crosscheck.harness.documents.schema import UnknownName, unknown_nam
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.modelfiles.inertias import Kind as InertiaKind
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.locations import MARKUP, line_of
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
@@ -68,7 +70,7 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     still = {part.name for part in robot.parts if part.body == WORLD}
     return tuple(
         finding(
-            one.kind,
+            cast(InertiaKind, one.kind),
             (one.link, one.kind),
             f"{one.sentence}; {one.remedy}",
             location=SourceLine(file=str(one.file), line=one.line or None),

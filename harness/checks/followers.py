@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, linear
-from physics_crosscheck.reference.mechanism.chart import coordinate_names
-from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.chart import Coupled, coordinate_names
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 

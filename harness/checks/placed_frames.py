@@ -12,9 +12,8 @@ from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.reference.mechanism.frames import ENTRIES, frame_function
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.system import System
+from physics_crosscheck.reference.mechanism.system import ENTRIES, System, frame_function
 
 STEPS = 16.0
 """Rounding errors of one body's frame in its parent: a product of quaternions, its matrix, times a

@@ -24,7 +24,7 @@ from physics_crosscheck.harness.records.poses import FramePose, Poses
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.declaration import Coordinate
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .placed_frames import Frames, Placed

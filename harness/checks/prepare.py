@@ -46,11 +46,11 @@ from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.laws.motion import ends_through, hybrid_of, solve_events
 from physics_crosscheck.reference.load import load_declaration, load_system, with_location
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
-from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.chart import Coupled
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, Scenario
 from physics_crosscheck.reference.mechanism.laws import SoftLaw
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import Tree

@@ -42,16 +42,15 @@ from physics_crosscheck.harness.records.scene import (
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
-from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
-from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.chart import Coupled, MinimalCoordinates
 from physics_crosscheck.reference.mechanism.laws import ContactPoint
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import to_quaternion
-from physics_crosscheck.reference.mechanism.spatial_inertia import (
+from physics_crosscheck.reference.mechanism.rotations import (
     IDENTITY,
     NO_INERTIA,
     Place,
     SpatialInertia,
+    to_quaternion,
 )
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from physics_crosscheck.reference.solving.segments import Segments

@@ -12,13 +12,18 @@ from physics_crosscheck.harness.records import system as records
 from physics_crosscheck.harness.records.base import number, numbers, rows
 from physics_crosscheck.harness.render.terminal.typeset import Latex, SumTerms, latex_name
 from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.reference.dynamics.derive import Equations
+from physics_crosscheck.reference.dynamics.derive import LONG_OPERATIONS, Equations
 from physics_crosscheck.reference.dynamics.errata import EquationCheck, errata
-from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, classify
-from physics_crosscheck.reference.dynamics.modes import modes, poles, s, transfer_functions
-from physics_crosscheck.reference.dynamics.simplify import LONG_OPERATIONS
+from physics_crosscheck.reference.dynamics.linearize import (
+    TaylorLinearization,
+    classify,
+    modes,
+    poles,
+    s,
+    transfer_functions,
+)
+from physics_crosscheck.reference.mechanism.assemble import TreeSystem
 from physics_crosscheck.reference.mechanism.declaration import Coordinate, Input
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.sketch import Angle, Body, Link, Shape, expressions
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.linearity import linearity

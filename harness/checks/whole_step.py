@@ -41,7 +41,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import ActingState
 from physics_crosscheck.harness.results.status import counted, listed
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules, Rules, SoftRules
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .contacts import TouchingShapes, check_contacts, shapes_of_laws, shapes_of_urdf
 from .findings import format_omission

@@ -29,7 +29,7 @@ from physics_crosscheck.harness.modelfiles.numbers import ModelFile
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
-from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
+from physics_crosscheck.reference.dynamics.recursion import bodies_apart
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
@@ -244,7 +244,7 @@ def count_numbers(task: SystemTask) -> Coverage:
             CountedNumber(
                 path=one.path,
                 address="",
-                line=f"{one.file.name}:{one.line}",
+                line=f"{one.file.name}{one.place}",
                 effect=effects[i],
                 bound=_place(one) in bound,
             )
@@ -407,7 +407,7 @@ def counted_numbers(task: TreeTask, numbers: ModelFile) -> list[CountedNumber]:
         CountedNumber(
             path=one.path,
             address=one.address,
-            line=f"{one.file.name}:{one.line}",
+            line=f"{one.file.name}{one.place}",
             effect=_otherwise(one, says.get(i, NumberEffect.NONE), choices, fixed),
             read=i in read,
             smooth=i in smooth,

@@ -34,9 +34,15 @@ from physics_crosscheck.harness.modelfiles.urdf.laws import convex_numbers, impu
 from physics_crosscheck.harness.modelfiles.urdf.read import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.reference.laws.mistakes import LawMistake, hard_mistakes, soft_mistakes
+from physics_crosscheck.reference.laws.mistakes import (
+    LawMistake,
+    changed_step,
+    hard_mistakes,
+    same_rule,
+    single_changes,
+    soft_mistakes,
+)
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
-from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule, single_changes
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.numeric import Array

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.checks.verdict import nonzero_scale
 from physics_crosscheck.harness.numerics.ladder import EPSILON
-from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.chart import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments

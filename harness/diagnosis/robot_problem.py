@@ -20,7 +20,7 @@ from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import CLOSE, Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
 from physics_crosscheck.reference.solving.flows import Flow
 from .diagnose import Ranking, diagnose, largest_remaining
 from .fit import Fit

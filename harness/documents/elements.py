@@ -17,7 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from xml.parsers import expat
 
-from .errors import EncodingError, LocationError, RefusedFileError, TruncatedFileError, quote
+from .errors import RESTORE, LocationError, RefusedFileError, quote
 from .reading import MAX_KEPT_BYTES, MAX_MODEL_BYTES, SourceFile, Span, apply_edits, read_regular
 
 _HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
@@ -278,7 +278,8 @@ def read_repaired(source: SourceFile) -> tuple[SourceFile, tuple[XmlElement, ...
         LocationError: as `read_elements`.
     """
     if source.data.startswith(UTF_16):
-        raise EncodingError("its encoding is UTF-16", file=source.file, line=1)
+        error = LocationError("its encoding is UTF-16", file=source.file, line=1)
+        raise error.with_remedy("save the file as UTF-8")
     try:
         source.data.decode("utf-8")
         return source, read_elements(source)
@@ -365,7 +366,7 @@ def xml_problem(file: Path, *, strict: bool) -> str:
     except RefusedFileError:
         pass
     except LocationError as error:
-        plain, truncated = repaired_xml(data), isinstance(error, TruncatedFileError)
+        plain, truncated = repaired_xml(data), error.remedy == RESTORE
         if strict or truncated or b"\0" in plain or not _ELEMENT.search(plain):
             return f"{error}; {error.remedy}"
     except OSError:
@@ -403,7 +404,7 @@ def _syntax_error(
         if len(unclosed) > 1:
             sentence += f", inside <{unclosed[-1]}>"
         line = data.rstrip().count(b"\n") + 1
-        return TruncatedFileError(sentence, file=file, line=line)
+        return LocationError(sentence, file=file, line=line).with_remedy(RESTORE)
     return LocationError(f"not XML at {place}: {text}", file=file, line=error.lineno)
 
 
@@ -440,9 +441,11 @@ class Number:
 
     Attributes:
         file: that contains it.
-        start, end: its first byte in the document, and the one after its last.
-        line, column: of its first character, counted from 1; 0 if it has none.
         text: the number as written, including its sign.
+        start, end: its first byte in the document, and the one after its last.
+        line: of its first character, counted from 1; None for a number without text, as in a binary
+            file, or a default.
+        column: of its first character, counted from 1; 0 if it has none.
         address: a unique address in its file.
         path: the tags that lead to it and its attribute, as in `robot/link/inertial/mass@value`; in
             TOML its key; in Python the name that it is assigned to, or empty.
@@ -454,10 +457,10 @@ class Number:
     """
 
     file: Path
-    start: int
-    end: int
-    line: int
     text: str
+    start: int = 0
+    end: int = 0
+    line: int | None = None
     column: int = 0
     address: str = ""
     path: str = ""
@@ -473,9 +476,14 @@ class Number:
         return float(self.text)
 
     @property
-    def span(self) -> Span:
-        """Its first byte in the file, and the one after its last."""
-        return self.start + self.omitted, self.end + self.omitted
+    def span(self) -> Span | None:
+        """Its first byte in the file, and the one after its last; None without a line."""
+        return None if self.line is None else (self.start + self.omitted, self.end + self.omitted)
+
+    @property
+    def place(self) -> str:
+        """Its line, or its address if it has none, after a colon."""
+        return f":{self.line or self.address}"
 
     @property
     def element(self) -> XmlElement:
@@ -484,7 +492,7 @@ class Number:
         return self.within
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}"
+        return f"{self.file}{self.place}"
 
 
 def read_number(
@@ -510,8 +518,14 @@ def read_number(
 def replace_numbers(
     texts: Mapping[Path, bytes], words: Iterable[tuple[Number, str]]
 ) -> dict[Path, bytes]:
-    """Return files' bytes with numbers replaced by other words."""
+    """Return files' bytes with numbers replaced by other words.
+
+    Raises:
+        LocationError: for a number without a line, which no bytes state.
+    """
     changes: dict[Path, list[tuple[int, int, bytes]]] = {}
     for place, word in words:
+        if place.line is None:
+            raise LocationError(f"{quote(place.address)} is not written there", file=place.file)
         changes.setdefault(place.file, []).append((place.start, place.end, word.encode()))
     return {file: apply_edits(data, changes.get(file, ())) for file, data in texts.items()}

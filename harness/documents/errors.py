@@ -52,10 +52,19 @@ class FileError(Exception):
         self.sentence, self.file, self.line = sentence, file, line
 
 
+RESTORE = "restore the missing end of the file"
+"""The remedy for a file that ends inside an element."""
+
+
 class LocationError(FileError, ValueError):
     """An address that matches no number or several; the message names file, line and remedy."""
 
     remedy = "write well-formed XML"
+
+    def with_remedy(self, remedy: str) -> LocationError:
+        """Return it with another remedy."""
+        self.remedy = remedy
+        return self
 
 
 class RefusedFileError(LocationError):
@@ -64,20 +73,16 @@ class RefusedFileError(LocationError):
     remedy = "remove that"
 
 
-class TruncatedFileError(LocationError):
-    """A file that ends inside an element."""
-
-    remedy = "restore the missing end of the file"
-
-
-class EncodingError(LocationError):
-    """A file in an encoding that no engine reads."""
-
-    remedy = "save the file as UTF-8"
-
-
 ReadKind = Literal[
-    "robot", "file", "unsupported", "massless", "no joint", "negative mass", "moments", "triangle"
+    "robot",
+    "file",
+    "unsupported",
+    "massless",
+    "no joint",
+    "negative mass",
+    "moments",
+    "triangle",
+    "not finite",
 ]
 
 
@@ -93,6 +98,8 @@ class ReadError:
         kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
             `unsupported`, `massless` for joints that move no inertia, `no joint` where none moves,
             or the rule that the inertia of a link breaks.
+        link: name of the link whose inertia no body can have.
+        rounded: whether the rounding of its written digits explains that.
     """
 
     sentence: str
@@ -100,6 +107,8 @@ class ReadError:
     line: int
     remedy: str
     kind: ReadKind = "robot"
+    link: str = ""
+    rounded: bool = False
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else f"{self.file}"

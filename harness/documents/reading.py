@@ -1,4 +1,4 @@
-"""Safe reading of untrusted files: plain files of bounded size only."""
+"""Safe reading of untrusted files: plain files of bounded size only; the lines of their bytes."""
 
 from __future__ import annotations
 

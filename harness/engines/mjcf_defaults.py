@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -22,12 +21,8 @@ Value = float | str
 Values = tuple[Value, ...]
 
 
-class StatedPlace(NamedTuple):
-    """A number of a file: its element, its attribute, and its index there."""
-
-    element: XmlElement
-    key: str
-    word: int
+StatedPlace = tuple[XmlElement, str, int]
+"""A number of a file: its element, its attribute, and its index there."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ class Chain:
             first = 0
             for element in reversed(self.elements):
                 count = len(finite_numbers(element.get(key)) or [])
-                yield from (StatedPlace(element, key, word) for word in range(first, count))
+                yield from ((element, key, word) for word in range(first, count))
                 first = max(first, len(_stated(element, key)))
 
     def limits(

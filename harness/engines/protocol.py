@@ -28,7 +28,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     Rules,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarLaws
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -364,10 +364,6 @@ DIGITS = 40
 """Digits with which expressions are evaluated before they are rounded to doubles."""
 
 
-class UnboundError(SidecarError):
-    """A model file that can't follow a varied constant; the message names file and remedy."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ParametricModelFile:
     """A model file whose literals follow some constants.
@@ -432,7 +428,7 @@ def parametric_model_file(
         needed: those that the equations or the coordinates depend on.
 
     Raises:
-        UnboundError: if no literal of the model follows a needed constant, or a following literal
+        SidecarError: if no literal of the model follows a needed constant, or a following literal
             now contradicts its binding.
         SidecarError, LocationError: as `harness.modelfiles.bindings.bindings`.
     """
@@ -447,7 +443,7 @@ def parametric_model_file(
         if not dependencies:
             continue
         if not (binding.exact or binding.rounded):
-            raise UnboundError(
+            raise SidecarError(
                 f"{binding.place}: the file has {binding.place.text}, but its "
                 f"binding {binding.expression!r} gives {binding.expected:.9g}; "
                 "correct one of them (see `crosscheck audit`), or varied models "
@@ -456,7 +452,7 @@ def parametric_model_file(
         followed |= dependencies
         literals.append((binding, expression))
     for name in sorted(set(needed) & varied - followed):
-        raise UnboundError(
+        raise SidecarError(
             f"{sidecar.model}.toml: no number of {sidecar.model.name} is bound to "
             f"{name}, which varies and affects the equations; bind its numbers "
             "under [bindings], or leave the model out"

@@ -18,8 +18,7 @@ from physics_crosscheck.harness.documents.sdf.read import SdfJoint
 from physics_crosscheck.harness.documents.urdf import UrdfJoint
 from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
 from physics_crosscheck.reference.mechanism.bodies import BodyModel, Coupling, RigidBody, Triple
-from physics_crosscheck.reference.mechanism.rotations import from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Place, from_rpy
 from physics_crosscheck.reference.mechanism.tree import Tree
 from .inertias import massless_groups
 from .robot import HELD, LinkPart, Omission, PlacedShape, Robot, home_of, refused

@@ -191,18 +191,13 @@ _recordings: list[ReadRecording] = []
 """Active recordings, the innermost last; each receives all accesses."""
 
 
-class _Noting(threading.local):
-    """A flag per thread: a recording is active, whose own accesses are ignored."""
-
-    on = False
-
-
-_noting = _Noting()
+_noting = threading.local()
+"""Its `on` is true in a thread that notes an access: its own accesses are ignored."""
 
 
 def _record(note: Callable[[ReadRecording], None]) -> None:
     """Let each recording note an access by its folder's code."""
-    if not _recordings or _noting.on:
+    if not _recordings or getattr(_noting, "on", False):
         return
     _noting.on = True
     try:
@@ -217,7 +212,7 @@ def _record(note: Callable[[ReadRecording], None]) -> None:
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
     """Record an audit event."""
-    if not _recordings or _noting.on or event not in _EVENTS:
+    if not _recordings or getattr(_noting, "on", False) or event not in _EVENTS:
         return
     frame = sys._getframe(1)
     if event == "import":

@@ -22,8 +22,8 @@ import numpy as np
 import sympy as sp
 
 from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.reference.mechanism.declaration import WORLD
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.pose import WORLD
 from physics_crosscheck.reference.mechanism.system import System
 from .expressions import parse
 from .locations import line_of

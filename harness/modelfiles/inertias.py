@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
+from physics_crosscheck.harness.documents.errors import ReadError, quote
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.couplings import Coupled
+from physics_crosscheck.reference.mechanism.chart import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import rotate
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia, rotate
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .robot import Robot
 
@@ -41,36 +38,10 @@ all.
 Kind = Literal["not finite", "negative mass", "moments", "triangle", "massless"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """A link whose inertia no body can have, although equations exist.
-
-    Attributes:
-        kind: the rule that it breaks.
-        link: its name.
-        sentence: the rule and its numbers.
-        file: that contains it.
-        line: of the link's element, from 1.
-        remedy: the correction.
-        rounded: whether the rounding of the written digits explains it.
-    """
-
-    kind: Kind
-    link: str
-    sentence: str
-    file: Path
-    line: int
-    remedy: str
-    rounded: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.sentence}; {self.remedy}"
-
-
-def impossible_inertias(robot: Robot) -> tuple[Finding, ...]:
+def impossible_inertias(robot: Robot) -> tuple[ReadError, ...]:
     """Return every rule that a link of the file breaks, also for fixed links."""
     return tuple(
-        Finding(
+        ReadError(
             kind=kind,
             link=part.name,
             sentence=f"link {quote(part.name)} {sentence}",
@@ -128,13 +99,9 @@ def _violations(body: SpatialInertia, rounding: float = 0.0) -> Iterator[tuple[K
 
 def impossible_links(robot: Robot) -> tuple[ReadError, ...]:
     """Return the links whose inertia no body can have as problems that may prevent a tree."""
-    kinds: tuple[ReadKind, ...] = ("negative mass", "moments", "triangle")
-    return tuple(
-        ReadError(sentence=one.sentence, file=one.file, line=one.line, remedy=one.remedy, kind=kind)
-        for one in impossible_inertias(robot)
-        for kind in kinds
-        if kind == one.kind and not one.rounded
-    )
+    kinds = ("negative mass", "moments", "triangle")
+    problems = impossible_inertias(robot)
+    return tuple(one for one in problems if one.kind in kinds and not one.rounded)
 
 
 def massless_groups(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], ...] | None:

@@ -34,9 +34,7 @@ _TO_THE_MIDDLE = 0.01
 class MeshError(ValueError):
     """A mesh that can't be read; the message names the file and the reason."""
 
-
-class MissingReaderError(MeshError):
-    """A mesh of a format whose reader is not installed; the message names the module."""
+    problem: MeshProblem = "unreadable"
 
 
 def unread_meshes(shapes: Iterable[PlacedShape]) -> tuple[UnreadMesh, ...]:
@@ -55,10 +53,8 @@ def _problem(model: Path, name: str) -> MeshProblem | None:
         return "not a regular file" if is_irregular(model, name) else "missing"
     try:
         read_mesh(file)
-    except MissingReaderError:
-        return "without a reader"
-    except MeshError:
-        return "unreadable" if file.stat().st_size else "empty"
+    except MeshError as error:
+        return error.problem if error.problem != "unreadable" or file.stat().st_size else "empty"
     return None
 
 
@@ -92,7 +88,9 @@ def read_mesh(file: Path) -> Mesh:
     except MeshError:
         raise
     except ImportError as error:
-        raise MissingReaderError(f"{file}: {error}; install this module") from None
+        missing = MeshError(f"{file}: {error}; install this module")
+        missing.problem = "without a reader"
+        raise missing from None
     except Exception as error:  # each format's parser has its own errors
         raise MeshError(f"{file}: {type(error).__name__}: {error}") from None
     starts = np.cumsum([0, *(len(one.points) for one in parts)])

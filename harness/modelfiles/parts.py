@@ -7,7 +7,6 @@ import os
 import re
 import stat
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import check_harmless, read_elements
@@ -43,17 +42,8 @@ class PartError(ValueError):
     kind = "file"
 
 
-@dataclass
-class _Names:
-    """The names in an XML file.
-
-    Attributes:
-        files: each with whether it is a part of the model, to be searched for further names.
-        folders: where the files may be.
-    """
-
-    files: dict[str, bool]
-    folders: list[str]
+_Names = tuple[dict[str, bool], list[str]]
+"""Names of files, each with whether it is a part of the model to be searched, and of folders."""
 
 
 def named_files(model: Path) -> tuple[Path, ...]:
@@ -140,11 +130,11 @@ def _walk(model: Path) -> tuple[dict[Path, bool], int]:
     while level and deepest <= MAX_INCLUDE_DEPTH:
         deepest += 1
         for path in level:
-            names = _names_in(path)
-            for folder in (b / n for n in names.folders for b in (path.parent, model.parent)):
+            files, places = _names_in(path)
+            for folder in (b / n for n in places for b in (path.parent, model.parent)):
                 if os.path.isdir(folder):
                     folders.setdefault(os.path.realpath(folder), folder)
-            named += [(path.parent, name, part) for name, part in names.files.items()]
+            named += [(path.parent, name, part) for name, part in files.items()]
         # All names again: a part's folders apply to the names in all others.
         level = []
         for base, name, part in named:
@@ -180,24 +170,24 @@ def _names_in(path: Path) -> _Names:
     """
     data = read_regular(path)
     if not _MAY_NAME.search(data):
-        return _Names({}, [])
+        return {}, []
     try:
         elements = read_elements(SourceFile(path, data))
     except LocationError:
         words = _QUOTED.findall(data.decode("utf-8", errors="replace"))
-        return _Names(dict.fromkeys(words, True), words)
-    names = _Names({}, [])
+        return dict.fromkeys(words, True), words
+    files, folders = dict[str, bool](), list[str]()
     for element in elements:
         if element.tag == "uri" and (uri := element.text.strip()):  # of SDF
-            names.files.setdefault(uri, Path(uri).suffix in _MODEL)
+            files.setdefault(uri, Path(uri).suffix in _MODEL)
         for attribute, value in element.attributes.items():
             if attribute in _FOLDERS:
-                names.folders.append(value)
+                folders.append(value)
             # A texture has fileright, fileleft and four more.
             elif attribute.startswith("file") and value:
                 part = element.tag in _PARTS or Path(value).suffix in _MODEL
-                names.files[value] = part or names.files.get(value, False)
-    return names
+                files[value] = part or files.get(value, False)
+    return files, folders
 
 
 def _candidates(name: str, folders: Iterable[Path]) -> Iterator[Path]:

@@ -6,21 +6,21 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.engines.protocol import Spring
 from physics_crosscheck.harness.records.case import CaseKind
 from physics_crosscheck.harness.results.status import counted
-from physics_crosscheck.reference.mechanism.assemble import assemble
-from physics_crosscheck.reference.mechanism.bodies import ForceElement
-from physics_crosscheck.reference.mechanism.chart import coordinate_names
-from physics_crosscheck.reference.mechanism.multibody import (
+from physics_crosscheck.reference.mechanism.assemble import (
     MultibodySystem,
     TreeSystem,
+    assemble,
     tree_system,
 )
+from physics_crosscheck.reference.mechanism.bodies import ForceElement
+from physics_crosscheck.reference.mechanism.chart import coordinate_names
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
 from .folders import FORMATS
 from .inertias import impossible_links
@@ -41,7 +41,8 @@ class RobotError(ValueError):
     ) -> None:
         super().__init__(message)
         self.obstacles = obstacles
-        self.kind: CaseKind = obstacles[0].kind if obstacles else kind
+        first = obstacles[0].kind if obstacles else kind
+        self.kind: CaseKind = "robot" if first == "not finite" else first
 
 
 def robot_system(robot: Robot) -> TreeSystem:
@@ -116,25 +117,9 @@ FOLLOWERS = "joints that follow others"
 """Omission of couplings that a setting releases."""
 
 
-class Reader(Protocol):
-    """The package of a format; settings are those of the engines that run the file."""
-
-    def read(self, file: Path, settings: Mapping[str, object]) -> Robot:
-        """Read a robot's file."""
-
-    def numbers(self, file: Path, settings: Mapping[str, object]) -> ModelFile:
-        """Return the numbers of a file that has a tree.
-
-        Raises:
-            RobotError: if no installed engine compiles the file.
-        """
-
-
-def _reader(file: Path) -> Reader:
-    """Return the reader of a file's suffix; an engine compiles unknown ones."""
-    package = FORMATS.get(file.suffix, FORMATS[".xml"]).package
-    reader: Reader = import_module(f"{__package__}.{package}")
-    return reader
+def _reader(file: Path) -> Any:
+    """Return the package of a file's suffix, as in `FORMATS`; an engine compiles unknown ones."""
+    return import_module(f"{__package__}.{FORMATS.get(file.suffix, FORMATS['.xml']).package}")
 
 
 def read_robot(file: Path, *, floating: bool | None = None, model: str = "") -> Robot:
@@ -146,7 +131,8 @@ def read_robot(file: Path, *, floating: bool | None = None, model: str = "") -> 
             if it stands on legs or wheels.
         model: name of one of several models of an SDFormat file; empty for a single moving one.
     """
-    return _reader(file).read(file, {"floating": floating, "model": model})
+    robot: Robot = _reader(file).read(file, {"floating": floating, "model": model})
+    return robot
 
 
 def read_as_it_runs(
@@ -157,7 +143,7 @@ def read_as_it_runs(
     Joints named by `held` are fixed where the file draws them. Without `couplings`, followers move
     freely; without `actuators`, no actuator acts.
     """
-    robot = _reader(file).read(file, settings)
+    robot: Robot = _reader(file).read(file, settings)
     held = settings.get("held")
     names = held if isinstance(held, list) else []
     released = not settings.get("couplings", True)
@@ -223,4 +209,5 @@ def robot_numbers(file: Path, settings: Mapping[str, object]) -> ModelFile:
     Raises:
         RobotError: if no installed engine compiles the file.
     """
-    return _reader(file).numbers(file, settings)
+    numbers: ModelFile = _reader(file).numbers(file, settings)
+    return numbers

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.documents.errors import ReadError
 from physics_crosscheck.harness.engines.protocol import ARMATURES
 from physics_crosscheck.reference.mechanism.bodies import BodyModel, RigidBody
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place, SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import Place, SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 
 HELD = "joints that move nothing with inertia (held still)"

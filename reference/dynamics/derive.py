@@ -2,10 +2,14 @@
 
 d/dt(dL/dv) - dL/dq + dD/dv = Q(t), L = T - V (the source's Eq. 2.3; Goldstein, Classical
 Mechanics, 3rd ed., section 1.5), for any number of coordinates.
+
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3. Every
+operation adds its own rounding to the errors of its operands, weighted by its partial derivatives.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -16,8 +20,161 @@ from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.system import System
 from .equations import EquationsOfMotion
-from .roundoff import BoundedValue, running_error
-from .simplify import LONG_OPERATIONS, simplify_bounded, solved
+
+LONG_OPERATIONS = 80
+"""Operations above which `simplify` takes seconds per expression, and minutes for an arm."""
+
+
+def simplify_bounded(expression: sp.Expr) -> sp.Expr:
+    """Return an equal expression: simplified if short, unchanged if long.
+
+    A long expression is not expanded either: an arm's nested kinematics are shorter. Expressions
+    with floats, such as a position found by a search, count as long earlier, since factoring floats
+    may not end.
+    """
+    has_floats = expression.has(sp.Float)
+    if sp.count_ops(expression) > LONG_OPERATIONS // (4 if has_floats else 1):
+        return expression
+    return sp.simplify(expression) if has_floats else _simplify_exact(expression)
+
+
+@lru_cache(maxsize=1024)
+def _simplify_exact(expression: sp.Expr) -> sp.Expr:
+    """Simplify an expression without floats once: modes and scenarios of a system share terms."""
+    return sp.simplify(expression)
+
+
+def solved(matrix: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
+    """Return matrix^-1 right for a symmetric n x n matrix and an n x 1 column, by minors.
+
+    sympy's own `det` expands intermediate results, which takes minutes for an arm and rounds worse.
+    """
+    n = matrix.rows
+    minors: dict[tuple[tuple[int, ...], tuple[int, ...]], sp.Expr] = {((), ()): sp.Integer(1)}
+
+    def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> sp.Expr:
+        if (rows, columns) not in minors:
+            minors[rows, columns] = sp.Add(
+                *(
+                    (-1) ** k
+                    * matrix[rows[0], column]
+                    * minor(rows[1:], columns[:k] + columns[k + 1 :])
+                    for k, column in enumerate(columns)
+                    if matrix[rows[0], column] != 0
+                )
+            )
+        return minors[rows, columns]
+
+    every = tuple(range(n))
+
+    def without(i: int) -> tuple[int, ...]:
+        return every[:i] + every[i + 1 :]
+
+    determinant = minor(every, every)
+    return sp.Matrix(
+        [
+            sp.Add(*((-1) ** (i + j) * minor(without(j), without(i)) * right[j] for j in every))
+            / determinant
+            for i in every
+        ]
+    )
+
+
+UNIT = float(np.finfo(float).eps) / 2
+"""Largest relative error of a sum, a product, a quotient or a root."""
+
+LIBRARY = 4 * UNIT
+"""Largest relative error of a sine, an exponential or another function in numpy."""
+
+BoundedValue = tuple[Array, Array]
+"""A value and its error bound, of one shape."""
+
+
+def running_error(
+    expressions: Sequence[sp.Expr],
+    variables: Mapping[sp.Symbol, BoundedValue],
+    rounded: bool = True,
+) -> Array:
+    """Return error bounds of expressions, (..., len(expressions)).
+
+    Args:
+        expressions: of the variables alone.
+        variables: values and errors, all of one shape (...).
+        rounded: whether to include rounding of the operations, besides the variables' errors.
+    """
+    bounded: dict[sp.Basic, BoundedValue] = dict(variables)
+    shape = np.broadcast_shapes(*(np.shape(value) for value, _ in bounded.values()))
+    with np.errstate(all="ignore"):
+        results = [_walk(sp.sympify(e), bounded, float(rounded))[1] for e in expressions]
+    errors = np.empty((*shape, len(results)))
+    for i, error in enumerate(results):
+        errors[..., i] = error
+    return errors
+
+
+def _walk(
+    expression: sp.Expr, bounded: dict[sp.Basic, BoundedValue], rounded: float
+) -> BoundedValue:
+    if expression in bounded:
+        return bounded[expression]
+    if not expression.args:
+        number = float(expression)
+        exact = expression.is_Rational and sp.Rational(number) == expression
+        off = 0.0 if exact else 2 * UNIT * abs(number) * rounded
+        result = np.asarray(number), np.asarray(off)
+    else:
+        operands = [_walk(operand, bounded, rounded) for operand in expression.args]
+        value, carried, rounding = _operation(expression, operands)
+        result = value, carried + rounding * rounded
+    bounded[expression] = result
+    return result
+
+
+def _operation(expression: sp.Expr, operands: Sequence[BoundedValue]) -> tuple[Array, Array, Array]:
+    """Return the value, the propagated error of the operands, and the operation's own rounding."""
+    values = [value for value, _ in operands]
+    errors = [error for _, error in operands]
+    match expression:
+        case sp.Add():
+            total = np.asarray(sum(values))
+            size = np.asarray(sum(np.abs(value) for value in values))
+            return total, np.asarray(sum(errors)), (len(values) - 1) * UNIT * size
+        case sp.Mul():
+            product = np.asarray(np.prod(np.broadcast_arrays(*values), axis=0))
+            others = [
+                np.prod(np.broadcast_arrays(1.0, *values[:i], *values[i + 1 :]), axis=0)
+                for i in range(len(values))
+            ]
+            carried = sum(np.abs(o) * e for o, e in zip(others, errors, strict=True))
+            return product, np.asarray(carried), (len(values) - 1) * UNIT * np.abs(product)
+        case sp.Pow() if expression.exp.is_Rational:
+            power = float(expression.exp)
+            raised = np.power(values[0], power)
+            slope = np.abs(power * np.power(values[0], power - 1))
+            return raised, slope * errors[0], LIBRARY * np.abs(raised)
+    return _function(expression, values, errors)
+
+
+@lru_cache(maxsize=64)
+def _with_slopes(function: type[sp.Expr], count: int) -> Callable[..., Sequence[Array]]:
+    """Return a function of `count` operands with its partial derivatives."""
+    places = sp.symbols(f"x:{count}")
+    form = function(*places)
+    compiled: Callable[..., Sequence[Array]] = sp.lambdify(
+        places, [form, *(sp.diff(form, x) for x in places)], "numpy"
+    )
+    return compiled
+
+
+def _function(
+    expression: sp.Expr, values: Sequence[Array], errors: Sequence[Array]
+) -> tuple[Array, Array, Array]:
+    compiled = _with_slopes(expression.func, len(values))
+    value, *slopes = (np.asarray(array) for array in compiled(*values))
+    # An exact operand adds no error, even where its derivative has no value.
+    carried = sum(np.where(e > 0, np.abs(s) * e, 0.0) for s, e in zip(slopes, errors, strict=True))
+    return value, np.asarray(carried), LIBRARY * np.abs(value)
+
 
 LONG_FORCE_OPERATIONS = 1000
 """Operations in the forces above which symbolic derivatives are too slow."""

@@ -18,8 +18,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotation_vector,
 )
 from physics_crosscheck.reference.mechanism.tree import Bushing, Tree, TreeError
-from .fluid import Immersion
-from .force_elements import ForceElements
+from .force_elements import ForceElements, Immersion
 from .recursion import Recursion, Trace
 
 

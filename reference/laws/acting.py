@@ -66,21 +66,13 @@ def pressed(
     return Oscillator(rate=rate, damping=s * b / (2 * rate) if rate else np.inf)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rest:
-    """A body that rests on one contact.
+def rest_on(
+    contact: ContactParameters, laws: Laws, weight: float, force: float
+) -> tuple[float, float]:
+    """Return how a body rests on one contact: its depth, m, and its creep.
 
-    Attributes:
-        depth: m.
-        creep: speed along a slope of `SLOPE` degrees on which it sticks, m/s; infinite undamped.
-    """
-
-    depth: float
-    creep: float
-
-
-def rest_on(contact: ContactParameters, laws: Laws, weight: float, force: float) -> Rest:
-    """Return the rest on one contact.
+    The creep is its speed along a slope of `SLOPE` degrees on which it sticks, m/s; infinite
+    undamped.
 
     Args:
         contact: its numbers.
@@ -96,7 +88,7 @@ def rest_on(contact: ContactParameters, laws: Laws, weight: float, force: float)
     slope = 1.0 if laws.elliptic else 1 + friction**2
     along = force * np.sin(SLOPE) * weight / laws.friction_ratio
     creep = (1 - d) / (d * b) * slope * along if b else np.inf
-    return Rest(depth=depth, creep=float(creep))
+    return depth, float(creep)
 
 
 def _normal_share(contact: ContactParameters, laws: Laws) -> float:

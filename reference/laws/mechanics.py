@@ -12,14 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from physics_crosscheck.reference.dynamics.fluid import drag_box
-from physics_crosscheck.reference.dynamics.force_elements import ForceElements
+from physics_crosscheck.reference.dynamics.force_elements import ForceElements, drag_box
 from physics_crosscheck.reference.dynamics.propagation import LinkMotion, Placement
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import cross, rotation_vector
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Place, cross, rotation_vector
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeForce
 from physics_crosscheck.reference.solving.next_state import SteppedBodies
 

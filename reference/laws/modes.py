@@ -16,8 +16,7 @@ from typing import TypeAlias
 
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.simplify import simplify_bounded, solved
+from physics_crosscheck.reference.dynamics.derive import Equations, simplify_bounded, solved
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
 from physics_crosscheck.reference.mechanism.interactions import (
     Buffer,

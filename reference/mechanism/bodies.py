@@ -14,10 +14,8 @@ from typing import get_args
 
 import numpy as np
 
-from .force_paths import CablePath, FrameForce, JointForce
-from .rotations import Array, from_quaternion, from_rpy
-from .spatial_inertia import Place, SpatialInertia
-from .tree import Fluid, Kind, TreeError
+from .rotations import Array, Place, SpatialInertia, from_quaternion, from_rpy
+from .tree import CablePath, Fluid, FrameForce, JointForce, Kind, TreeError
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

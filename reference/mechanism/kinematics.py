@@ -13,8 +13,7 @@ from typing import Any
 
 import sympy as sp
 
-from .declaration import Coordinate
-from .pose import Pose
+from .declaration import Coordinate, Pose
 
 Triple = Sequence[Any]
 """Three numbers or expressions: a position, an axis, or moments of inertia."""

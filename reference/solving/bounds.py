@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from physics_crosscheck.reference.dynamics.derive import UNIT, running_error
 from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
-from physics_crosscheck.reference.dynamics.roundoff import UNIT, running_error
 from physics_crosscheck.reference.mechanism.declaration import t
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece

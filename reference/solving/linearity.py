@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization
-from physics_crosscheck.reference.dynamics.modes import modes
+from physics_crosscheck.reference.dynamics.linearize import TaylorLinearization, modes
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import SignalPiece
 from .integrate import trajectory

@@ -13,8 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.derive import Equations
-from physics_crosscheck.reference.dynamics.simplify import solved
+from physics_crosscheck.reference.dynamics.derive import Equations, solved
 from physics_crosscheck.reference.mechanism.declaration import Coordinate, t
 from physics_crosscheck.reference.mechanism.numeric import (
     Array,

@@ -32,7 +32,7 @@ from physics_crosscheck.harness.engines.urdf import load_urdf
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin, template
 from physics_crosscheck.harness.modelfiles.locations import find_in
-from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
+from physics_crosscheck.harness.modelfiles.locations.attributes import with_attributes
 from physics_crosscheck.harness.modelfiles.locations.python import python_numbers, python_offset
 from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 from physics_crosscheck.harness.modelfiles.locations.xml import xml_numbers, xml_offset
@@ -41,7 +41,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError,
 from physics_crosscheck.harness.records.baseline import BaselineFile
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.reference.dynamics.notation import readings
+from physics_crosscheck.reference.dynamics.errata import readings
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError, PublishedEquation
 from physics_crosscheck.reference.mechanism.system import System
@@ -141,7 +141,7 @@ def _parse_xml(data: bytes) -> object:
     xml_offset(source, name)
     list(xml_numbers(source, re.compile(r".*")))
     for element in elements[:2]:
-        with_attributes(text, source.file, [Attribute(element.start, "name", "a")])
+        with_attributes(text, source.file, [(element.start, "name", "a")])
     return _find_number(".xml", data)
 
 

@@ -25,7 +25,7 @@ from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.multibody import tree_system
+from physics_crosscheck.reference.mechanism.assemble import tree_system
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model
 from tests.models import written

@@ -32,11 +32,11 @@ ALLOWED = (
     PACKAGE,
     "physics_crosscheck.harness.documents",
     "physics_crosscheck.reference.mechanism.bodies",
-    "physics_crosscheck.reference.mechanism.force_paths",
+    "physics_crosscheck.reference.mechanism.bodies",
     "physics_crosscheck.reference.mechanism.laws",
     "physics_crosscheck.reference.mechanism.planar",
     "physics_crosscheck.reference.mechanism.rotations",
-    "physics_crosscheck.reference.mechanism.spatial_inertia",
+    "physics_crosscheck.reference.mechanism.rotations",
     "physics_crosscheck.reference.mechanism.tree",
 )
 ADAPTERS = sorted(HOME.rglob("*.py"))

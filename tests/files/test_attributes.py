@@ -6,7 +6,6 @@ import pytest
 
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.modelfiles.locations.attributes import (
-    Attribute,
     elements,
     with_attributes,
 )
@@ -28,9 +27,7 @@ def file(tmp_path: Path) -> Path:
 
 def change(file: Path, name: str, attribute: str, value: str | None) -> str:
     element = next(e for e in elements(file) if e.attributes.get("name") == name)
-    return with_attributes(
-        file.read_bytes(), file, [Attribute(element.start, attribute, value)]
-    ).decode()
+    return with_attributes(file.read_bytes(), file, [(element.start, attribute, value)]).decode()
 
 
 def test_attribute_is_added_after_the_others(file: Path) -> None:
@@ -55,7 +52,7 @@ def test_attribute_is_removed_and_a_missing_one_is_ignored(file: Path) -> None:
 
 def test_several_attributes_are_changed_at_once(file: Path) -> None:
     x, y = (e.start for e in elements(file) if "name" in e.attributes)
-    edits = [Attribute(x, "a", "1"), Attribute(y, "b", '"<&'), Attribute(x, "axis", None)]
+    edits = [(x, "a", "1"), (y, "b", '"<&'), (x, "axis", None)]
     path = file.with_name("new.xml")
     path.write_bytes(with_attributes(file.read_bytes(), file, edits))
     actual = {e.attributes["name"]: e.attributes for e in elements(path) if "name" in e.attributes}
@@ -64,4 +61,4 @@ def test_several_attributes_are_changed_at_once(file: Path) -> None:
 
 def test_byte_where_no_element_starts_is_refused(file: Path) -> None:
     with pytest.raises(LocationError, match="no element starts at byte 5"):
-        with_attributes(file.read_bytes(), file, [Attribute(5, "a", "1")])
+        with_attributes(file.read_bytes(), file, [(5, "a", "1")])

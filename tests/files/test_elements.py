@@ -4,9 +4,16 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.checks.findings import source_line
 from physics_crosscheck.harness.documents import elements
 from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
+from physics_crosscheck.harness.documents.elements import (
+    Number,
+    XmlElement,
+    read_elements,
+    replace_numbers,
+)
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.reading import SourceFile
 
 TEXT = """<robot  name='a&amp;b'><!-- kept -->
@@ -91,3 +98,12 @@ def test_bytes_are_parsed_once_and_changed_bytes_again(
     path.write_text(TEXT.replace("1e0", "2e0"))
     assert Document(path).root.find("link/mass").get("value") == "2e0"  # type: ignore[union-attr]
     assert len(parsed) == 2
+
+
+def test_number_without_a_line_is_named_by_its_address() -> None:
+    """Print no line of a binary layer, and change none of its bytes."""
+    number = Number(file=Path("arm.usdc"), text="2.5", address="/arm/link.physics:mass")
+    assert str(number) == "arm.usdc:/arm/link.physics:mass"
+    assert (number.value, number.span, source_line(number).line) == (2.5, None, None)
+    with pytest.raises(LocationError, match=r"arm\.usdc: '/arm/link\.physics:mass' is not written"):
+        replace_numbers({number.file: b"PXR-USDC"}, [(number, "3")])

@@ -142,7 +142,7 @@ def test_address_names_the_bytes_of_its_number(
     assert place.text == number
     assert data[place.start : place.end] == number.encode()
     assert place.value == float(number)
-    line = text.removeprefix("\ufeff").split("\n")[place.line - 1]
+    line = text.removeprefix("\ufeff").split("\n")[(place.line or 0) - 1]
     assert line[place.column - 1 :].startswith(number)
     assert str(place) == f"{tmp_path / file}:{place.line}"
 

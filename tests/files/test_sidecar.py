@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.modelfiles.bindings import (
-    UnboundError,
     at_constants,
     bindings,
     parametric_model_file,
@@ -128,7 +127,7 @@ def test_constant_without_a_bound_literal_is_reported_with_its_file(tmp_path: Pa
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
     parametric_model_file(system, sidecar, {"m"}, {"m", "l"})
     parametric_model_file(system, sidecar, {"l"}, {"m"})
-    with pytest.raises(UnboundError, match=r"mujoco\.xml\.toml: no number .* bound to l.*bind"):
+    with pytest.raises(SidecarError, match=r"mujoco\.xml\.toml: no number .* bound to l.*bind"):
         parametric_model_file(system, sidecar, {"m", "l"}, {"m", "l"})
 
 
@@ -136,5 +135,5 @@ def test_wrong_literal_is_refused_instead_of_corrected(tmp_path: Path) -> None:
     folder = copy_folder(tmp_path, "-0.75", "-0.76")
     system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
     parametric_model_file(system, sidecar, {"m"}, {"m"})
-    with pytest.raises(UnboundError, match=r"mujoco\.xml:\d+: the file has -0\.76.*audit"):
+    with pytest.raises(SidecarError, match=r"mujoco\.xml:\d+: the file has -0\.76.*audit"):
         parametric_model_file(system, sidecar, {"l"}, {"l"})

@@ -50,16 +50,16 @@ def test_depth_at_rest_and_the_creep_on_a_slope_are_those_of_the_engine(
     flat = SLIDE.format(option=option, geom=geom, x=0, z=-G)
     laws, model, data = loaded(tmp_path, flat)
     contact = mix_surfaces(*laws.laws.surfaces)
-    rest = rest_on(contact, laws.laws, float(laws.weights.bodies[1, 0]), 2 * G)
+    depth, _ = rest_on(contact, laws.laws, float(laws.weights.bodies[1, 0]), 2 * G)
     mujoco.mj_step(model, data, 4000)
-    assert 0.1 + data.qpos[2] == pytest.approx(0.1 - rest.depth, abs=1e-13)
+    assert 0.1 + data.qpos[2] == pytest.approx(0.1 - depth, abs=1e-13)
     if contact.dimension == 1:
         return
     slope = SLIDE.format(option=option, geom=geom, x=G * np.sin(SLOPE), z=-G * np.cos(SLOPE))
     laws, model, data = loaded(tmp_path, slope)
-    across = rest_on(contact, laws.laws, float(laws.weights.bodies[1, 0]), 2 * G * np.cos(SLOPE))
+    _, creep = rest_on(contact, laws.laws, float(laws.weights.bodies[1, 0]), 2 * G * np.cos(SLOPE))
     mujoco.mj_step(model, data, 4000)
-    assert data.qvel[0] == pytest.approx(across.creep / np.cos(SLOPE), rel=1e-9)
+    assert data.qvel[0] == pytest.approx(creep / np.cos(SLOPE), rel=1e-9)
 
 
 LIMIT = """<mujoco><option timestep="{step}" gravity="0 0 0"/><compiler angle="radian"/>

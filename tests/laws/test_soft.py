@@ -22,7 +22,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     Surface,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD
 
 MASS, RADIUS, GRAVITY = 2.0, 0.1, 9.81

@@ -13,15 +13,13 @@ from sympy import Heaviside, cos, exp, sin
 import physics_crosscheck.reference.solving.bounds
 import physics_crosscheck.reference.solving.solve
 from physics_crosscheck import t
-from physics_crosscheck.reference.dynamics.derive import Equations, derive
+from physics_crosscheck.reference.dynamics.derive import Equations, derive, running_error
 from physics_crosscheck.reference.dynamics.linearize import linearize
-from physics_crosscheck.reference.dynamics.roundoff import running_error
 from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
 from physics_crosscheck.reference.mechanism.signal import pieces
-from physics_crosscheck.reference.solving.closed_form import augmented
 from physics_crosscheck.reference.solving.integrate import solve_numerically
 from physics_crosscheck.reference.solving.segments import Motion
-from physics_crosscheck.reference.solving.solve import solve
+from physics_crosscheck.reference.solving.solve import augmented, solve
 from tests.reference.mechanisms import EPS, LINEAR, SCENARIOS, equations_of, motion_of, oscillator
 from tests.reference.test_closed_form import FREQUENCY, textbook
 from tests.reference.test_pendulum import STARTS, G, L, flow, solved

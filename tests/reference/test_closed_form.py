@@ -19,9 +19,8 @@ from physics_crosscheck import Equilibrium, Scenario, t
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.mechanism.signal import pieces
-from physics_crosscheck.reference.solving.closed_form import state_at
 from physics_crosscheck.reference.solving.segments import Motion
-from physics_crosscheck.reference.solving.solve import solve
+from physics_crosscheck.reference.solving.solve import solve, state_at
 from tests.reference.mechanisms import EPS, oscillator
 
 REGIMES = {  # m, c, k: dyadic where a regime is a matter of equality

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from physics_crosscheck import Fluid
-from physics_crosscheck.reference.dynamics.chart_equations import Charted
-from physics_crosscheck.reference.dynamics.inertial_parameters import bodies_apart
+from physics_crosscheck.reference.dynamics.recursion import bodies_apart
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.dynamics.tree_equations import Charted
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, Tree, TreeCoupling, TreeLink

@@ -13,7 +13,6 @@ from physics_crosscheck.reference.dynamics.linearize import linearize
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving import integrate
-from physics_crosscheck.reference.solving.closed_form import solve_closed_form
 from physics_crosscheck.reference.solving.collocation import collocate
 from physics_crosscheck.reference.solving.integrate import (
     ReferenceError,
@@ -23,7 +22,7 @@ from physics_crosscheck.reference.solving.integrate import (
     trajectory,
 )
 from physics_crosscheck.reference.solving.segments import Motion
-from physics_crosscheck.reference.solving.solve import solve, tile
+from physics_crosscheck.reference.solving.solve import solve, solve_closed_form, tile
 from tests.reference.mechanisms import (
     CART,
     EPS,

@@ -12,15 +12,13 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import (
     TaylorLinearization,
     classify,
-    linearize,
-    taylor,
-)
-from physics_crosscheck.reference.dynamics.modes import (
     damped_shapes,
     evaluate_transfer,
+    linearize,
     modes,
     poles,
     s,
+    taylor,
     transfer_functions,
 )
 from physics_crosscheck.reference.solving.linearity import LinearityError, linearity

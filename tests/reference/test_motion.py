@@ -11,13 +11,12 @@ import sympy as sp
 from physics_crosscheck.harness.modelfiles.bindings import at_constants
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.reference.dynamics.derive import derive
-from physics_crosscheck.reference.dynamics.linearize import linearize
-from physics_crosscheck.reference.dynamics.modes import modes, poles
+from physics_crosscheck.reference.dynamics.linearize import linearize, modes, poles
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving.collocation import collocate
-from physics_crosscheck.reference.solving.family import Family
 from physics_crosscheck.reference.solving.integrate import field_of
+from physics_crosscheck.reference.solving.next_state import Family
 from physics_crosscheck.reference.solving.segments import chebyshev_nodes
 from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of, motion_of

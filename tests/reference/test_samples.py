@@ -10,13 +10,12 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck import Coordinate, DeclarationError, Scenario, System, t
-from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.equations import slopes_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem, tree_system
+from physics_crosscheck.reference.dynamics.tree_equations import Charted, TreeEquations
+from physics_crosscheck.reference.mechanism.assemble import TreeSystem, tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import (
     DOUBLES,
@@ -25,9 +24,8 @@ from physics_crosscheck.reference.mechanism.rotations import (
     about_axis,
 )
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeCoupling, TreeLink
-from physics_crosscheck.reference.solving import resolved
+from physics_crosscheck.reference.solving.flows import ReusedSegments
 from physics_crosscheck.reference.solving.integrate import ReferenceError, by_runge_kutta
-from physics_crosscheck.reference.solving.resolved import ReusedSegments
 from physics_crosscheck.reference.solving.samples import (
     LockedError,
     samples,
@@ -250,7 +248,7 @@ def test_distant_tree_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object) -> Segments:
         raise ReferenceError("it does not converge")
 
-    monkeypatch.setattr(resolved.ReusedSegments, "_near", refused)
+    monkeypatch.setattr(ReusedSegments, "_near", refused)
     drawn = replace(system, tree=heavier(system.tree, 2.0))
     assert np.array_equal(near.for_tree(drawn.tree).end, by_two_methods(drawn, segments).end)
 

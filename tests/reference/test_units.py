@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck import DeclarationError, Pose, System, ground, rotation
-from physics_crosscheck.reference.mechanism.frames import frame_function
+from physics_crosscheck.reference.mechanism.system import frame_function
 from physics_crosscheck.reference.mechanism.units import UnitError, dimension_of, parse_unit
 from tests.poses.arm import SWING, a, l
 

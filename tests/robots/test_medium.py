@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.records import Outcome
-from physics_crosscheck.reference.dynamics.fluid import Immersion
+from physics_crosscheck.reference.dynamics.force_elements import Immersion
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from tests.robots.planted import PreparedFile, prepare_file, tree_of

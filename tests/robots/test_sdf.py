@@ -17,8 +17,7 @@ from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numb
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.rotations import from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Place, from_rpy
 from physics_crosscheck.reference.mechanism.tree import Tree
 from tests.robots.files import left_out, problems, tree_of
 

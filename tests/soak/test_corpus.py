@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck import DeclarationError, PublishedEquation
-from physics_crosscheck.reference.dynamics.notation import readings
+from physics_crosscheck.reference.dynamics.errata import readings
 from physics_crosscheck.reference.load import load_system
 from soak.corpus.__main__ import chunks, table
 from soak.corpus.entries import ENTRIES

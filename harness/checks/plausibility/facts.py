@@ -24,10 +24,10 @@ from physics_crosscheck.harness.modelfiles.robot import LinkPart, PlacedShape, R
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.bodies import Joint
-from physics_crosscheck.reference.mechanism.rotations import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import (
+from physics_crosscheck.reference.mechanism.rotations import (
     IDENTITY,
     NO_INERTIA,
+    Array,
     Place,
     SpatialInertia,
 )

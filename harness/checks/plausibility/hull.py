@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.rotations import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Array, Place
 
 SOLIDS = ("box", "sphere", "ellipsoid", "cylinder", "capsule")
 """Forms of shapes with a volume, besides meshes."""

@@ -16,8 +16,13 @@ from physics_crosscheck.harness.modelfiles.readers import names_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place, SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import (
+    DOUBLES,
+    IDENTITY,
+    Place,
+    SpatialInertia,
+    about_axis,
+)
 from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, Tree
 
 

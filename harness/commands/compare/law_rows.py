@@ -248,10 +248,10 @@ class SoftRows:
     def _row(self, key: Key, subject: str, index: int, row: Row, stated: StatedKey) -> LawRow:
         source, lines = self._stated_rows.get(stated), dict[str, SourceLine]()
         if source is not None:
-            for place in source.places:
-                spot = _line(self.file, place.element, place.key)
-                lines |= {f"{place.key}[{place.word}]": one for one in spot.values()}
-                if place.element is source.element or place.key not in lines:
+            for element, name, word in source.places:
+                spot = _line(self.file, element, name)
+                lines |= {f"{name}[{word}]": one for one in spot.values()}
+                if element is source.element or name not in lines:
                     lines |= spot
             lines |= _line(self.file, source.element, "")
         return LawRow(key=key, subject=subject, index=index, row=row, lines=lines)

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.bodies import RigidBody, powers
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Place
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments
 from .actuators import actuator_properties

@@ -19,8 +19,8 @@ from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.couplings import Coupled
-from physics_crosscheck.reference.mechanism.multibody import tree_system
+from physics_crosscheck.reference.mechanism.assemble import tree_system
+from physics_crosscheck.reference.mechanism.chart import Coupled
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import ends_of

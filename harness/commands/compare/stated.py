@@ -20,7 +20,7 @@ from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .alignment import SAME, Aligned
 from .match import (

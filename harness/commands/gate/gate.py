@@ -189,7 +189,7 @@ def _literals(
             within = address.removeprefix("sidecar:")
             before, after = (_place(file, text, within) for text in (old, new))
             if before and after and before.value != after.value:
-                moved = changed_value(after.line, within, before.text, after.text)
+                moved = changed_value(after.line or 0, within, before.text, after.text)
                 message = f"{moved.message}, bound to {expression}"
                 changed.append(msgspec.structs.replace(moved, message=message))
     return changed

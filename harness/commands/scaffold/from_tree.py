@@ -28,6 +28,7 @@ from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
 from physics_crosscheck.reference.mechanism.bodies import (
     BodyModel,
     Coupling,
@@ -35,8 +36,7 @@ from physics_crosscheck.reference.mechanism.bodies import (
     Joint,
     RigidBody,
 )
-from physics_crosscheck.reference.mechanism.force_paths import JointForce
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.tree import JointForce
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from .folder import NewError, write_folder
 from .places import Key, places

@@ -14,17 +14,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion, from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import (
+from physics_crosscheck.reference.mechanism.rotations import (
     IDENTITY,
     NO_INERTIA,
     Place,
     SpatialInertia,
+    from_quaternion,
+    from_rpy,
 )
 from ..document import Document, named_elements
 from ..elements import XmlElement
@@ -36,19 +36,15 @@ MODEL, WORLD = "__model__", "world"
 NAMED = ("link", "joint", "frame")
 
 
-@dataclass(frozen=True)
-class StatedPose:
-    """The content of a `<pose>`: the pose and its reference frame, empty for the default."""
-
-    place: Place
-    relative_to: str
+StatedPose = tuple[Place, str]
+"""The content of a `<pose>`: the pose and its reference frame, empty for the default."""
 
 
 def read_pose(document: Document, owner: XmlElement, what: str) -> StatedPose:
     """Return the pose of an element; the identity without one."""
     element = document.child(owner, "pose")
     if element is None:
-        return StatedPose(IDENTITY, "")
+        return IDENTITY, ""
     relative_to = element.attributes.get("relative_to", "")
     if element.attributes.get("frame", ""):
         document.add_problem(
@@ -64,12 +60,12 @@ def read_pose(document: Document, owner: XmlElement, what: str) -> StatedPose:
             document.add_problem(element, f"the rotation of {what} has no length", "write 0 0 0 1")
             w = 1.0
         turn = from_quaternion(np.array([w, i, j, k]) / np.linalg.norm([w, i, j, k]))
-        return StatedPose(Place(turn, np.array([x, y, z])), relative_to)
+        return Place(turn, np.array([x, y, z])), relative_to
     x, y, z, *angles = document.text_numbers(element, (0.0,) * 6, what)
     if element.attributes.get("degrees", "").strip().lower() in ("1", "true"):
         angles = np.radians(angles).tolist()
     roll, pitch, yaw = angles
-    return StatedPose(Place(from_rpy(roll, pitch, yaw), np.array([x, y, z])), relative_to)
+    return Place(from_rpy(roll, pitch, yaw), np.array([x, y, z])), relative_to
 
 
 class SdfFrames:
@@ -115,23 +111,22 @@ class SdfFrames:
                 last, f"frame {quote(name)}, which a pose refers to, {problem}", "name another"
             )
             return IDENTITY
-        pose = self._poses[name]
-        outer = pose.relative_to or _default(element)
-        placed = self._places[name] = self._place(outer, (*within, name)).compose(pose.place)
+        pose, relative_to = self._poses[name]
+        outer = self._place(relative_to or _default(element), (*within, name))
+        placed = self._places[name] = outer.compose(pose)
         return placed
 
     def of_model(self) -> Place:
         """Return the pose of the model's frame in the world."""
-        pose = read_pose(self._document, self._model, "the model")
-        if pose.relative_to not in ("", WORLD):
+        pose, relative_to = read_pose(self._document, self._model, "the model")
+        if relative_to not in ("", WORLD):
             self._document.add_problem(
                 self._model,
-                f"the pose of the model is relative to {quote(pose.relative_to)}, which is not"
-                " covered",
+                f"the pose of the model is relative to {quote(relative_to)}, which is not covered",
                 "give the pose in the world",
             )
         placed = self._model.attributes.get("placement_frame", "")
-        return pose.place.compose(inverse(self.place(placed))) if placed else pose.place
+        return pose.compose(inverse(self.place(placed))) if placed else pose
 
 
 def attached(name: str, named: Mapping[str, XmlElement], model: XmlElement) -> str:
@@ -277,10 +272,9 @@ def automatic_inertia(
             what,
         )[0]
         for shape_inertia in _solid(document, collision, what, density):
-            pose = read_pose(document, collision, f"a <collision> of {what}")
-            place = pose.place
-            if pose.relative_to:
-                outer = inverse(frames.place(name)).compose(frames.place(pose.relative_to))
+            place, relative_to = read_pose(document, collision, f"a <collision> of {what}")
+            if relative_to:
+                outer = inverse(frames.place(name)).compose(frames.place(relative_to))
                 place = outer.compose(place)
             total = total.combined(shape_inertia.in_frame(place))
     mass = document.child(inertial, "mass")

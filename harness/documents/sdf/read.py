@@ -211,9 +211,7 @@ def _stated_body(
     """Return the body of an `<inertial>` that states its numbers, or of None."""
     what = f"link {quote(name)}"
     mass, inertia = document.child(inertial, "mass"), document.child(inertial, "inertia")
-    place = (
-        None if inertial is None else read_pose(document, inertial, f"<inertial> of {what}").place
-    )
+    place = None if inertial is None else read_pose(document, inertial, f"<inertial> of {what}")[0]
     (weight,) = document.text_numbers(mass, (1.0,), what)
     tensor: list[float] = []
     for key, default in zip(_TENSOR, _UNIT, strict=True):

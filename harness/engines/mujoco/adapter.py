@@ -19,12 +19,6 @@ from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.mjcf_engine import MJCF_NON_PHYSICAL
-from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act
-from physics_crosscheck.harness.engines.mujoco.forward import (
-    equality_errors,
-    forward,
-    holds_exactly,
-)
 from physics_crosscheck.harness.engines.mujoco.mjcf import (
     checked_numbers,
     checked_step,
@@ -32,21 +26,12 @@ from physics_crosscheck.harness.engines.mujoco.mjcf import (
     load_error,
     sources,
 )
+from physics_crosscheck.harness.engines.mujoco.pulls import equalities_act
 from physics_crosscheck.harness.engines.mujoco.remarks import (
     UNCOMPENSATED,
     file_remarks,
     idle_compensation,
     model_remarks,
-)
-from physics_crosscheck.harness.engines.mujoco.rule import step_rule
-from physics_crosscheck.harness.engines.mujoco.settings import (
-    WITHOUT,
-    apply_settings,
-    held_controls,
-    is_on,
-    rounded_frames,
-    state_names,
-    states_move,
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import (
     mesh_of,
@@ -57,11 +42,25 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     without_mesh_files,
 )
 from physics_crosscheck.harness.engines.mujoco.smooth import (
+    WITHOUT,
+    Warnings,
+    apply_settings,
+    held_controls,
+    is_on,
     keep_equalities,
     remove_uncovered,
+    rounded_frames,
+    state_names,
+    states_move,
     without_joints,
 )
-from physics_crosscheck.harness.engines.mujoco.state import States
+from physics_crosscheck.harness.engines.mujoco.state import (
+    States,
+    equality_errors,
+    forward,
+    holds_exactly,
+    step_rule,
+)
 from physics_crosscheck.harness.engines.mujoco.tree import compiled_tree
 from physics_crosscheck.harness.engines.mujoco.urdf import (
     FORMS,
@@ -72,9 +71,8 @@ from physics_crosscheck.harness.engines.mujoco.urdf import (
     extensions,
     name_collisions,
     shaped_links,
+    urdf_whole,
 )
-from physics_crosscheck.harness.engines.mujoco.urdf_whole import urdf_whole
-from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -106,8 +104,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     with_forms,
     without_visuals,
 )
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia, from_quaternion
 
 
 class PoseEvaluator:

@@ -8,7 +8,6 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
@@ -137,17 +136,13 @@ def checked_numbers(
     problem = f"{fields} of the compiled model {'is' if len(arrays) == 1 else 'are'} not finite"
     if not words:
         raise EngineError(f"its numbers; {problem}", file=path)
-    largest = max(words, key=lambda word: word.size)
-    file, line = largest.element.place
-    raise EngineError(f"{largest.sentence}; {problem}", file=file, line=line)
+    _, sentence, element = max(words, key=lambda word: word[0])
+    file, line = element.place
+    raise EngineError(f"{sentence}; {problem}", file=file, line=line)
 
 
-class _Word(NamedTuple):
-    """The size of a number, a sentence about it, and its element."""
-
-    size: float
-    sentence: str
-    element: XmlElement
+_Word = tuple[float, str, XmlElement]
+"""The size of a number, a sentence about it, and its element."""
 
 
 def _words(xml_sources: Sequence[Document]) -> Iterator[_Word]:
@@ -159,16 +154,15 @@ def _words(xml_sources: Sequence[Document]) -> Iterator[_Word]:
                     continue
                 for word, value in _numbers(words):
                     sentence = f"<{element.tag} {key}> has {word!r}"
-                    yield _Word(abs(value), sentence, element)
+                    yield abs(value), sentence, element
 
 
 def _not_a_number(words: Iterable[_Word]) -> EngineError | None:
     """Return an error about the first number that is not finite, or None."""
-    for word in words:
-        if not math.isfinite(word.size):
-            sentence = f"{word.sentence}; expected a finite number"
-            file, line = word.element.place
-            return EngineError(sentence, file=file, line=line)
+    for size, sentence, element in words:
+        if not math.isfinite(size):
+            file, line = element.place
+            return EngineError(f"{sentence}; expected a finite number", file=file, line=line)
     return None
 
 

@@ -5,7 +5,7 @@ Lengths are of joints, points or frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,14 +14,14 @@ import numpy as np
 from physics_crosscheck.harness.engines.compiled import Numbers
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,
+    Coupling,
     ForceElement,
     Powers,
     Quaternion,
     Site,
     Triple,
 )
-from physics_crosscheck.reference.mechanism.force_paths import CablePath, FrameForce, JointForce
-from physics_crosscheck.reference.mechanism.tree import Fluid
+from physics_crosscheck.reference.mechanism.tree import CablePath, Fluid, FrameForce, JointForce
 
 Length = CablePath[Site] | FrameForce[Site] | JointForce[str]
 Combination = tuple[tuple[int, float], ...]
@@ -391,3 +391,91 @@ def _carries(m: Any, joint: int, other: int) -> bool:
     while body and body != above:
         body = int(m.body_parentid[body])
     return body == above
+
+
+_CURVED = slice(2, 5)
+"""Coefficients of an equality's polynomial that make it nonlinear."""
+
+
+_LinearCoupling = tuple[int, Mapping[int, float], float]
+"""A joint, and its position as multiples of others' positions, by index, and an offset."""
+
+
+def couplings(m: Any) -> Iterator[Coupling]:
+    """Yield joints that linear equalities couple to others or fix."""
+    for follower, leaders, offset in straight_equalities(m).values():
+        (leader, multiplier), *others = leaders.items() or [(None, 0.0)]
+        yield Coupling(
+            follower=joint_name(m, follower),
+            leader=None if leader is None else joint_name(m, leader),
+            multiplier=multiplier,
+            offset=offset,
+            others=tuple((joint_name(m, joint), x) for joint, x in others if joint is not None),
+        )
+
+
+def equalities_act(m: Any) -> bool:
+    """Return whether a model has equalities and its flags leave them on."""
+    return bool(m.eq_active0.any()) and acts(m, "EQUALITY") and acts(m, "CONSTRAINT")
+
+
+def straight_equalities(m: Any) -> dict[int, _LinearCoupling]:
+    """Return active linear equalities of joints or fixed tendons, by index.
+
+    Each is the first for its follower, and no leader follows one of its followers.
+    """
+    couplings_by_row: dict[int, _LinearCoupling] = {}
+    leaders: dict[int, set[int]] = {}
+    for i in range(m.neq) if equalities_act(m) else ():
+        if not m.eq_active0[i] or m.eq_data[i][_CURVED].any():
+            continue
+        for follower, shares, offset in _followings(m, i):
+            if follower not in leaders and follower not in _above(shares, leaders):
+                couplings_by_row[i] = follower, shares, offset
+                leaders[follower] = set(shares)
+                break
+    return couplings_by_row
+
+
+def _above(joints: Mapping[int, float], leaders: Mapping[int, set[int]]) -> set[int]:
+    """Return these joints and all their leaders, direct and indirect."""
+    passed: set[int] = set()
+    waiting = list(joints)
+    while waiting:
+        joint = waiting.pop()
+        if joint not in passed:
+            passed.add(joint)
+            waiting += leaders.get(joint, ())
+    return passed
+
+
+def _followings(m: Any, i: int) -> Iterator[_LinearCoupling]:
+    """Yield an equality as possible couplings; for a tendon, its largest coefficient first."""
+    import mujoco
+
+    first, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+    start, slope = float(m.eq_data[i][0]), float(m.eq_data[i][1])
+    if m.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT:
+        leaders = {other: slope} if other >= 0 else {}
+        offset = start + _drawn(m, first) - sum(x * _drawn(m, k) for k, x in leaders.items())
+        yield first, leaders, offset
+    if m.eq_type[i] != mujoco.mjtEq.mjEQ_TENDON:
+        return
+    shares: dict[int, float] = {}
+    for tendon, by in ((first, 1.0), *(((other, -slope),) if other >= 0 else ())):
+        way = of_tendon(m, tendon, by)
+        if not isinstance(way, tuple):
+            return
+        for joint, share in way:
+            shares[joint] = shares.get(joint, 0.0) + share
+    whole = start + sum(share * _drawn(m, joint) for joint, share in shares.items())
+    for joint in sorted(shares, key=lambda joint: -abs(shares[joint])):
+        coefficient = shares[joint]
+        if coefficient:
+            rest = {k: -share / coefficient for k, share in shares.items() if k != joint and share}
+            yield joint, rest, whole / coefficient
+
+
+def _drawn(m: Any, joint: int) -> float:
+    """Return a joint's position in the drawn configuration."""
+    return float(m.qpos0[m.jnt_qposadr[joint]])

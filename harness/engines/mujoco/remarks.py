@@ -24,7 +24,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     split_tendons,
 )
 from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
-from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
+from physics_crosscheck.harness.engines.mujoco.smooth import Warnings
 from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
 from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark, limit_remarks
 from physics_crosscheck.harness.engines.urdf import UrdfReader, urdf_remarks

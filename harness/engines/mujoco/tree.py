@@ -20,7 +20,6 @@ from physics_crosscheck.harness.engines.compiled import (
     CompiledTree,
     Numbers,
 )
-from physics_crosscheck.harness.engines.mujoco.equalities import couplings
 from physics_crosscheck.harness.engines.mujoco.laws import laws_of
 from physics_crosscheck.harness.engines.mujoco.mjcf import included, load_error, sources
 from physics_crosscheck.harness.engines.mujoco.pulls import (
@@ -33,6 +32,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     body_name,
     box_fluid,
     control,
+    couplings,
     covered_actuator,
     has_box_drag,
     joint_name,
@@ -51,8 +51,7 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     with_mesh_files,
     without_idle_files,
 )
-from physics_crosscheck.harness.engines.mujoco.smooth import besides, uncovered
-from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
+from physics_crosscheck.harness.engines.mujoco.smooth import Warnings, besides, uncovered
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,

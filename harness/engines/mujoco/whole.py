@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.engines.mujoco.smooth import Warnings
 from physics_crosscheck.harness.engines.mujoco.state import States
-from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
 from physics_crosscheck.reference.mechanism.laws import ContactPoint
 

@@ -96,7 +96,7 @@ from physics_crosscheck.harness.engines.urdf_sidecar import (
     joint_springs,
     kept_mimics,
 )
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
 
 _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 

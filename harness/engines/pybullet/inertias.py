@@ -18,8 +18,7 @@ from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.source import refused, shortened
-from physics_crosscheck.reference.mechanism.rotations import from_rpy, to_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia, from_rpy, to_rpy
 
 PRODUCTS = ("ixy", "ixz", "iyz")
 """Products of inertia in a URDF."""

@@ -20,8 +20,7 @@ from physics_crosscheck.harness.engines.protocol import ShapeError
 from physics_crosscheck.harness.engines.pybullet.base import real_first
 from physics_crosscheck.harness.engines.pybullet.stepper import link_places
 from physics_crosscheck.harness.engines.urdf_copy import collision_shapes
-from physics_crosscheck.reference.mechanism.rotations import from_quaternion
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Place, from_quaternion
 
 Numbers = Sequence[float]
 

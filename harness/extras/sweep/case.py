@@ -15,7 +15,7 @@ from physics_crosscheck.harness.jobs.failure import Failure, failure_of
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_declaration
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
 from .planned import Block, CaseRecord, Planned, blank
 from .source import Source
 from .system import Swept

@@ -49,8 +49,11 @@ from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.declaration import Scenario
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
-from physics_crosscheck.reference.solving.family import DrawnEquations, Family
-from physics_crosscheck.reference.solving.next_state import stepped_equations
+from physics_crosscheck.reference.solving.next_state import (
+    DrawnEquations,
+    Family,
+    stepped_equations,
+)
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
 from physics_crosscheck.reference.solving.solve import solve
 from .planned import Block, CaseRecord, Planned, Timed

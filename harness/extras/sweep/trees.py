@@ -27,10 +27,10 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.multibody import tree_system
+from physics_crosscheck.reference.mechanism.assemble import tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
-from physics_crosscheck.reference.solving.resolved import ReusedSegments
+from physics_crosscheck.reference.solving.flows import ReusedSegments
 from physics_crosscheck.reference.solving.samples import solved
 from .planned import Block, CaseRecord, Planned, Timed
 from .source import Integrators, RecentValues, Source, declared_runs, sidecars_of

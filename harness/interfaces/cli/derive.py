@@ -16,7 +16,7 @@ from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_bodi
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.equations import describe
 from physics_crosscheck.reference.load import load_declaration, with_location
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
 from . import arguments
 from .exit_codes import AGREE, FAIL
 from .targets import resolve_targets, warn_unknown, with_unknown

@@ -9,11 +9,14 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.reference.dynamics.chart_equations import Charted
-from physics_crosscheck.reference.dynamics.roundoff import running_error
-from physics_crosscheck.reference.dynamics.tree_equations import ROUNDING_MARGIN, TreeEquations
+from physics_crosscheck.reference.dynamics.derive import running_error
+from physics_crosscheck.reference.dynamics.tree_equations import (
+    ROUNDING_MARGIN,
+    Charted,
+    TreeEquations,
+)
+from physics_crosscheck.reference.mechanism.assemble import TreeSystem
 from physics_crosscheck.reference.mechanism.declaration import Declaration, t
-from physics_crosscheck.reference.mechanism.multibody import TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array, compile_function
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES
 from physics_crosscheck.reference.mechanism.system import System

@@ -25,8 +25,8 @@ from physics_crosscheck.harness.numerics.full_run import simulated, why_no_run
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.load import load_declaration, with_location
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.declaration import Scenario
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.signal import numeric_inputs, pieces
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.segments import Motion

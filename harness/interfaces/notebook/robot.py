@@ -19,14 +19,10 @@ from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.mechanism.assemble import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
-from physics_crosscheck.reference.mechanism.multibody import MultibodySystem, TreeSystem
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import (
-    NO_INERTIA,
-    Place,
-    SpatialInertia,
-)
+from physics_crosscheck.reference.mechanism.rotations import NO_INERTIA, Place, SpatialInertia
 from .markup import block, line, table
 from .subject import Name, NotebookSubject, system_named
 from .trajectory import MotionError

@@ -6,7 +6,6 @@ Elements are identified by their first byte; all else in the file stays unchange
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import XmlElement, end_offset, read_elements
@@ -14,20 +13,8 @@ from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.reading import SourceFile
 from . import read_source
 
-
-@dataclass(frozen=True)
-class Attribute:
-    """A new value of an attribute.
-
-    Attributes:
-        start: first byte of its element.
-        name: its name.
-        value: its value, or None to remove it.
-    """
-
-    start: int
-    name: str
-    value: str | None
+Attribute = tuple[int, str, str | None]
+"""The first byte of an element, the name of an attribute, and its new value; None removes it."""
 
 
 def elements(file: Path) -> tuple[XmlElement, ...]:
@@ -49,13 +36,13 @@ def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> byt
     root = read_elements(source)[0]
     changed = root.copy()
     copies = {element.start: element for element in changed.iter()}
-    for attribute in wanted:
-        if attribute.start not in copies:
-            raise LocationError(f"no element starts at byte {attribute.start}", file=file)
-        attributes = copies[attribute.start].attributes
-        attributes.pop(attribute.name, None)
-        if attribute.value is not None:
-            attributes[attribute.name] = attribute.value
+    for start, name, value in wanted:
+        if start not in copies:
+            raise LocationError(f"no element starts at byte {start}", file=file)
+        attributes = copies[start].attributes
+        attributes.pop(name, None)
+        if value is not None:
+            attributes[name] = value
     data = data[: root.start] + changed.written() + data[end_offset(root, source) :]
     read_elements(SourceFile(file, data))
     return data

@@ -22,8 +22,7 @@ from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY, minimal_coordinates
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
 from ..folders import is_robot
 from ..parts import included

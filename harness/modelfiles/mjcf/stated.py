@@ -460,9 +460,9 @@ def _places(table: str, chain: Chain, values: Mapping[str, Values]) -> Iterator[
     keys = (*values, *SHORTCUT_KEYS) if table == "drive" else tuple(values)
     keys = (*keys, *ORIENTATIONS) if "quat" in values else keys
     keys = (*keys, "fromto") if chain.states("fromto") else keys
-    for place in chain.effective(dict.fromkeys(keys)):
-        if place.word < used.get(place.key, PARAMETERS):
-            yield place
+    for element, key, word in chain.effective(dict.fromkeys(keys)):
+        if word < used.get(key, PARAMETERS):
+            yield element, key, word
 
 
 SIZES: Mapping[str, int] = MappingProxyType({

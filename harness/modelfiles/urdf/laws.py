@@ -33,7 +33,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     SoftRules,
 )
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
 from ..robot import Robot
 from .read import UrdfNumbers

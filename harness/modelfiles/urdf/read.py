@@ -32,8 +32,7 @@ from physics_crosscheck.harness.documents.urdf import (
 )
 from physics_crosscheck.reference.mechanism.assemble import assembled, with_bodies
 from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
-from physics_crosscheck.reference.mechanism.rotations import from_rpy
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Place, from_rpy
 from physics_crosscheck.reference.mechanism.tree import Tree
 from ..build_tree import build_robot, couplings, enforceable, placed_in
 from ..numbers import NUDGE, ModelFile, set_temporarily

@@ -13,9 +13,9 @@ from physics_crosscheck import (
     MultibodySystem,
     RigidBody,
 )
-from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
+from physics_crosscheck.reference.dynamics.tree_equations import Charted
 from physics_crosscheck.reference.mechanism.assemble import assembled
 from physics_crosscheck.reference.mechanism.bodies import powers
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names

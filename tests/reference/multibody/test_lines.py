@@ -12,14 +12,21 @@ from physics_crosscheck import CablePath, FrameForce, JointForce
 from physics_crosscheck.reference.dynamics.force_elements import Lines
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from physics_crosscheck.reference.mechanism.force_paths import LinkFrame, Way
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import (
     LONG_DOUBLES,
     quaternion_product,
     rotation_vector,
 )
-from physics_crosscheck.reference.mechanism.tree import WORLD, Bushing, Tree, TreeError, TreeForce
+from physics_crosscheck.reference.mechanism.tree import (
+    WORLD,
+    Bushing,
+    LinkFrame,
+    Tree,
+    TreeError,
+    TreeForce,
+    Way,
+)
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 

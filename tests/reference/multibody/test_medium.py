@@ -10,14 +10,11 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck import Coupling, Fluid, ForceElement, Joint, RigidBody
-from physics_crosscheck.reference.dynamics.chart_equations import Charted
 from physics_crosscheck.reference.dynamics.formulas import SymbolicEquations, formulas
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
-from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
-from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
-from physics_crosscheck.reference.mechanism.couplings import Coupled
-from physics_crosscheck.reference.mechanism.multibody import tree_system
+from physics_crosscheck.reference.dynamics.tree_equations import Charted, TreeEquations
+from physics_crosscheck.reference.mechanism.assemble import assembled, tree_system
+from physics_crosscheck.reference.mechanism.chart import Coupled, MinimalCoordinates
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, from_quaternion
 from physics_crosscheck.reference.mechanism.tree import Immersed, Tree, TreeCoupling, TreeError

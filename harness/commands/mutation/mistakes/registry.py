@@ -13,7 +13,6 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR, at_constants, bindings
-from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from .context import Subject, rounded
@@ -60,12 +59,12 @@ def bases(subject: Subject) -> Iterator[Mistake]:
         key, turned = "xyz", ("rpy", f"0 0 {_QUARTER}")
     with suppress(ValueError):
         x, y, z = map(float, element.attributes.get(key, "0 0 0").split())
-        raised = Attribute(element.start, key, f"{x!r} {y!r} {z + UP!r}")
+        raised = (element.start, key, f"{x!r} {y!r} {z + UP!r}")
         yield Mistake("base moved", where, Edit(attributes=(raised,)), audit_words="moved by")
     if not any(map(float, element.attributes.get("rpy", "0").split())) and not any(
         one in element.attributes for one in ORIENTATIONS
     ):
-        edit = Edit(attributes=(Attribute(element.start, *turned),))
+        edit = Edit(attributes=((element.start, *turned),))
         yield Mistake("plane of motion turned", where, edit, audit_words="turned")
 
 
@@ -208,7 +207,7 @@ def degrees(subject: Subject) -> Iterator[Mistake]:
         if stated and compiler is not None:
             stated_unit = None if radian(subject) else "radian"
             name = "degrees for radians" if stated_unit is None else "radians for degrees"
-            edit = Edit(attributes=(Attribute(compiler.start, "angle", stated_unit),))
+            edit = Edit(attributes=((compiler.start, "angle", stated_unit),))
             yield Mistake(name, "compiler@angle", edit, causes | literal_causes(*stated))
     elif subject.suffix == ".urdf":
         kinds = r"springReference|origin@rpy"
@@ -254,7 +253,7 @@ def left_in(subject: Subject) -> Iterator[Mistake]:
             if float(owner.attributes.get(attribute, "0").split()[0]):
                 continue  # already present; planted as a fault if it is bound to a constant
             value = rounded(SHARE * subject.size(name, kind))
-            edit = Edit(attributes=(Attribute(owner.start, attribute, repr(value)),))
+            edit = Edit(attributes=((owner.start, attribute, repr(value)),))
             address = f"{owner.spelled(1 if owner is joint else 2)}@{attribute}"
             yield Mistake(what, name, edit, subject.about(name, kind) | literal_causes(address))
 
@@ -271,7 +270,7 @@ def _left_out(subject: Subject, usual: LeftOut) -> Iterator[Mistake]:
     for element in subject.elements:
         stated = [key for key in usual.defaults if key in element.attributes]
         if stated and element.parent is not None and element.parent.tag == usual.within:
-            edit = Edit(attributes=tuple(Attribute(element.start, key, None) for key in stated))
+            edit = Edit(attributes=tuple((element.start, key, None) for key in stated))
             yield Mistake(usual.name, element.spelled(2), edit, causes)
     settings = subject.task.declared.spec(subject.task.engine).settings
     stated_settings = {key: value for key, value in usual.defaults.items() if key in settings}

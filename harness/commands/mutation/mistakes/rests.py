@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR
-from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute
 from physics_crosscheck.harness.records.cause import CauseId
 from .context import Subject, rounded
 from .mistake import Edit, Mistake, literal_causes
@@ -41,7 +40,7 @@ def _joints(subject: Subject) -> Iterator[Mistake]:
         yield Mistake(
             "a rest offset",
             name,
-            Edit(attributes=(Attribute(joint.start, "springref", repr(new)),)),
+            Edit(attributes=((joint.start, "springref", repr(new)),)),
             moved_rest(subject, name) | literal_causes(f"{joint.spelled(1)}@springref"),
         )
 
@@ -64,10 +63,10 @@ def _tendons(subject: Subject) -> Iterator[Mistake]:
         causes = literal_causes(address).union(*(moved_rest(subject, name) for name in names))
         words = tendon.attributes["springlength"].split()
         new = float(words[0]) + rounded(SHARE * max(subject.max_travel(name) for name in names))
-        edit = Edit(attributes=(Attribute(tendon.start, "springlength", repr(new)),))
+        edit = Edit(attributes=((tendon.start, "springlength", repr(new)),))
         yield Mistake("a rest offset", place, edit, causes)
         # -1 is the default: relaxed at the length in the file's pose.
-        edit = Edit(attributes=(Attribute(tendon.start, "springlength", None),))
+        edit = Edit(attributes=((tendon.start, "springlength", None),))
         yield Mistake("springlength left at -1", place, edit, causes)
 
 
