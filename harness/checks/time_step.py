@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from msgspec import structs
 
 from physics_crosscheck.harness.engines.protocol import (
     EngineError,
@@ -32,15 +33,15 @@ from physics_crosscheck.harness.numerics.time_step import (
     whole_mode,
 )
 from physics_crosscheck.harness.records.base import SourceLine, number
-from physics_crosscheck.harness.records.case import TargetStep, TimeStep
+from physics_crosscheck.harness.records.case import StepChoice, TargetStep, TimeStep
 from physics_crosscheck.harness.results.status import duration
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .findings import finding
 from .plausibility.facts import documents_of, element_line
-from .prepare import Prepared, PreparedSystem, PreparedTree
-from .task import ModelTask
+from .prepare import Prepared, PreparedSystem, PreparedTree, prepare_tree
+from .task import ModelTask, model_task
 from .whole_step import compares_steps
 
 POSES = 12
@@ -83,6 +84,45 @@ def case_time_step(
         error=number(error.error),
         order=error.order,
         steps_for=tuple(TargetStep(target=one, step=number(step)) for one, step in steps),
+    )
+
+
+def choose_step(
+    file: Path, *, engine: str, target: float, floating: bool, model: str
+) -> StepChoice:
+    """Return the error of the step of a robot file, the largest stable one, and one for an error.
+
+    Raises:
+        FileError, ReferenceError: naming the file and its place.
+    """
+    prepared = prepare_tree(file, floating=floating, model=model)
+    task = model_task(prepared, engine)
+    loaded, coordinates = task.load()
+    choice = StepChoice(
+        file=str(file),
+        engine=engine,
+        integrator=loaded.integrator,
+        step=number(loaded.step),
+        target=target,
+    )
+    if not loaded.steps_itself:
+        return structs.replace(choice, step=None, problem="no integrator of its own")
+    studied = StudiedModel(model=loaded, coordinates=coordinates)
+    poses, start, h = poses_of(prepared), start_of(prepared), loaded.step
+    stable = studied.largest_stable_step(poses, h)
+    error = smooth_error(studied, start, h if stable is None else min(h, stable))
+    wanted = step_for(studied, start, poses, error, target)
+    alone = case_time_step(task, loaded, coordinates)
+    study = whole_time_step(task, alone) or alone
+    unstable = "" if study is None or study.finding is None else study.finding.message
+    if study is not None and study.largest_stable is not None:
+        stable = study.largest_stable
+    return structs.replace(
+        choice,
+        error=None if unstable or (stable is not None and stable < h) else number(error.error),
+        largest_stable=number(stable),
+        step_for=number(wanted if wanted is None or stable is None else min(wanted, stable)),
+        unstable=unstable,
     )
 
 
@@ -154,7 +194,8 @@ def _unstable(
     if isinstance(target, PreparedTree) and largest:
         remedy = _stable_damping(target, joint, pose, largest, h)
     behaviour = f"grow {growth_words(math.exp(pose.rate * h))}" if pose.rate else "do not"
-    where = f"{pose.name}, a deviation grows {growth_words(mode.growth)} a step, and the equations {behaviour}"
+    grows = f"{pose.name}, a deviation grows {growth_words(mode.growth)} a step"
+    where = f"{grows}, and the equations {behaviour}"
     return _record(task, joint, mode.growth, (h, largest), where, remedy)
 
 
@@ -216,8 +257,8 @@ def _is_stable(model: WholeModel, h: float) -> bool:
 def _overshooting(model: WholeModel) -> tuple[GrowingMode | None, WholeState]:
     """Return the mode that overshoots at the first keyframe, or as drawn, or soon after."""
     *_, start = islice(model.starts, 2)
-    settled = model.moved(start, min(MOST_STEPS, round(SETTLING / model.step)))
-    for state in (settled, start):
+    later = model.moved(start, min(MOST_STEPS, round(SETTLING / model.step)))
+    for state in (later, start):
         finite = np.isfinite(state.z).all() and np.isfinite(state.m).all()
         mode = whole_mode(model, state) if finite else None
         if mode is not None:
