@@ -48,7 +48,7 @@ from .case_record import (
 from .planar_step import case_steps
 from .poses import case_poses
 from .prepare import Prepared, PreparedSystem, PreparedTree
-from .scene import errors_record, inertia_records
+from .scene import body_lines, errors_record, inertia_records
 from .task import ModelTask, RefusedError
 from .time_step import case_time_step, whole_time_step
 from .verdict import (
@@ -63,7 +63,7 @@ from .verdict import (
 MAX_LOSS = 1e-5
 """Largest relative difference that an engine's documented loss of precision excuses."""
 
-POSES_ONLY = "poses only: no link has an <inertial>; 1 kg and 1 kg m^2 stand for each"
+POSES_ONLY = "poses only: no link has mass or inertia; 1 kg and 1 kg m^2 stand for each"
 """Reason of a case that tests no masses."""
 
 
@@ -232,15 +232,17 @@ def _by_state(
     target = task.target
     if not isinstance(target, PreparedTree):
         return None
-    segments = target.segments(task.scenario)
+    segments, scene, apart = target.segments(task.scenario), target.record.scene, None
     if judged.limits is None:
         assert judged.stepping is not None  # single steps decide
-        steps = judged.stepping.defects
-        return errors_record(target.tree, segments, target.names, steps, None, inertias)
-    apart = judged.limits.limit.value - segments.end
-    uncertainty = (judged.limits.limit.uncertainty + segments.bound) / segments.unit
-    defects = StepDefects(defect=np.abs(apart) / segments.unit, uncertainty=uncertainty)
-    return errors_record(target.tree, segments, target.names, defects, apart, inertias)
+        defects = judged.stepping.defects
+    else:
+        apart = judged.limits.limit.value - segments.end
+        uncertainty = (judged.limits.limit.uncertainty + segments.bound) / segments.unit
+        defects = StepDefects(defect=np.abs(apart) / segments.unit, uncertainty=uncertainty)
+    record = errors_record(target.tree, segments, target.names, defects, apart, inertias)
+    names = [] if scene is None else [body.name for body in scene.bodies]
+    return structs.replace(record, lines=body_lines(task.spec.path, names))
 
 
 def judge(

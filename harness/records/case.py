@@ -21,7 +21,7 @@ CaseKind = Literal[
     "full run", "time step",
     "not finite", "blows up", "too coarse", "long step",
     "file", "unsupported", "format", "engine", "sidecar", "declaration", "robot", "reference",
-    "massless", "negative mass", "moments", "triangle",
+    "massless", "no joint", "negative mass", "moments", "triangle",
     "time limit", "waiting", "memory limit", "crash", "exit",
 ]  # fmt: skip
 """Why a case does not agree: its motion, extrapolation, full runs, files or worker process.

@@ -52,7 +52,7 @@ def status_of(
             return Decision(TestStatus.PASS, "")
         failed = "; ".join(f"{what} failed: {why}" for what, why in record.failures)
         return Decision(TestStatus.FAIL, failed or counted(len(record.findings), "finding"))
-    if record.outcome is Outcome.ABSENT and not require_engines:
+    if record.outcome is Outcome.ABSENT and (record.kind == "no joint" or not require_engines):
         return Decision(TestStatus.SKIP, record.reason)
     if record.outcome is Outcome.REFUSED and judged_by:
         names = " and ".join(judged_by)

@@ -23,6 +23,7 @@ from physics_crosscheck.harness.results.coverage import (
     unread_line,
 )
 from physics_crosscheck.harness.results.failure import acting_texts, advice_lines
+from physics_crosscheck.harness.results.headline import headline, is_single_file
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import (
@@ -36,14 +37,11 @@ from physics_crosscheck.harness.results.status import (
 )
 from physics_crosscheck.harness.results.visible import visible
 from .console import STYLES, WORDS, print_hint, print_wrapped
-from .models_table import finite_values, is_chaotic, print_models
-from .problems import MAX_PROBLEMS, is_single_file, print_problems
+from .models_table import finite_values, is_chaotic, print_matrix, print_models
+from .problems import MAX_PROBLEMS, print_problems
 
 GROWS = 1e-9
 """Minimum distance of a step's largest eigenvalue from the unit circle, above rounding."""
-
-GREEN_ROWS = 6
-"""Maximum number of table rows in a run without problems."""
 
 MAX_CASES = 12
 """Maximum number of cases of a file to name."""
@@ -70,8 +68,13 @@ def print_results(
             steps.
         report: path of the written page.
     """
+    several = len({case.folder for case in results.cases}) > 1
     if not quiet:
+        if any(case.engine != "-" for case in results.cases):
+            print_wrapped(console, " ".join(headline(results)))
         _print_header(console, results)
+        if several:
+            print_matrix(console, results)
     codes = print_problems(console, results, details=details)
     if not quiet:
         _print_models(console, results, details)
@@ -228,19 +231,17 @@ def _print_advice(console: Console, results: Results, details: bool) -> None:
 
 
 def _print_models(console: Console, results: Results, details: bool) -> None:
-    reached = [case for case in results.cases if case.engine != "-"]
-    cases = [case for case in reached if case.outcome is not Outcome.ABSENT]
-    rows = len({(case.folder, case.id.of_model) for case in cases})
-    red = any(case.shown is not Outcome.AGREES for case in cases)
-    one_folder = len({case.folder for case in cases}) == 1
-    if details or (red and rows > 1 and not is_single_file(results)):
-        if red:
+    cases = [c for c in results.cases if c.engine != "-" and c.outcome is not Outcome.ABSENT]
+    if details:
+        if any(case.shown is not Outcome.AGREES for case in cases):
             console.print()
-        print_models(console, cases, details=details)
-    elif one_folder:
-        _print_engines(console, [case for case in cases if case.passes])
-    elif rows <= GREEN_ROWS:
         print_models(console, cases)
+    elif len({case.folder for case in cases}) == 1:
+        red = any(case.shown is not Outcome.AGREES for case in cases)
+        if red and len({case.model for case in cases}) > 1:
+            print_matrix(console, results)
+        else:
+            _print_engines(console, [case for case in cases if case.passes])
 
 
 def _print_engines(console: Console, cases: Sequence[Case]) -> None:
@@ -480,6 +481,9 @@ def _event_text(event: EventTime) -> str:
 OFF = 0.01
 """Error of a time step above which several files are counted."""
 
+AT_A_LIMIT = " at a limit"
+"""End of the name of forces that are also counted without it."""
+
 UNSETTLED = 4
 """Number of whole steps without agreement that are listed without `--details`."""
 
@@ -495,14 +499,19 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         acted = Counter[str]()
         for step, _ in alike:
             acted.update({term.name: term.count for term in step.acted})
-        kinds = ", ".join(f"{count} {name}" for name, count in acted.items())
-        forces = f", with {kinds}," if kinds else ", where no limit, contact or drive acts,"
-        number = counted(sum(step.states for step, _ in alike), "state")
-        which = f" (worst: {worst.id})" if len(alike) > 1 else ""
-        size = largest.discrepancy or 0.0
         unresolved = sum(step.unresolved for step, _ in alike)
-        more = f"; {unresolved} more unresolved" if unresolved else ""
-        lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}{more}")
+        more = f"; {counted(unresolved, 'more state')} unresolved" if unresolved else ""
+        kinds = ", ".join(f"{count} {name}" for name, count in acted.items())
+        if details:
+            what = f", with {kinds}," if kinds else ", where no limit, contact or drive acts,"
+            number = counted(sum(step.states for step, _ in alike), "state")
+            which = f" (worst: {worst.id})" if len(alike) > 1 else ""
+            size = largest.discrepancy or 0.0
+            lines.append(f"whole steps at {number}{what} agree to {size:.1e}{which}{more}")
+        elif kinds or more:
+            forces = [name for name in acted if not name.endswith(AT_A_LIMIT)]
+            what = ", ".join(forces) or "single steps"
+            lines.append(f"{what}: follow the file{more}")
         lines += _not_compared(alike)
     lines += [
         f"whole steps in {case.engine}: {one}"
@@ -521,8 +530,8 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
     if details:
         lines += [f"{case.id}: whole steps {why}" for case, why in others]
     elif others:
-        names = ", ".join(dict.fromkeys(case.engine for case, _ in others))
-        lines.append(f"whole steps without a verdict in {names}; --details gives the reason")
+        engines = ", ".join(dict.fromkeys(case.engine for case, _ in others))
+        lines.append(f"whole steps without a verdict in {engines}; --details gives the reason")
     return lines
 
 
@@ -533,7 +542,7 @@ def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
         for part in step.omitted:
             parts.setdefault(part, []).append(case.engine)
     for part, names in parts.items():
-        yield f"whole steps: {part} not compared in {', '.join(dict.fromkeys(names))}"
+        yield f"not compared in {', '.join(dict.fromkeys(names))}: {part}"
 
 
 def _why_not_compared(step: WholeStep) -> str:
