@@ -110,7 +110,8 @@ def choose_step(
     studied = StudiedModel(model=loaded, coordinates=coordinates)
     poses, start, h = poses_of(prepared), start_of(prepared), loaded.step
     stable = studied.largest_stable_step(poses, h)
-    error = smooth_error(studied, start, h if stable is None else min(h, stable))
+    # Close to the largest stable step, deviations overshoot and hardly decay.
+    error = smooth_error(studied, start, h if stable is None or stable >= h else stable / 4)
     wanted = step_for(studied, start, poses, error, target)
     alone = case_time_step(task, loaded, coordinates)
     study = whole_time_step(task, alone) or alone

@@ -59,7 +59,7 @@ URDF = """<robot name="rod"><link name="base"/><joint name="j" type="continuous"
         pytest.param(URDF.format(6), "pybullet", 2 * INERTIA / 6, "damping up to", id="pybullet"),
         pytest.param(rod(drive=SERVO.format(8000)), "mujoco", 2 * (INERTIA / 8000) ** 0.5,
                      "grows 5.8-fold", id="servo"),
-        pytest.param(BALL.format(solref="-2000000 -100"), "mujoco", 1.44e-3, "ball, a deviation",
+        pytest.param(BALL.format(solref="-2000000 -100"), "mujoco", 1.44e-3, "geom:ball)",
                      id="contact"),
         pytest.param(BALL.format(solref="-500000 -100"), "mujoco", None, "", id="soft contact"),
         pytest.param(rod(damping=8), "mujoco", None, "", id="implicit damper"),

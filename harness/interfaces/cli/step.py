@@ -26,10 +26,8 @@ GAP = "  "
 
 def main(options: argparse.Namespace) -> int:
     """Print a table of time steps for each robot file, by engine."""
-    check_engines(options.engine)
-    targets = resolve_targets(
-        options.folders, standalone=options.standalone, model=options.chosen_model
-    )
+    check_engines(options.engines)
+    targets = resolve_targets(options.folders, standalone=options.standalone, model=options.model)
     warn_unknown(targets.named)
     if targets.folders:
         raise FolderError(
@@ -39,7 +37,7 @@ def main(options: argparse.Namespace) -> int:
     choices = []
     with Workers(1, arguments.limits_of(options)) as workers:
         for file in targets.paths:
-            names = options.engine or [one.name for one in engines_to_run(file.suffix)]
+            names = options.engines or [one.name for one in engines_to_run(file.suffix)]
             for name in names:
                 choices.append(_choice(workers, file, name, options))
     if options.format == "json":
@@ -62,7 +60,7 @@ def _choice(workers: Workers, file: Path, name: str, options: argparse.Namespace
             engine=name,
             target=options.error,
             floating=options.floating,
-            model=options.chosen_model,
+            model=options.model,
         )
         outcome = workers.outcome(workers.submit(task, file))
         if not isinstance(outcome, Failure):
