@@ -21,6 +21,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.step_study import TARGETS
 from physics_crosscheck.harness.numerics.time_step import (
+    LARGEST_STEP,
     SECONDS,
     GrowingMode,
     RestPose,
@@ -77,7 +78,7 @@ def case_time_step(
         return None
     start = start_of(target)
     error = smooth_error(studied, start, h)
-    steps = [(one, step_for(studied, start, poses, error, one)) for one in TARGETS]
+    steps = [(one, step_for(studied, start, poses, error, one, h)) for one in TARGETS]
     return TimeStep(
         step=number(h),
         duration=SECONDS,
@@ -111,10 +112,12 @@ def choose_step(
     poses, start, h = poses_of(prepared), start_of(prepared), loaded.step
     stable = studied.largest_stable_step(poses, h)
     # Close to the largest stable step, deviations overshoot and hardly decay.
-    error = smooth_error(studied, start, h if stable is None or stable >= h else stable / 4)
-    wanted = step_for(studied, start, poses, error, target)
-    alone = case_time_step(task, loaded, coordinates)
-    study = whole_time_step(task, alone) or alone
+    base = h if stable is None or stable >= h else stable / 4
+    error = smooth_error(studied, start, base)
+    limit = LARGEST_STEP if stable is None else stable
+    wanted = step_for(studied, start, poses, error, target, base, limit)
+    smooth = case_time_step(task, loaded, coordinates)
+    study = whole_time_step(task, smooth) or smooth
     unstable = "" if study is None or study.finding is None else study.finding.message
     if study is not None and study.largest_stable is not None:
         stable = study.largest_stable
@@ -169,19 +172,28 @@ def step_for(
     poses: Sequence[RestPose],
     error: SmoothError,
     target: float,
+    h: float,
+    limit: float = LARGEST_STEP,
 ) -> float | None:
     """Return the step for an error of the smooth motion, s; None if unknown.
 
-    A step above the file's own is run, and must be stable.
+    A step above the one with a known error is run, and must be stable.
+
+    Args:
+        error: that of steps of h.
+        limit: largest step to return, s.
     """
-    h, step = error.step_for(target), studied.model.step
-    if h is None or h <= step:
-        return h if error.error > target else step
-    if studied.unstable_mode(poses, h) is not None:
+    longer = error.step_for(target)
+    if longer is None or longer <= h:
+        return longer if error.error > target else h
+    longer = min(longer, limit)
+    if studied.unstable_mode(poses, longer) is not None:
         return None
-    run = smooth_error(studied, start, h)
-    h = run.step_for(target) if run.error <= MOST_OFF * target else None
-    return None if h is None else max(h, step)
+    run = smooth_error(studied, start, longer)
+    if run.error <= target:
+        return longer
+    choice = run.step_for(target) if run.error <= MOST_OFF * target else None
+    return None if choice is None else max(choice, h)
 
 
 def _unstable(
@@ -237,7 +249,8 @@ def whole_time_step(task: ModelTask[Prepared], step: TimeStep | None) -> TimeSte
     if mode is None:
         return None
 
-    h, joint, names = model.step, model.coordinates[mode.coordinate], ()
+    h, joint = model.step, model.coordinates[mode.coordinate]
+    names: tuple[str, ...] = ()
     largest = None
     if model.set_step(h):
         largest = largest_stable(lambda step: _is_stable(model, step), h)

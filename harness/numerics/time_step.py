@@ -208,7 +208,7 @@ class StudiedModel:
             step = partial(self.after, inputs=pose.hold, h=h)
             least = math.exp(max(math.log1p(GROWTH), FASTER * pose.rate * h))
             matrix = step_matrix(step, pose.state, self.model.epsilon)
-            mode = fastest_mode(matrix, lambda values, least=least: np.abs(values) > least)
+            mode = fastest_mode(matrix, partial(_exceeds, least=least))
             if mode is not None:
                 modes.append(replace(mode, pose=pose))
         return max(modes, key=lambda mode: mode.growth, default=None)
@@ -225,6 +225,11 @@ class StudiedModel:
     def largest_stable_step(self, poses: Sequence[RestPose], h: float) -> float | None:
         """Return the largest stable step near h, as `largest_stable` does."""
         return largest_stable(lambda step: self.unstable_mode(poses, step) is None, h)
+
+
+def _exceeds(values: NDArray[np.complex128], least: float) -> NDArray[np.bool_]:
+    result: NDArray[np.bool_] = np.abs(values) > least
+    return result
 
 
 def whole_mode(model: WholeModel, state: WholeState) -> GrowingMode | None:

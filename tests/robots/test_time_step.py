@@ -52,7 +52,7 @@ URDF = """<robot name="rod"><link name="base"/><joint name="j" type="continuous"
 
 # Semi-implicit Euler: damping c is stable up to h = 2 I / c, stiffness k up to 2 sqrt(I / k).
 @pytest.mark.parametrize(
-    ("text", "engine", "largest", "said"),
+    ("text", "engine", "largest", "words"),
     [
         pytest.param(rod(flag=EXPLICIT, damping=8), "mujoco", 2 * INERTIA / 8, "damping up to 4",
                      id="damper"),
@@ -72,7 +72,7 @@ URDF = """<robot name="rod"><link name="base"/><joint name="j" type="continuous"
     ],
 )  # fmt: skip
 def test_unstable_step(
-    tmp_path: Path, text: str, engine: str, largest: float | None, said: str
+    tmp_path: Path, text: str, engine: str, largest: float | None, words: str
 ) -> None:
     """Catch an unstable step that is missed, a stable one that is reported, and a wrong limit."""
     name = "rod.urdf" if "<robot" in text else "rod.xml"
@@ -84,7 +84,7 @@ def test_unstable_step(
         assert step.finding.code == "XC180"
         assert step.finding.location is not None
         assert step.finding.location.line
-        assert said in step.finding.message
+        assert words in step.finding.message
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
@@ -114,7 +114,7 @@ def test_table_of_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     file = written(tmp_path, "rod.urdf", URDF.format(6))
     words = ["step", str(file), "--error", "0.1%", "--engine", "mujoco", "--engine", "pybullet"]
     assert main([*words, "--format", "json"]) == 1
-    stable, unstable = json.loads(capsys.readouterr().out)
+    stable, unstable = json.loads(capsys.readouterr().out)["rows"]
     assert stable["target"] == 0.001
     assert not stable["unstable"]
     assert 0 < stable["step_for"] < stable["step"]

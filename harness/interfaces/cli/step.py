@@ -12,7 +12,7 @@ from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.records.case import StepChoice
+from physics_crosscheck.harness.records.case import StepChoice, StepChoices
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 from physics_crosscheck.harness.results.places import shown_path
@@ -41,7 +41,7 @@ def main(options: argparse.Namespace) -> int:
             for name in names:
                 choices.append(_choice(workers, file, name, options))
     if options.format == "json":
-        print(encoded(tuple(choices), indent=1))
+        print(encoded(StepChoices(rows=tuple(choices)), indent=1))
     else:
         for file in targets.paths:
             _print_table(file, [one for one in choices if one.file == str(file)], options.error)
@@ -52,7 +52,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _choice(workers: Workers, file: Path, name: str, options: argparse.Namespace) -> StepChoice:
-    """Return the steps in one engine, in a worker, or why there are none."""
+    """Return the steps in one engine, in a worker, or why it has no numbers."""
     problem = missing(engines()[name]) if engines()[name].version() is None else ""
     if not problem:
         task = partial(
@@ -78,9 +78,9 @@ def _print_table(file: Path, choices: list[StepChoice], target: float) -> None:
     for row in (head, *rows) if rows else ():
         cells = (row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:]))
         print(GAP + GAP.join(cells).rstrip())
-    for one in choices:
-        for text in filter(None, (one.unstable, one.problem)):
-            print("\n".join(wrapped(f"  {one.engine}: {text}", terminal().width)))
+    for choice in choices:
+        for text in filter(None, (choice.unstable, choice.problem)):
+            print("\n".join(wrapped(f"  {choice.engine}: {text}", terminal().width)))
     sys.stdout.flush()
 
 
