@@ -77,7 +77,9 @@ def case_time_step(
     if not isinstance(target, PreparedTree) or engines()[task.engine].on_request:
         return None
     start = start_of(target)
-    error = smooth_error(studied, start, h)
+    error = smooth_error(studied, start, h, poses)
+    if math.isnan(error.error):
+        return None
     steps = [(one, step_for(studied, start, poses, error, one, h)) for one in TARGETS]
     return TimeStep(
         step=number(h),
@@ -113,7 +115,7 @@ def choose_step(
     stable = studied.largest_stable_step(poses, h)
     # Close to the largest stable step, deviations overshoot and hardly decay.
     base = h if stable is None or stable >= h else stable / 4
-    error = smooth_error(studied, start, base)
+    error = smooth_error(studied, start, base, poses)
     limit = LARGEST_STEP if stable is None else stable
     wanted = step_for(studied, start, poses, error, target, base, limit)
     smooth = case_time_step(task, loaded, coordinates)
@@ -189,11 +191,13 @@ def step_for(
     longer = min(longer, limit)
     if studied.unstable_mode(poses, longer) is not None:
         return None
-    run = smooth_error(studied, start, longer)
+    run = smooth_error(studied, start, longer, poses)
     if run.error <= target:
         return longer
     choice = run.step_for(target) if run.error <= MOST_OFF * target else None
-    return None if choice is None else max(choice, h)
+    if choice is None:
+        return h if error.error <= target else None
+    return max(choice, h)
 
 
 def _unstable(

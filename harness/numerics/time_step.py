@@ -27,6 +27,9 @@ SECONDS = 1.0
 MOST_STEPS = 1000
 """Largest number of steps of the coarsest run; the error of shorter steps follows by the order."""
 
+MANY_STEPS = 20 * MOST_STEPS
+"""The same if longer steps are unstable."""
+
 SAMPLES = 100
 """Number of times at which runs are compared."""
 
@@ -322,15 +325,22 @@ class SmoothError:
         return rounded_down(min(self.shorter * ratio, LARGEST_STEP))
 
 
-def smooth_error(studied: StudiedModel, start: Array, h: float) -> SmoothError:
+def smooth_error(
+    studied: StudiedModel, start: Array, h: float, poses: Sequence[RestPose]
+) -> SmoothError:
     """Return the error of steps of h over a motion from a state at rest, (2n,), without inputs.
 
     Runs at h, h/2 and so on are compared until their differences are small, and fall in line with
-    the order. Of very short steps only multiples are run.
+    the order. Of very short steps only multiples are run, if they are stable at the poses. The
+    error is nan if that takes too many steps.
     """
     order = studied.model.exponents(False)[0]
     factor = max(1, math.ceil(SECONDS / h / MOST_STEPS))
+    while factor > 1 and studied.unstable_mode(poses, 2 * factor * h) is not None:
+        factor = (factor + 1) // 2
     coarse = factor * h
+    if coarse * MANY_STEPS < SECONDS:
+        return SmoothError(error=math.nan, order=order, shorter=h, shorter_error=math.inf)
     steps = max(2, round(SECONDS / coarse))
     stride = max(1, steps // SAMPLES)
     runs = [studied.path(start, coarse, steps, stride)]
