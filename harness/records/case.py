@@ -316,7 +316,7 @@ class StepChoice(Record, frozen=True, kw_only=True):
 
 
 class StepChoices(Record, frozen=True, kw_only=True):
-    """What `crosscheck step --format json` prints.
+    """Rows that `crosscheck step --format json` prints.
 
     Attributes:
         rows: Steps by file and engine.
