@@ -50,7 +50,7 @@ from .poses import case_poses
 from .prepare import Prepared, PreparedSystem, PreparedTree
 from .scene import body_lines, errors_record, inertia_records
 from .task import ModelTask, RefusedError
-from .time_step import case_time_step
+from .time_step import case_time_step, whole_time_step
 from .verdict import (
     CaseJudgement,
     judged,
@@ -146,6 +146,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     # Now: some engines unload this model when another one is loaded.
     time_step = case_time_step(task, model, coordinates)
     parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
+    time_step = whole_time_step(task, time_step) or time_step
     inertias = _inertias(task.target, model)
     judged = _judgement(task, (model, coordinates), None if why else motion)
     verdict = _combined(judged.verdict, parts.values())

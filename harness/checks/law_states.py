@@ -86,7 +86,7 @@ def drawn_states(
                     moved = state._replace(z=_anywhere(comparison, rng, state.z))
             speed = model.speed * rng.normal(size=len(moved.m))
             drawn = moved._replace(m=moved.m + speed)
-            if k % 2:
+            if k % 2 and _is_slow(drawn):
                 drawn = _unsaturated(comparison, rng, drawn)
             if isinstance(model.rules, ImpulseRules):
                 drawn = _pressed(comparison, model.rules, drawn)
@@ -347,10 +347,15 @@ def _close(rng: np.random.Generator, state: WholeState) -> WholeState:
     return state._replace(z=state.z + near, m=SMALL**2 * state.m)
 
 
+def _is_slow(state: WholeState) -> bool:
+    """Return whether a state is finite and has no number that only a blow-up has."""
+    values = np.concatenate([state.z, state.m, state.activations])
+    return bool(np.max(np.abs(values), initial=0.0) <= MAX_SPEED)
+
+
 def _usable_step(model: WholeModel, state: WholeState) -> EngineStep | None:
     """Return the step from a state; None if it is not finite, too fast, or has many contacts."""
-    values = np.concatenate([state.z, state.m, state.activations])
-    if not np.all(np.isfinite(values)) or np.max(np.abs(values), initial=0.0) > MAX_SPEED:
+    if not _is_slow(state):
         return None
     step = model.evaluate(state)
     finite = np.isfinite(step.acceleration).all() and np.isfinite(step.after.m).all()

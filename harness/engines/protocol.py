@@ -471,6 +471,10 @@ class WholeModel(ABC):
     def evaluate(self, state: WholeState) -> EngineStep:
         """Return accelerations, contacts and the next state."""
 
+    def set_step(self, h: float) -> bool:
+        """Take steps of h seconds from now on; return False if the model can't."""
+        return False
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanarEngineStep:

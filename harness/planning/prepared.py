@@ -79,6 +79,7 @@ class Arguments:
         scenario: scenario of a case or a measurement.
         snapshot: accepted snapshot that a measurement repeats.
         thorough: whether every check of a case runs.
+        no_motion: why a motion from rest is left out; empty if it is not.
     """
 
     engine: str
@@ -87,6 +88,7 @@ class Arguments:
     scenario: str = ""
     snapshot: Snapshot | None = None
     thorough: bool = False
+    no_motion: str = ""
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ class TargetPlan:
             facts = self._lookup(key_of_folder(self.place, {**self._reading, "described": True}))
         return facts
 
-    def _preparation(self, then: Callable[[], Jobs]) -> Job[Any]:
+    def _preparation(self, then: Callable[[], Jobs], no_motion: str = "") -> Job[Any]:
         def done(prepared: Preparation) -> Jobs:
             self._solved = prepared.solved
             if self._facts is None:
@@ -127,8 +127,19 @@ class TargetPlan:
                 self._store(self._key, self._facts, {})
             return then()
 
-        task = Task(task_function("target", **self._reading), self.place)
-        return Job(task=task, done=done, failed=self._unprepared)
+        def failed(failure: Failure) -> Jobs:
+            if not no_motion and (why := self.no_motion(failure)):
+                return [self._preparation(then, why)]
+            return self._unprepared(failure)
+
+        reading = {**self._reading, **({"no_motion": no_motion} if no_motion else {})}
+        task = Task(task_function("target", **reading), self.place)
+        return Job(task=task, done=done, failed=failed)
+
+    def no_motion(self, failure: Failure) -> str:
+        """Return why a task runs again without the motion from rest; empty if it should not."""
+        limits = ("time limit", "memory limit")
+        return failure.reason if self.options.motion > 0 and failure.kind in limits else ""
 
     def _resumed(self) -> Jobs:
         waiting, self._waiting = self._waiting or [], None
@@ -149,6 +160,7 @@ class TargetPlan:
         sidecar: Sidecar | None = None,
         scenario: str = "",
         snapshot: Snapshot | None = None,
+        no_motion: str = "",
     ) -> Iterator[Job[Any]]:
         """Yield the job of a model's check, unless its value is stored.
 
@@ -159,6 +171,7 @@ class TargetPlan:
             sidecar: sidecar of a folder's model.
             scenario: scenario of a case or a measurement.
             snapshot: snapshot that a measurement repeats.
+            no_motion: why the motion from rest is left out; empty if it is not.
         """
         cache_key = self._cache_key(check.kind, key, scenario, snapshot)
         if (value := self._lookup(cache_key)) is not None:
@@ -173,6 +186,7 @@ class TargetPlan:
             scenario=scenario,
             snapshot=snapshot,
             thorough=self.options.thorough,
+            no_motion=no_motion,
         )
 
         def job() -> Job[Any]:

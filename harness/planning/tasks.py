@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare
+from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import model_task
 from .prepared import Arguments, PackedEquations, Preparation, TargetFacts
 
@@ -20,8 +21,11 @@ def target(
     motion: float = 0.0,
     smooth: bool = False,
     ideal: bool = False,
+    no_motion: str = "",
 ) -> Preparation:
     """Read a system folder or a robot file, derive its equations, and solve them.
+
+    With `no_motion`, the motion from rest is left out for this reason.
 
     Raises:
         DeclarationError, FileError, ReferenceError: naming the error and its place.
@@ -31,10 +35,11 @@ def target(
         described=described,
         floating=floating,
         model=model,
-        motion=motion,
+        motion=0.0 if no_motion else motion,
         smooth=smooth,
         ideal=ideal,
     )
+    solved = _without_motion(solved, no_motion)
     if isinstance(solved, PreparedSystem):
         facts = TargetFacts(record=solved.record, declares="energies", reads=dict(solved.reads))
     else:
@@ -48,6 +53,12 @@ def target(
     return Preparation(facts, PackedEquations.pack(solved))
 
 
+def _without_motion(
+    solved: PreparedSystem | PreparedTree, why: str
+) -> PreparedSystem | PreparedTree:
+    return replace(solved, rest=why) if why and isinstance(solved, PreparedTree) else solved
+
+
 def check(equations: PackedEquations, *, path: str, given: Arguments) -> Any:
     """Call the function of a check with the task of one model in one engine.
 
@@ -57,7 +68,7 @@ def check(equations: PackedEquations, *, path: str, given: Arguments) -> Any:
         given: the model, the engine and the options.
     """
     task = model_task(
-        equations.unpack(),
+        _without_motion(equations.unpack(), given.no_motion),
         given.engine,
         given.sidecar,
         scenario=given.scenario,

@@ -286,6 +286,45 @@ class TimeStep(Record, frozen=True, kw_only=True):
     finding: AuditFinding | None = None
 
 
+class StepChoice(Record, frozen=True, kw_only=True):
+    """Time steps of a robot file in one engine, as `crosscheck step` lists them.
+
+    Attributes:
+        file: The robot file.
+        engine: Name of the engine.
+        integrator: Name of the integrator.
+        step: Time step of the file, or the default, seconds.
+        error: Largest error over one second of smooth motion, relative to the amplitude; None if it
+            blows up.
+        largest_stable: Largest stable step, seconds; None if it is above 0.1 s, or unknown.
+        target: Requested error.
+        step_for: Step for the requested error, seconds; None if it cannot be predicted.
+        unstable: What makes the step unstable; empty if it is stable.
+        problem: Reason for missing numbers; empty without one.
+    """
+
+    file: str
+    engine: str
+    integrator: str = ""
+    step: Number = None
+    error: Number = None
+    largest_stable: Number = None
+    target: float
+    step_for: Number = None
+    unstable: str = ""
+    problem: str = ""
+
+
+class StepChoices(Record, frozen=True, kw_only=True):
+    """Rows that `crosscheck step --format json` prints.
+
+    Attributes:
+        rows: Steps by file and engine.
+    """
+
+    rows: tuple[StepChoice, ...]
+
+
 class Stepping(Record, frozen=True, kw_only=True):
     """The engine's next state after one step, compared with its documented step rule.
 

@@ -135,6 +135,8 @@ def step_words(step: TimeStep) -> str:
         return f"{size} blows up {motion}"
     off = percent(step.error) if step.error >= LEAST else f"less than {100 * LEAST:g} %"
     target = next((one.step for one in step.steps_for if one.target == TENTH), None)
+    if step.error <= TENTH:
+        target = None
     gives = f", {duration(target)} gives {100 * TENTH:g} %" if target else ""
     return f"{size} is {off} off{gives} {motion}"
 

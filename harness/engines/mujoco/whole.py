@@ -108,6 +108,11 @@ class MujocoWhole(WholeModel):
         with Warnings().collecting():
             return self._evaluated(state)
 
+    def set_step(self, h: float) -> bool:
+        """Set the option."""
+        self._model.opt.timestep = self.step = h
+        return True
+
     def contacts(self, state: WholeState) -> tuple[ContactPoint, ...]:
         """Return the contacts at a state, without solving for their forces."""
         import mujoco

@@ -218,6 +218,19 @@ def memory(text: str) -> float:
     return value
 
 
+def share(text: str) -> float:
+    """Return a share such as `1%` or 0.01, above zero and below one.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    value = _number(text.rstrip("% "))
+    value = value / 100 if value is not None and text.rstrip().endswith("%") else value
+    if value is None or not 0 < value < 1:
+        raise _must_be("a share above 0 and below 1, such as 1% or 0.01", text)
+    return value
+
+
 def _number(text: str) -> float | None:
     try:
         return float(text)

@@ -238,6 +238,40 @@ COMMANDS: Mapping[str, Command] = {
         function=f"{_CLI}.audit:main",
         settings=("engines", "limit", "memory", "jobs", "cache", "select", "ignore"),
     ),
+    "step": Command(
+        group="Check models",
+        purpose="List the error of the time step by engine",
+        description="List the error of a robot file's time step in each engine.\n"
+        "Print the largest stable step, and the step for a requested error.",
+        examples={
+            "List the steps for an error of 1 %": "crosscheck step robot.urdf --error 1%",
+            "Choose a step in MuJoCo": "crosscheck step robot.xml --engine mujoco --error 0.1%",
+        },
+        exit_codes={
+            "0": "The step is stable in every engine.",
+            "1": "The step is unstable in an engine.",
+            "2": "Wrong usage, or an unknown target.",
+            "3": "No engine could run the file.",
+            **INTERRUPTED,
+        },
+        options=(
+            arguments.targets(required=True),
+            option(
+                "Checks",
+                "--error",
+                type=arguments.share,
+                default=0.01,
+                metavar="SHARE",
+                help="Error relative to the motion's amplitude [0.01]",
+            ),
+            arguments.ENGINE,
+            *arguments.ROBOT_OPTIONS,
+            arguments.output_format("text", "json"),
+            *arguments.limits(),
+        ),
+        function=f"{_CLI}.step:main",
+        settings=("engines", "limit", "memory"),
+    ),
     "mutate": Command(
         group="Check models",
         purpose="Plant known faults and report which ones the checks detect",
