@@ -99,16 +99,16 @@ def _unread_findings(robot: Robot) -> Iterator[AuditFinding]:
     unknown: tuple[UnknownName, ...] = ()
     with suppress(LocationError):  # already reported by the reader of the file
         unknown = tuple(unknown_names(Document(robot.file).root))
-    for one in unknown:
-        subject, place = (one.element.tag, one.name), _file_line(robot.file, one.place)
-        yield finding("misspelled", subject, one.sentence, location=place)
+    for wrong in unknown:
+        subject, line = (wrong.element.tag, wrong.name), _file_line(robot.file, wrong.place)
+        yield finding("misspelled", subject, wrong.sentence, location=line)
     misspelled = {one.place for one in unknown}
     for omission in robot.left_out:
-        place = omission.place
-        if place is not None and place not in misspelled and _UNREAD.fullmatch(omission.what):
+        there = omission.place
+        if there is not None and there not in misspelled and _UNREAD.fullmatch(omission.what):
             message = f"no engine reads {omission.what}"
             yield finding(
-                "unread", (omission.what,), message, location=_file_line(robot.file, place),
+                "unread", (omission.what,), message, location=_file_line(robot.file, there),
                 severity="note",
             )  # fmt: skip
 
