@@ -9,8 +9,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.documents.schema import UnknownName, unknown_names
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
@@ -99,9 +99,9 @@ def _unread_findings(robot: Robot) -> Iterator[AuditFinding]:
     unknown: tuple[UnknownName, ...] = ()
     with suppress(LocationError):  # already reported by the reader of the file
         unknown = tuple(unknown_names(Document(robot.file).root))
-    for wrong in unknown:
-        subject, line = (wrong.element.tag, wrong.name), _file_line(robot.file, wrong.place)
-        yield finding("misspelled", subject, wrong.sentence, location=line)
+    for part in unknown:
+        line = _file_line(robot.file, part.place)
+        yield finding("misspelled", (part.element.tag, part.name), part.sentence, location=line)
     misspelled = {one.place for one in unknown}
     for omission in robot.left_out:
         there = omission.place

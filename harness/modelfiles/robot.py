@@ -126,6 +126,7 @@ class Robot:
         placed: shapes and sites.
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
+        repeated: elements without effect, since an earlier one of their tag counts.
     """
 
     name: str
@@ -143,6 +144,7 @@ class Robot:
     placed: tuple[PlacedShape, ...] = ()
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
+    repeated: tuple[ReadError, ...] = ()
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

@@ -19,6 +19,7 @@ AuditKind = Literal[
     "linearization", "unresolved", "pose", "frames",
     "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit", "contact",
     "constraint", "setting", "warning", "replaced", "default", "unread", "misspelled",
+    "unstable step",
 ]  # fmt: skip
 """Subject of an audit finding; each has a message code and a page.
 
@@ -31,8 +32,8 @@ reads, or that is misspelled; and what an engine or a format ignores, adds or as
 PlausibilityKind = Literal[
     "mesh unit", "equal inertias", "moving without inertia", "inertia too large", "center outside",
     "density", "inertia too small", "swapped axes", "left and right", "weak drive",
-    "damping ratio", "rest outside limits", "negative limit", "implausible limit", "one density",
-    "default density", "odd moment", "loop gap", "overlap",
+    "damping ratio", "rest outside limits", "negative limit", "repeated element",
+    "implausible limit", "one density", "default density", "odd moment", "loop gap", "overlap",
 ]  # fmt: skip
 """Subject of advice about a number that real robots do not have; the most certain kind first."""
 

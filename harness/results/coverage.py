@@ -59,10 +59,10 @@ def unread_line(models: Iterable[Model]) -> str:
     """Return what files state and no engine reads, such as the inertia of a motor, or ""."""
     places: dict[str, dict[str, None]] = {}
     for model in models:
-        for one in model.audit or ():
-            if one.kind == "unread" and one.location is not None:
-                name = one.subject[0].partition(" of ")[0]
-                line = "" if one.location.line is None else f":{one.location.line}"
+        for note in model.audit or ():
+            if note.kind == "unread" and note.location is not None:
+                name = note.subject[0].partition(" of ")[0]
+                line = "" if note.location.line is None else f":{note.location.line}"
                 places.setdefault(model.model, {})[f"{name}{line}"] = None
     parts = [
         f"{f'{file}: ' if len(places) > 1 else ''}{listed(list(names), MAX_UNREAD)}"

@@ -177,7 +177,7 @@ def _unlike_sizes(part: LinkPart, other: LinkPart) -> _Numbers | None:
 
 
 def _is_mirrored(plane: _Symmetry, part: LinkPart, other: LinkPart) -> bool:
-    """Return whether links are drawn as mirror images, and are no small parts or equal meshes."""
+    """Return whether links of some size are drawn as mirror images, with unlike meshes."""
     body = next(one for one in plane.facts.bodies if part.name in one.frames)
     share = part.inertia.mass / body.inertia.mass
     share = min(share, np.abs(part.inertia.inertia).max() / np.abs(body.inertia.inertia).max())
