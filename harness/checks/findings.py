@@ -100,8 +100,11 @@ def _unread_findings(robot: Robot) -> Iterator[AuditFinding]:
     with suppress(LocationError):  # already reported by the reader of the file
         unknown = tuple(unknown_names(Document(robot.file).root))
     for part in unknown:
-        line = _file_line(robot.file, part.place)
-        yield finding("misspelled", (part.element.tag, part.name), part.sentence, location=line)
+        yield finding(
+            "misspelled", (part.element.tag, part.name), part.sentence,
+            location=_file_line(robot.file, part.place),
+            severity="finding" if part.is_lost else "advice",
+        )  # fmt: skip
     misspelled = {one.place for one in unknown}
     for omission in robot.left_out:
         there = omission.place
