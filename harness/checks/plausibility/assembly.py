@@ -157,10 +157,10 @@ def _below_planes(facts: RobotFacts) -> Iterator[tuple[Posed, Posed, float]]:
     shapes = [one for one in facts.robot.placed if one.name.startswith("geom:")]
     for i, plane in enumerate(shapes if laws is not None else ()):
         if plane.kind == "plane" and plane.body is None and not plane.visual:
-            for j, one in _posed(facts):
-                heights = (one[2].points - plane.place.origin) @ plane.place.rotation[:, 2]
+            for j, shape in _posed(facts):
+                heights = (shape[2].points - plane.place.origin) @ plane.place.rotation[:, 2]
                 if laws is not None and (min(i, j), max(i, j)) in laws.touching:
-                    yield ("", WORLD, one[2]), one, -float(heights.min())
+                    yield ("", WORLD, shape[2]), shape, -float(heights.min())
 
 
 def _near_pairs(facts: RobotFacts) -> Iterator[tuple[Posed, Posed]]:
@@ -171,10 +171,10 @@ def _near_pairs(facts: RobotFacts) -> Iterator[tuple[Posed, Posed]]:
     boxes = [(one[2].points.min(axis=0), one[2].points.max(axis=0)) for _, one in posed]
     count = 0
     for i, j in combinations(range(len(posed)), 2):
-        (first, one), (second, other) = posed[i], posed[j]
+        (first, shape), (second, other) = posed[i], posed[j]
         if (boxes[i][0] > boxes[j][1]).any() or (boxes[j][0] > boxes[i][1]).any():
             continue
-        a, b = one[1], other[1]
+        a, b = shape[1], other[1]
         if a == b or (laws is not None and (first, second) not in laws.touching):
             continue
         is_joined = (a >= 0 and parents[a] == b) or (b >= 0 and parents[b] == a)
@@ -182,7 +182,7 @@ def _near_pairs(facts: RobotFacts) -> Iterator[tuple[Posed, Posed]]:
             continue
         count += 1
         if count <= MAX_PAIRS:
-            yield one, other
+            yield shape, other
 
 
 def _posed(facts: RobotFacts) -> Iterator[tuple[int, Posed]]:
@@ -206,5 +206,5 @@ def _depth(first: Hull, other: Hull) -> float:
     planes = np.concatenate([first.planes, other.planes])
     rows = np.column_stack([planes[:, :3], np.ones(len(planes))])
     free = [(None, None)] * 3
-    found = linprog([0, 0, 0, -1], A_ub=rows, b_ub=-planes[:, 3], bounds=[*free, (0, None)])
-    return 2 * float(found.x[3]) if found.status == 0 else 0.0
+    ball = linprog([0, 0, 0, -1], A_ub=rows, b_ub=-planes[:, 3], bounds=[*free, (0, None)])
+    return 2 * float(ball.x[3]) if ball.status == 0 else 0.0

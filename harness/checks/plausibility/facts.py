@@ -359,9 +359,10 @@ def _with_drives(
     numbers: dict[str, dict[str, float]], compiled: CompiledTree
 ) -> Mapping[str, Mapping[str, float]]:
     """Return numbers of joints with dry friction, and with gains of drives."""
-    for one in () if compiled.laws is None else compiled.laws.frictions:
-        if one.joint >= 0:
-            numbers.setdefault(compiled.joints[one.joint], {})["dry friction"] = one.force
+    for friction in () if compiled.laws is None else compiled.laws.frictions:
+        if friction.joint >= 0:
+            name = compiled.joints[friction.joint]
+            numbers.setdefault(name, {})["dry friction"] = friction.force
     for drive in compiled.actuators:
         for what, values in drive.numbers:
             for i, value in enumerate(values):

@@ -255,8 +255,10 @@ def default_density(facts: RobotFacts) -> Iterator[Advice]:
     """Yield links with a mass by the default density, where most others state theirs."""
     sources, parts = facts.mass_sources, [part for body in facts.bodies for part in body.parts]
     count = sum(sources.get(part.name) == "stated" for part in parts)
-    unstated = [part for part in parts if sources.get(part.name) == "default" and part.inertia.mass]
-    for part in unstated if count > len(unstated) else ():
+    by_default = [
+        part for part in parts if sources.get(part.name) == "default" and part.inertia.mass
+    ]
+    for part in by_default if count > len(by_default) else ():
         is_welded = not part.link.joints
         yield Advice(
             kind="default density",

@@ -89,7 +89,7 @@ class _Symmetry:
                 yield places[body.name].origin, places[image].origin
 
     def _middles(self, name: str, other: str) -> list[tuple[Array, Array]]:
-        """Return the middles of the shapes, if they tell how the links are turned."""
+        """Return the middles of the shapes, if these show how the links are turned."""
         middles = []
         for link in (name, other):
             body = next((one for one in self.facts.bodies if link in one.frames), None)
@@ -211,11 +211,11 @@ def _unlike_places(plane: _Symmetry, part: LinkPart, other: LinkPart) -> _Number
         off = MIRROR_MOMENTS / MIRROR_PRODUCTS * apart(*crossed)
     if off <= MIRROR_MOMENTS:
         return None
-    at = np.unravel_index(np.argmax(np.abs(tensor - stated)), (3, 3))
+    worst = np.unravel_index(np.argmax(np.abs(tensor - stated)), (3, 3))
     products = (vector_text(one[[0, 0, 1], [1, 2, 2]]) for one in (stated, tensor))
     what = "moments of inertia that do not mirror: {} has products {} kg m^2, expected {}"
     what = what.format(quote(other.name), *products)
-    return what, float(tensor[at]), float(stated[at]), off / MIRROR_MOMENTS
+    return what, float(tensor[worst]), float(stated[worst]), off / MIRROR_MOMENTS
 
 
 def apart(first: Array, other: Array) -> float:
