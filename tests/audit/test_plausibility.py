@@ -122,7 +122,7 @@ ARMS = joint("left_arm") + link("right_arm") + joint("right_arm")
     (link("a", 2.0, (0.008333, 0.016667, 0.01), shape=BRICK) + joint("a"), "odd moment",
      0.01, 0.02167, ("a",), ""),
     (f"<robot name='r'>{WATER.format('base')}{WATER.format('a')}{joint('a')}</robot>",
-     "one density", 4, 6, ("base", "a"), "CAD"),
+     "one density", 4, 10.8, ("base", "a"), "CAD"),
     (SIDES.format(*RIGHT_SIDE).replace(*COPIED), "left and right",
      -0.03, 0.03, ("l_hip", "r_hip"), "expected 0.02 0.03 0"),
     (SIDES.format(0.0004, *RIGHT_SIDE[1:]), "left and right",

@@ -79,8 +79,8 @@ MIN_EXTENT, BEYOND = 0.01, 4.0
 CAD_DENSITIES = {1000.0: "the default of CAD programs", 7850.0: "solid steel"}
 """Densities in kg/m^3 that are assumed for whole robots."""
 
-DENSITY_SHARE, MIN_METAL, USUAL_DENSITY = 0.02, 2000.0, 1500.0
-"""Relative difference from these; smallest density of a metal; and that of links, kg/m^3."""
+DENSITY_SHARE, MIN_METAL, ALUMINIUM = 0.02, 2000.0, 2700.0
+"""Relative difference from these; smallest density of a metal; and aluminium's, kg/m^3."""
 
 TURNS, MAX_DEGREES, FAST = 4.04 * np.pi, 720.0, 60.0
 """Largest limit of a hinge in rad, largest in degrees, and speed beyond that of motors, rad/s."""
@@ -242,11 +242,11 @@ def one_density(facts: RobotFacts) -> Iterator[Advice]:
         yield Advice(
             kind="one density",
             subject=tuple(part.name for part, _ in rows),
-            message=f"all {len(rows)} links have {density:g} kg/m^3 in their shapes, {what}; at "
-            f"{USUAL_DENSITY:g} kg/m^3, as links with motors have, {quote(part.name)} has "
-            f"{USUAL_DENSITY * volume:.3g} kg instead of {part.inertia.mass:.3g}. Weigh the links",
+            message=f"all {len(rows)} links have {density:g} kg/m^3 in their shapes, {what}; as "
+            f"solid aluminium {quote(part.name)} has {ALUMINIUM * volume:.3g} kg instead of "
+            f"{part.inertia.mass:.3g}. Weigh the links",
             line=facts.inertial_line(part.name),
-            expected=USUAL_DENSITY * volume,
+            expected=ALUMINIUM * volume,
             actual=part.inertia.mass,
         )
 

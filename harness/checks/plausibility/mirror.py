@@ -211,11 +211,11 @@ def _unlike_places(plane: _Symmetry, part: LinkPart, other: LinkPart) -> _Number
         off = MIRROR_MOMENTS / MIRROR_PRODUCTS * apart(*crossed)
     if off <= MIRROR_MOMENTS:
         return None
-    worst = np.unravel_index(np.argmax(np.abs(tensor - stated)), (3, 3))
+    place = np.unravel_index(np.argmax(np.abs(tensor - stated)), (3, 3))
     products = (vector_text(one[[0, 0, 1], [1, 2, 2]]) for one in (stated, tensor))
     what = "moments of inertia that do not mirror: {} has products {} kg m^2, expected {}"
     what = what.format(quote(other.name), *products)
-    return what, float(tensor[worst]), float(stated[worst]), off / MIRROR_MOMENTS
+    return what, float(tensor[place]), float(stated[place]), off / MIRROR_MOMENTS
 
 
 def apart(first: Array, other: Array) -> float:
