@@ -102,15 +102,18 @@ def _unread_findings(robot: Robot) -> Iterator[AuditFinding]:
     with suppress(LocationError):  # already reported by the reader of the file
         unknown = tuple(unknown_names(Document(robot.file).root))
     for part in unknown:
-        line = _file_line(robot.file, part.place)
-        yield finding("misspelled", (part.element.tag, part.name), part.sentence, location=line)
+        yield finding(
+            "misspelled", (part.element.tag, part.name), part.sentence,
+            location=_file_line(robot.file, part.place),
+            severity="finding" if part.is_lost else "advice",
+        )  # fmt: skip
     misspelled = {one.place for one in unknown}
     for omission in robot.left_out:
-        place = omission.place
-        if place is not None and place not in misspelled and _UNREAD.fullmatch(omission.what):
+        there = omission.place
+        if there is not None and there not in misspelled and _UNREAD.fullmatch(omission.what):
             message = f"no engine reads {omission.what}"
             yield finding(
-                "unread", (omission.what,), message, location=_file_line(robot.file, place),
+                "unread", (omission.what,), message, location=_file_line(robot.file, there),
                 severity="note",
             )  # fmt: skip
 

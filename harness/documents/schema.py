@@ -12,6 +12,9 @@ from .elements import XmlElement
 
 _SCHEMAS = Path(__file__).with_name("schemas.toml")
 
+_UNREAD = ("safety_controller", "calibration")
+"""Elements of the format that no engine reads."""
+
 CUTOFF = 0.75
 """Smallest similarity of a name and the one that it probably stands for, as difflib measures it."""
 
@@ -35,6 +38,11 @@ class UnknownName:
     place: tuple[Path | None, int | None]
 
     @property
+    def is_lost(self) -> bool:
+        """True for a misspelled name that engines read, so that its number is lost."""
+        return bool(self.close) and self.element.tag not in _UNREAD
+
+    @property
     def sentence(self) -> str:
         """The problem and its remedy, such as `did you mean damping?`."""
         inside = f"<{self.element.tag}>"
@@ -55,7 +63,7 @@ def unknown_names(root: XmlElement) -> Iterator[UnknownName]:
         for name, place in rows:
             if name in names or ":" in name or name.startswith("@xmlns"):
                 continue
-            options = [one for one in names if one[0] == "@" or name[0] != "@"]
+            options = [one for one in names if (one[0] == "@") == (name[0] == "@")]
             close = similar(name, [one for one in options if one not in present])
             parent = "" if close else _holder(name, names, allowed)
             if close or parent:

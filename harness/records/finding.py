@@ -33,6 +33,7 @@ PlausibilityKind = Literal[
     "mesh unit", "equal inertias", "moving without inertia", "inertia too large", "center outside",
     "density", "inertia too small", "swapped axes", "left and right", "weak drive",
     "damping ratio", "rest outside limits", "negative limit", "repeated element",
+    "implausible limit", "one density", "default density", "odd moment", "loop gap", "overlap",
 ]  # fmt: skip
 """Subject of advice about a number that real robots do not have; the most certain kind first."""
 

@@ -38,16 +38,17 @@ def link(
 
 
 def joint(child: str, limit: str = 'lower="-1" upper="1" effort="100" velocity="1"') -> str:
+    y = {"left_arm": 2, "right_arm": -2}.get(child, sum(map(ord, child)))
     return f"""
   <joint name="{child}_joint" type="revolute"><parent link="base"/><child link="{child}"/>
-    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/><limit {limit}/></joint>"""
+    <origin xyz="0.3 {y} 0"/><axis xyz="0 1 0"/><limit {limit}/></joint>"""
 
 
 def advice(folder: Path, *parts: str, suffix: str = ".urdf") -> list[AuditFinding]:
     file = folder / f"robot{suffix}"
     base = link("base", mass=2.5)
     whole = f'<robot name="r">{base}{"".join(parts)}\n</robot>\n'
-    file.write_text(whole if suffix == ".urdf" else parts[0])
+    file.write_text(whole if suffix == ".urdf" and "<robot" not in parts[0] else parts[0])
     findings = [f for f in plausibility_findings(read_robot(file)) if f.severity == "advice"]
     for finding in findings:
         assert finding.code
@@ -71,6 +72,23 @@ STRONG, WEAK, KNEE = (
     f'lower="{lower}" upper="1" effort="{effort}" velocity="1"'
     for lower, effort in ((-1, 1000), (-1, 0.5), (0.2, 100))
 )
+DEGREES, FAST, UPSIDE = (
+    f'lower="{lower}" upper="{upper}" effort="100" velocity="{speed}"'
+    for lower, upper, speed in ((0, 120, 1), (-1, 1, 150), (1, -1, 1))
+)
+BRICK = '<geometry><box size="0.3 0.2 0.1"/></geometry>'
+WATER = link("{}", 4.0, (0.0567, 0.0567, 0.00667))
+HIP = """<link name="{}"><inertial><origin xyz="0.02 {} 0"/><mass value="2"/>
+  <inertia ixx="0.006" iyy="0.005" izz="0.004" ixy="{}" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0.02 {} -0.05"/><geometry><box size="0.12 0.16 0.21"/></geometry>
+  </collision></link><joint name="{}_joint" type="revolute"><parent link="base"/>
+  <child link="{}"/><origin xyz="0 {} 0"/><axis xyz="0 0 1"/><dynamics damping="{}"
+  friction="{}"/><limit lower="{}" upper="{}" effort="50" velocity="5"/></joint>"""
+SIDES = HIP.format("l_hip", -0.03, 0.0004, 0, *["l_hip"] * 2, 0.1, 0.1, 0.2, -0.3, 1.5)
+SIDES += HIP.format("r_hip", 0.03, "{}", 0, *["r_hip"] * 2, "-{}", "{4}", "{5}", "{2}", "{3}")
+SIDES = SIDES.replace("{}", "{0}", 1).replace("{}", "{1}")
+RIGHT_SIDE = (-0.0004, 0.1, -1.5, 0.3, 0.1, 0.2)
+COPIED = ("0.02 0.03 0", "0.02 -0.03 0")
 CUBE = '<geometry><box size="1 1 1"/></geometry>'  # 6 m^2
 EQUAL = (0.01,) * 3
 ARMS = joint("left_arm") + link("right_arm") + joint("right_arm")
@@ -96,6 +114,27 @@ ARMS = joint("left_arm") + link("right_arm") + joint("right_arm")
      None, None, ("a_joint",), 'name="a_joint"'),
     (link("a", center="0.04 0 0") + joint("a", WEAK), "weak drive",
      0.5, 2.0 * 9.81 * 0.04, ("a_joint",), ""),
+    (link("a") + joint("a", DEGREES), "implausible limit", 120, 2.094, ("a_joint", "range"), ""),
+    (link("a") + joint("a", FAST), "implausible limit", 150, 2.618, ("a_joint", "velocity"), ""),
+    (link("a") + joint("a", UPSIDE), "implausible limit", 1, -1, ("a_joint", "range"), ""),
+    (link("a", 2.0, (0.021667, 0.016667, 0.008333), shape=BRICK) + joint("a"), "swapped axes",
+     0.00833, 0.02167, ("a",), "rotation"),
+    (link("a", 2.0, (0.008333, 0.016667, 0.01), shape=BRICK) + joint("a"), "odd moment",
+     0.01, 0.02167, ("a",), ""),
+    (f"<robot name='r'>{WATER.format('base')}{WATER.format('a')}{joint('a')}</robot>",
+     "one density", 4, 10.8, ("base", "a"), "CAD"),
+    (SIDES.format(*RIGHT_SIDE).replace(*COPIED), "left and right",
+     -0.03, 0.03, ("l_hip", "r_hip"), "expected 0.02 0.03 0"),
+    (SIDES.format(0.0004, *RIGHT_SIDE[1:]), "left and right",
+     0.0004, -0.0004, ("l_hip", "r_hip"), "products"),
+    (SIDES.format(-0.0004, 0.12, *RIGHT_SIDE[2:]), "left and right",
+     0.02, 0, ("l_hip_joint", "r_hip_joint"), "20 mm apart"),
+    (SIDES.format(*RIGHT_SIDE[:2], -0.3, 1.5, 0.1, 0.2), "left and right",
+     -0.3, -1.5, ("l_hip_joint", "r_hip_joint"), "expected [-1.5 0.3]"),
+    (SIDES.format(*RIGHT_SIDE[:4], 0.3, 0.2), "left and right",
+     0.3, 0.1, ("l_hip_joint", "r_hip_joint"), "damping 0.1 and 0.3"),
+    (SIDES.format(*RIGHT_SIDE[:5], 0.4), "left and right",
+     0.4, 0.2, ("l_hip_joint", "r_hip_joint"), "friction 0.2 and 0.4"),
 ])  # fmt: skip
 def test_planted_fault_gets_one_advice_at_its_line(
     tmp_path: Path, robot: str, kind: str, actual: float | None, expected: float | None,
@@ -113,6 +152,7 @@ ABSENT = '<geometry><mesh filename="package://r/absent.stl"/></geometry>'
 FRAME = link("inner", 2.0).replace("<collision>", "<!--").replace("</collision>", "-->")
 WELD = '<joint name="weld" type="fixed"><parent link="a"/><child link="inner"/></joint>'
 RIGHT = {
+    "mirrored hips": SIDES.format(*RIGHT_SIDE),
     "two uniform boxes": link("left_arm") + ARMS,
     "equal links": "".join(link(name) + joint(name) for name in "abc"),
     "balloon": link("a", 0.06, (0.01,) * 3, shape=CUBE) + joint("a"),
@@ -162,6 +202,50 @@ def test_drive_without_damping_oscillates(tmp_path: Path) -> None:
     rubbed = ARM.format(damping='0.001" frictionloss="6')
     assert advice(tmp_path, rubbed, suffix=".xml") == []  # it stops within three periods
     only(tmp_path, "damping ratio", rubbed.replace('"6"', '"0.1"'), suffix=".xml")
+
+
+CHAIN = """<mujoco><compiler angle="{angle}"/><worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/>
+  <body name="base" pos="0 0 {height}"><freejoint/><geom type="box" size="0.2 0.2 0.1" mass="8"/>
+    <body name="a" pos="0 0 0.2"><joint name="j" axis="0 1 0" range="{range}"/>
+      <inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.001"/><site name="s" pos="0 0 0.2"/>
+    </body>
+    <body name="b" pos="0.1 0 0.2"><joint axis="0 1 0" range="{range}"/>
+      <inertial pos="0 0 0.1" mass="1" diaginertia="{tensor}"/><site name="t" pos="{tip}"/>{sole}
+    </body>
+  </body></worldbody><equality>{equality}</equality></mujoco>"""
+FINE = {
+    "angle": "radian", "height": 0.5, "range": "-1.2 1.2", "tensor": "0.01 0.01 0.001",
+    "tip": "-0.1 0 0.2", "sole": "", "equality": '<connect site1="s" site2="t"/>',
+}  # fmt: skip
+SOLE = '<body name="sole" pos="0 0 0.1"><geom size="0.02"/></body>'
+AIR = '<body name="air" pos="0 0 0.4"><joint/><geom size="0.2" density="1e-5"/></body>'
+
+
+@pytest.mark.parametrize(("changes", "kind", "actual", "expected", "text"), [
+    ({"range": "-110 110"}, "implausible limit", 110, 1.92, '"-110 110"'),
+    ({"angle": "degree", "range": "-1.57 1.57"}, "implausible limit", 0.0274, 1.57,
+     "Write degrees"),
+    ({"height": 0.05}, "overlap", 0.05, 0, "the world and base by 50 mm"),
+    ({"tensor": "40 40 40"}, "inertia too large", 60, None, "gyration"),
+    ({"sole": SOLE}, "default density", 0.0335, 0, 'mass="0"'),
+    ({"sole": AIR}, "density", 3.35e-7, None, "balloon"),
+    ({"tip": "0 0 0.2"}, "loop gap", 0.1, 0, "the joints can close it"),
+    ({"tip": "0.3 0 0.2", "range": "-0.1 0.1"}, "loop gap", 0.4, None, "makes it smaller than 36"),
+    ({"equality": '<weld body1="a" body2="b" relpose="0.2 0 0 1 0 0 0"/>'}, "loop gap",
+     0.1, None, "the weld of 'a' and 'b'"),
+])  # fmt: skip
+def test_planted_fault_of_a_compiled_file_gets_one_advice(
+    tmp_path: Path, changes: dict[str, str], kind: str, actual: float, expected: float | None,
+    text: str,
+) -> None:  # fmt: skip
+    assert advice(tmp_path, CHAIN.format(**FINE), suffix=".xml") == []
+    findings = advice(tmp_path, CHAIN.format(**FINE | changes), suffix=".xml")
+    (finding, *others) = (one for one in findings if one.kind == kind)
+    assert len(others) <= 1, [one.message for one in findings]
+    assert text in f"{finding.message} {text_at(finding)}"
+    assert finding.actual == pytest.approx(actual, rel=0.01)
+    assert expected is None or finding.expected == pytest.approx(expected, rel=0.01, abs=1e-9)
 
 
 def test_drive_near_critical_damping_is_fine(tmp_path: Path) -> None:
@@ -296,18 +380,21 @@ def test_no_advice_fails_a_case(tmp_path: Path) -> None:
         "unit": link("unit", 0.1, (4e-5,) * 3, center="0.025 0.025 0.025", shape=mesh),
         "weak": link("weak", center="0.04 0 0"),
         "negative": link("negative").replace("</inertial>", '<mass value="9"/></inertial>'),
+        "odd": link("odd", 2.0, (0.008333, 0.016667, 0.01), shape=BRICK),
+        "degrees": link("degrees"),
     }
     limits = {"weak": 0.5, "negative": -1}
+    limit = 'lower="-1" upper="1" effort="{}" velocity="1"'
     joints = [
-        joint(name, f'lower="-1" upper="1" effort="{limits.get(name, 1000)}" velocity="1"').replace(
-            'xyz="0.3 0 0"', f'xyz="0.3 {k} 0"'
-        )
-        for k, name in enumerate(links)
+        joint(name, DEGREES if name == "degrees" else limit.format(limits.get(name, 1000)))
+        for name in links
     ]
     kinds = {one.kind for one in advice(tmp_path, *links.values(), *joints)}
     text = ARM.format(damping=0.001).replace('range="-60 60"', 'range="10 60"')
     kinds |= {one.kind for one in advice(tmp_path, text, suffix=".xml")}
-    absent = set() if find_spec("trimesh") else {"mesh unit"}
+    other = CHAIN.format(**FINE | {"height": 0.05, "tip": "0 0 0.2", "sole": SOLE})
+    kinds |= {one.kind for one in advice(tmp_path, other, suffix=".xml")}
+    absent = {"one density"} | (set() if find_spec("trimesh") else {"mesh unit"})
     assert kinds == {*get_args(PlausibilityKind)} - absent
     for file, engine in (("robot.urdf", "pybullet"), ("robot.xml", "mujoco")):
         done = crosscheck("run", file, "--engine", engine, "--smooth", cwd=tmp_path)

@@ -15,6 +15,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
+from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
 from physics_crosscheck.records import Outcome
 from tests.robots.files import inertial, joint, link, read, tree_of
@@ -138,3 +139,16 @@ def test_mass_on_an_axis_is_compared_although_no_motion_shows_it(
     case = run_case(task)
     assert case.outcome is Outcome.DIFFERS
     assert "robot.urdf:3: mass of wheel is 2 by the file, and 3 as compiled" in case.reason
+
+
+def test_all_impossible_inertias_of_a_refused_mjcf_are_named(tmp_path: Path) -> None:
+    """Catch a negative mass that the first complaint of the compiler hides."""
+    inertials = ('mass="1" diaginertia="1 0.1 0.1"', 'mass="-1" fullinertia="1 1 1 0 0 0"')
+    bodies = "\n".join(f'<body><joint/><inertial pos="0 0 0" {one}/></body>' for one in inertials)
+    file = tmp_path / "robot.xml"
+    file.write_text(f"<mujoco><worldbody>\n{bodies}</worldbody></mujoco>")
+    findings = inertia_findings(read_robot(file))
+    assert [(one.kind, one.location and one.location.line) for one in findings] == [
+        ("triangle", 2),
+        ("negative mass", 3),
+    ]

@@ -22,6 +22,7 @@ from physics_crosscheck.harness.modelfiles.mesh_files import (
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, parts_of
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, PlacedShape, Robot
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.finding import PlausibilityKind
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.bodies import Joint
 from physics_crosscheck.reference.mechanism.rotations import (
@@ -36,6 +37,28 @@ from .hull import SOLIDS, Hull, extreme_points, hull_of, placed_points, scaled, 
 
 COMPILED = ".xml"
 """Suffix of the files in which the world has shapes of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """An implausible number.
+
+    Attributes:
+        kind: of the finding.
+        subject: names of links or joints.
+        message: the number, what would be expected, and what to do.
+        line: of the file.
+        expected, actual: the numbers; None without one.
+        excess: how far it is from plausible, for the order; 1 is the threshold.
+    """
+
+    kind: PlausibilityKind
+    subject: tuple[str, ...]
+    message: str
+    line: SourceLine
+    expected: float | None = None
+    actual: float | None = None
+    excess: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +98,13 @@ class WeldedBody:
     def whole_hull(self) -> Hull | None:
         """Hull of all shapes; None without a volume, or if a shape can't be read."""
         return self._hull(self.shapes)
+
+    def solids(self, link: str) -> Sequence[PlacedShape]:
+        """Return the different shapes of a link; none if one is a mesh."""
+        shapes = [shape for shape in self.shapes if shape.body == link]
+        keys = [(one.kind, one.size, str(one.place)) for one in shapes]
+        is_exact = all(shape.kind != "mesh" for shape in shapes)
+        return list(dict(zip(keys, shapes, strict=True)).values()) if is_exact else []
 
     def _hull(self, shapes: Sequence[PlacedShape]) -> Hull | None:
         points = [_points(shape, self.frames[shape.body or ""]) for shape in shapes]
@@ -129,16 +159,50 @@ class RobotFacts:
         return {name: joint.zero for name, joint in self.joints.items() if joint.single}
 
     @cached_property
+    def drawn(self) -> Array:
+        """All coordinates as the file draws them, (nq,)."""
+        bodies = () if self.compiled is None else self.compiled.bodies
+        free = {
+            joint.name: body for body in bodies for joint in body.joints if joint.kind == "free"
+        }
+        q = self.tree.zero.copy()
+        for link, here in zip(self.tree.links, self.tree.positions, strict=True):
+            if link.name in self.rest:
+                q[here] = self.rest[link.name]
+            elif link.name in free:
+                body = free[link.name]
+                q[here] = [*body.position, *(body.quaternion or (1.0, 0.0, 0.0, 0.0))]
+        return q
+
+    @cached_property
+    def poses(self) -> tuple[Place, ...]:
+        """Frame of each link of the tree in the world as drawn."""
+        return self.poses_at(self.drawn)
+
+    def poses_at(self, q: Array) -> tuple[Place, ...]:
+        """Return the frame of each link of the tree in the world at coordinates (nq,)."""
+        poses = Recursion(self.tree).poses(q[:, None])
+        return tuple(
+            Place(np.asarray(one.rotation, float)[..., 0], np.asarray(one.origin, float)[:, 0])
+            for one in poses
+        )
+
+    @cached_property
+    def places(self) -> Mapping[str, Place]:
+        """Frame of each link of the file in the world as drawn."""
+        return {
+            part.name: place if index == WORLD else self.poses[index].compose(place)
+            for part in self.robot.parts
+            for index, place in [self.tree.frames.get(part.name, (WORLD, IDENTITY))]
+        }
+
+    @cached_property
     def holding(self) -> Mapping[str, float]:
         """Forces that hold hinges and slides at rest against gravity and springs, N or N m."""
         tree = self.tree
         if not tree.nv:
             return {}
-        recursion = Recursion(tree)
-        q = tree.zero[:, None].copy()
-        for link, here in zip(tree.links, tree.positions, strict=True):
-            if link.name in self.rest:
-                q[here] = self.rest[link.name]
+        recursion, q = Recursion(tree), self.drawn[:, None]
         force = np.asarray(recursion.bias(q, np.zeros((tree.nv, 1))), float)[:, 0]
         force = force - np.asarray(recursion.lift(q), float)[:, 0]
         return {
@@ -146,6 +210,45 @@ class RobotFacts:
             for link, there in zip(tree.links, tree.velocities, strict=True)
             if link.name in self.rest
         }
+
+    @cached_property
+    def extent(self) -> float:
+        """Diagonal of a box about all links and shapes as drawn, m; 0 if it is unknown."""
+        if any(body.has_mesh and body.whole_hull is None for body in self.bodies):
+            return 0.0
+        points = [place.origin[None] for place in self.places.values()]
+        for body in self.bodies:
+            if body.whole_hull is not None:
+                first = body.parts[0].name
+                back = self.places[first].rotation @ body.frames[first].rotation.T
+                origin = self.places[first].origin - back @ body.frames[first].origin
+                points.append(placed_points(body.whole_hull.points, Place(back, origin)))
+        span = np.ptp(np.concatenate(points), axis=0) if len(self.places) > 1 else np.zeros(3)
+        return float(np.linalg.norm(span))
+
+    @cached_property
+    def mass_sources(self) -> Mapping[str, str]:
+        """Source of the mass of each body of a compiled file: `stated`, `density` or `default`."""
+        if self.robot.file.suffix != COMPILED:
+            return {}
+        roots = [document.root for document in self.documents]
+        defaults = [
+            geom for root in roots for part in root.findall("default") for geom in part.iter("geom")
+        ]
+        is_by_shape = any(
+            one.get("inertiafromgeom") == "true"
+            for root in roots
+            for one in root.findall("compiler")
+        )
+        sources = {}
+        for body in (one for root in roots for one in root.iter("body")):
+            geoms = [*body.findall("geom"), *defaults]
+            if (body.find("inertial") and not is_by_shape) or any(one.get("mass") for one in geoms):
+                sources[body.get("name")] = "stated"
+            elif body.find("geom"):
+                has_density = any(one.get("density") for one in geoms)
+                sources[body.get("name")] = "density" if has_density else "default"
+        return sources
 
     def line(self, tag: str, name: str, child: str = "") -> SourceLine:
         """Return the line of a named element, or of its child if it has that one."""
@@ -170,6 +273,32 @@ class RobotFacts:
     def efforts(self) -> Mapping[str, tuple[float, SourceLine]]:
         """Largest force of the drive of each joint, N or N m, with its line."""
         return dict(_efforts(self))
+
+    @cached_property
+    def joint_numbers(self) -> Mapping[str, Mapping[str, float]]:
+        """Damping, friction, efforts, speeds and gains of joints, by joint and quantity."""
+        numbers: dict[str, dict[str, float]] = {}
+        for name, joint in self.joints.items():
+            values = {"damping": joint.damping, "stiffness": joint.stiffness}
+            rows = {what: one for what, one in values.items() if isinstance(one, float | int)}
+            numbers[name] = {**rows, "armature": joint.armature}
+            if name in self.efforts:
+                numbers[name]["effort"] = self.efforts[name][0]
+        for document in () if self.robot.file.suffix == COMPILED else self.documents:
+            for element in document.root.iter("joint"):
+                numbers.setdefault(element.get("name"), {}).update(_joint_values(element))
+        return numbers if self.compiled is None else _with_drives(numbers, self.compiled)
+
+    @cached_property
+    def carried(self) -> Mapping[str, str]:
+        """The link that each joint moves."""
+        model = self.robot.body_model
+        bodies = () if model is None else model.bodies
+        return {joint.name: body.name for body in bodies for joint in body.joints}
+
+    def bodies_of(self, index: int) -> Sequence[LinkPart]:
+        """Return the links of one body of the tree."""
+        return [part for part in self.robot.parts if part.body == index]
 
     @property
     def has_keyframes(self) -> bool:
@@ -196,6 +325,17 @@ class RobotFacts:
         return self.tree.frames.get(name, (WORLD, IDENTITY))[1]
 
 
+def moments(tensor: Array) -> Array:
+    """Return the principal moments of inertia, ascending, (3,)."""
+    values: Array = np.linalg.eigvalsh(tensor).astype(np.float64)
+    return values
+
+
+def vector_text(values: Array) -> str:
+    """Return numbers with three digits, separated by spaces."""
+    return " ".join(f"{value + 0.0:.3g}" for value in np.round(values, 12).tolist())
+
+
 def _is_solid(shape: PlacedShape) -> bool:
     return shape.kind == "mesh" or (shape.kind in SOLIDS and min(shape.size) > 0)
 
@@ -204,6 +344,30 @@ def _is_physical(inertia: SpatialInertia) -> bool:
     """Return whether a body has a positive mass, and numbers that its audit does not reject."""
     numbers = [inertia.mass, *inertia.center, *inertia.inertia.ravel()]
     return bool(np.isfinite(numbers).all()) and inertia.mass > 0
+
+
+def _joint_values(joint: XmlElement) -> Iterator[tuple[str, float]]:
+    """Yield the friction and the largest speed of a joint of a URDF or SDFormat file."""
+    for path in ("dynamics", "limit", "axis/dynamics", "axis/limit"):
+        for part in joint.findall(path):
+            for key in ("friction", "velocity"):
+                for value in finite_numbers(part.get(key) or part.findtext(key)) or ():
+                    yield key, value
+
+
+def _with_drives(
+    numbers: dict[str, dict[str, float]], compiled: CompiledTree
+) -> Mapping[str, Mapping[str, float]]:
+    """Return numbers of joints with dry friction, and with gains of drives."""
+    for friction in () if compiled.laws is None else compiled.laws.frictions:
+        if friction.joint >= 0:
+            name = compiled.joints[friction.joint]
+            numbers.setdefault(name, {})["dry friction"] = friction.force
+    for drive in compiled.actuators:
+        for what, values in drive.numbers:
+            for i, value in enumerate(values):
+                numbers.setdefault(drive.on, {})[f"{what}[{i}] of its drive"] = abs(value)
+    return numbers
 
 
 def _spring(link: TreeLink, position: float) -> float:
@@ -223,6 +387,12 @@ def _points(shape: PlacedShape, frame: Place) -> Array | None:
     if corners is None:
         return None
     return placed_points(scaled(corners, shape.scale), frame.compose(shape.place))
+
+
+def solid_hull(shape: PlacedShape, frame: Place) -> Hull | None:
+    """Return the hull of a shape on a link with a frame; None if it can't be read."""
+    points = _points(shape, frame) if _is_solid(shape) else None
+    return None if points is None else hull_of(points)
 
 
 @lru_cache(maxsize=512)

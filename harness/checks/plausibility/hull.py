@@ -124,6 +124,27 @@ def solid_points(kind: str, sizes: Sequence[float]) -> Array:
     return np.concatenate([ring - end, ring + end])
 
 
+def uniform(kind: str, sizes: Sequence[float]) -> tuple[float, Array]:
+    """Return the volume of a solid, m^3, and its moments per kg at uniform density, m^2, (3,).
+
+    Sizes as in `solid_points`.
+    """
+    if kind in ("box", "ellipsoid"):
+        squares = np.square(sizes)
+        volume = float(np.prod(sizes)) * (8 if kind == "box" else 4 / 3 * np.pi)
+        return volume, (squares.sum() - squares) / (3 if kind == "box" else 5)
+    radius, half = sizes[0], sizes[1] if len(sizes) > 1 else 0.0
+    if kind == "cylinder":
+        across = radius**2 / 4 + half**2 / 3
+        return float(2 * np.pi * radius**2 * half), np.array([across, across, radius**2 / 2])
+    tube, ball = 2 * np.pi * radius**2 * half, 4 / 3 * np.pi * radius**3
+    volume = tube + ball
+    across = tube * (radius**2 / 4 + half**2 / 3)
+    across += ball * (2 / 5 * radius**2 + half**2 + 3 / 4 * radius * half)
+    along = tube * radius**2 / 2 + ball * 2 / 5 * radius**2
+    return float(volume), np.array([across, across, along]) / volume
+
+
 def scaled(points: Array, factors: Sequence[float]) -> Array:
     """Return points (n, 3) scaled along each axis."""
     result: Array = points * np.array(factors)

@@ -6,9 +6,7 @@ counts.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import permutations
 from typing import get_args
 
@@ -22,8 +20,10 @@ from physics_crosscheck.harness.records.finding import PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
 from physics_crosscheck.reference.mechanism.rotations import Array
 from ..acting import acting_quantities
-from .facts import COMPILED, RobotFacts, WeldedBody
-from .hull import Hull
+from .assembly import open_loops, overlapping_links
+from .facts import COMPILED, Advice, RobotFacts, WeldedBody, moments, vector_text
+from .hull import Hull, uniform
+from .mirror import mirrored_joints, mirrored_links
 
 NAMED = 3
 """Most links or joints that a message names."""
@@ -61,9 +61,6 @@ SMALL_RATIO = 100.0
 LONG_RATIO, FIT_RATIO, SWAP_RATIO = 4.0, 2.5, 4.0
 """Ratio of a long shape's moments; misfit of swapped axes, and how much better it must be."""
 
-MIRROR_MASS, MIRROR_MOMENTS = 0.05, 0.2
-"""Relative difference of masses, and of moments, of a left and a right link."""
-
 MIN_RATIO, MAX_RATIO = 0.05, 10.0
 """Damping ratios of drives that oscillate for long, and that may creep."""
 
@@ -73,46 +70,26 @@ STOPPED_BANDS = 12
 MAX_LAG_SECONDS = 0.5
 """Longest time constant of a drive that does not creep."""
 
+EXACT, ODD_RATIO = 0.01, 1.5
+"""Relative difference of moments that are computed from a shape; ratio of one that is not."""
+
+MIN_EXTENT, BEYOND = 0.01, 4.0
+"""Smallest size of a robot to which radii of gyration are compared, m; links reach beyond it."""
+
+CAD_DENSITIES = {1000.0: "the default of CAD programs", 7850.0: "solid steel"}
+"""Densities in kg/m^3 that are assumed for whole robots."""
+
+DENSITY_SHARE, MIN_METAL, ALUMINIUM = 0.02, 2000.0, 2700.0
+"""Relative difference from these; smallest density of a metal; and aluminium's, kg/m^3."""
+
+TURNS, MAX_DEGREES, FAST = 4.04 * np.pi, 720.0, 60.0
+"""Largest limit of a hinge in rad, largest in degrees, and speed beyond that of motors, rad/s."""
+
 NO_INERTIA_SHARE = 1e-9
 """Moments that count as none, relative to those at uniform density."""
 
 SMALLEST_BALL = 4e-7 * np.eye(3)
 """Moments per kg of a ball of 1 mm radius, m^2, for links whose shapes can't be read."""
-
-_SIDES = (
-    ("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("l", "r"), ("L", "R"),
-    ("lf", "rf"), ("lh", "rh"), ("LF", "RF"), ("LH", "RH"),
-    ("fl", "fr"), ("FL", "FR"), ("hl", "hr"), ("HL", "HR"), ("bl", "br"), ("RL", "RR"),
-    ("BL", "BR"), ("rl", "rr"),
-)  # fmt: skip
-"""Words for both sides in names."""
-
-_OTHER_SIDE = dict(_SIDES) | {right: left for left, right in _SIDES}
-
-_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^A-Za-z\d]+")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Advice:
-    """An implausible number.
-
-    Attributes:
-        kind: of the finding.
-        subject: names of links or joints.
-        message: the number, what would be expected, and what to do.
-        line: of the file.
-        expected, actual: the numbers; None without one.
-        excess: how far it is from plausible, for the order; 1 is the threshold.
-    """
-
-    kind: PlausibilityKind
-    subject: tuple[str, ...]
-    message: str
-    line: SourceLine
-    expected: float | None = None
-    actual: float | None = None
-    excess: float = 1.0
-
 
 BodyJudge = Callable[[RobotFacts, WeldedBody, Hull], Advice | None]
 """Judges a body by the hull of its shapes."""
@@ -170,24 +147,187 @@ def _fits_shape(part: LinkPart, body: WeldedBody) -> bool:
     """Return whether the moments of a link are about those at uniform density."""
     if body.hull is None or len(body.parts) > 1:
         return False
-    even = part.inertia.mass * _moments(body.hull.moments_about(body.inertia.center))
-    return _misfit(_moments(part.inertia.inertia), even) < FIT_RATIO
+    even = part.inertia.mass * moments(body.hull.moments_about(body.inertia.center))
+    return _misfit(moments(part.inertia.inertia), even) < FIT_RATIO
 
 
 def _by_shape(part: LinkPart, body: WeldedBody) -> tuple[str, float] | None:
     """Return a link's name and its largest moment at uniform density, kg m^2."""
     if body.hull is None or len(body.parts) > 1:
         return None
-    moments = _moments(body.hull.moments_about(body.inertia.center))
-    return part.name, float(moments[-1]) * part.inertia.mass
+    largest = moments(body.hull.moments_about(body.inertia.center))[-1]
+    return part.name, float(largest) * part.inertia.mass
 
 
 def unlike_shapes(facts: RobotFacts) -> Iterator[Advice]:
     """Yield the first of `BODY_KINDS` that holds for each body with shapes."""
     for body in facts.bodies:
-        if body.hull is not None:
-            advice = (_judged(judge, facts, body, body.hull) for judge in BODY_KINDS)
-            yield from [one for one in advice if one is not None][:1]
+        advice: list[Advice | None] = [_unlike_solid(facts, body, part) for part in body.parts]
+        if body.hull is not None and not any(advice):
+            advice = [_judged(judge, facts, body, body.hull) for judge in BODY_KINDS]
+        if not any(advice):
+            advice = [_beyond_robot(facts, part) for part in body.parts]
+        yield from [one for one in advice if one is not None][:1]
+
+
+def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Advice | None:
+    """Return advice about a link with the moments of its only shape, but not about its axes."""
+    solids = body.solids(part.name)
+    mass, tensor = part.inertia.mass, part.inertia.inertia
+    if len(solids) != 1 or mass <= 0:
+        return None
+    axes = solids[0].place.rotation
+    even, stated = mass * uniform(solids[0].kind, solids[0].size)[1], axes.T @ tensor @ axes
+    here = np.diagonal(stated)
+    is_even = np.abs(here - even) <= EXACT * even
+    if (is_even.all() or np.abs(stated - np.diag(here)).max() > EXACT * even.max()) or min(
+        here
+    ) <= 0:
+        return None
+    worst = int(np.argmax(np.abs(np.log(here / even))))
+    is_swapped = bool((np.abs(np.sort(here) - np.sort(even)) <= EXACT * np.sort(even)).all())
+    if not (is_swapped or (is_even.sum() == 2 and _misfit(here, even) > ODD_RATIO)):
+        return None
+    what = "those of its shape, but along other axes" if is_swapped else "two of them as its shape"
+    return Advice(
+        kind="swapped axes" if is_swapped else "odd moment",
+        subject=(part.name,),
+        message=f"link {quote(part.name)} has the moments of inertia {vector_text(here)} kg m^2 "
+        f"along the axes of its {solids[0].kind}, {what}; expected {vector_text(even)}. Check the "
+        "rotation of its inertia, and its digits",
+        line=facts.inertial_line(part.name),
+        expected=float(even[worst]),
+        actual=float(here[worst]),
+        excess=_misfit(here, even),
+    )
+
+
+def _beyond_robot(facts: RobotFacts, part: LinkPart) -> Advice | None:
+    """Return advice about a link with a radius of gyration larger than the robot."""
+    mass, extent, turned = part.inertia.mass, facts.extent, np.trace(part.inertia.inertia) / 2
+    if mass <= 0 or extent < MIN_EXTENT or turned <= mass * (BEYOND * extent) ** 2:
+        return None
+    radius = float(np.sqrt(turned / mass))
+    return Advice(
+        kind="inertia too large",
+        subject=(part.name,),
+        message=f"link {quote(part.name)} of {mass:.3g} kg has moments of inertia "
+        f"{vector_text(moments(part.inertia.inertia))} kg m^2, a radius of gyration of {radius:.3g}"
+        f" m in a robot of {extent:.3g} m; expected less than {mass * extent**2:.2g}. Check its "
+        "units",
+        line=facts.inertial_line(part.name),
+        expected=mass * extent**2,
+        actual=float(turned),
+        excess=float(turned) / (mass * extent**2),
+    )
+
+
+def one_density(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield the one density of all links of a robot, if a program for drawings assumes it."""
+    rows: list[tuple[LinkPart, float]] = []
+    for body in facts.bodies:
+        for part in body.parts:
+            volume = sum(uniform(one.kind, one.size)[0] for one in body.solids(part.name))
+            if part.inertia.mass > 0:
+                rows.append((part, volume))
+    if len(rows) < 2 or not all(volume for _, volume in rows):
+        return
+    densities = np.array([part.inertia.mass / volume for part, volume in rows])
+    for density, what in CAD_DENSITIES.items():
+        if np.abs(densities / density - 1).max() > DENSITY_SHARE:
+            continue
+        if density < MIN_METAL and "stated" not in (facts.mass_sources or {"": "stated"}).values():
+            continue  # the default of the format
+        part, volume = max(rows, key=lambda row: row[1])
+        yield Advice(
+            kind="one density",
+            subject=tuple(part.name for part, _ in rows),
+            message=f"all {len(rows)} links have {density:g} kg/m^3 in their shapes, {what}; as "
+            f"solid aluminium {quote(part.name)} has {ALUMINIUM * volume:.3g} kg instead of "
+            f"{part.inertia.mass:.3g}. Weigh the links",
+            line=facts.inertial_line(part.name),
+            expected=ALUMINIUM * volume,
+            actual=part.inertia.mass,
+        )
+
+
+def default_density(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield links with a mass by the default density, where most others state theirs."""
+    sources, parts = facts.mass_sources, [part for body in facts.bodies for part in body.parts]
+    count = sum(sources.get(part.name) == "stated" for part in parts)
+    by_default = [
+        part for part in parts if sources.get(part.name) == "default" and part.inertia.mass
+    ]
+    for part in by_default if count > len(by_default) else ():
+        is_welded = not part.link.joints
+        yield Advice(
+            kind="default density",
+            subject=(part.name,),
+            message=f"link {quote(part.name)} has {part.inertia.mass:.3g} kg by the default density"
+            f" of its shapes, while {counted(count, 'link')} state their masses. Write its mass, "
+            'or mass="0" if another link counts it',
+            line=facts.line("body", part.name, "geom"),
+            expected=0.0 if is_welded else None,
+            actual=part.inertia.mass,
+        )
+
+
+def limits_in_degrees(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield ranges and speeds of hinges that are degrees, or degrees that are radians."""
+    small = dict(_radians(facts))
+    for name, joint in facts.joints.items():
+        limits = joint.limits if joint.kind == "hinge" else None
+        if limits is None or name in [*small][1:]:
+            continue
+        line = facts.line("joint", name, "limit")
+        largest = max(map(abs, limits))
+        speed = facts.joint_numbers.get(name, {}).get("velocity", 0.0)
+        is_round = float(f"{speed:.0e}") == speed and f"{speed:e}".startswith("1")
+        if TURNS < largest <= MAX_DEGREES:
+            low, high = np.radians(limits)
+            what = f"limits of {limits[0]:g} and {limits[1]:g} rad, more than two turns: as degrees"
+            what += f" they are {low:.3g} and {high:.3g} rad. Write radians"
+            expected, actual, kind = np.radians(largest), largest, "range"
+        elif name in small:
+            what = f"a range of {small[name]:g} degrees, {largest:.2g} rad: it is written as "
+            what += f"{small[name]:g}, like radians, as in {counted(len(small), 'joint')} of this "
+            what += 'file. Write degrees, or angle="radian"'
+            expected, actual, kind = small[name], largest, "range"
+        elif FAST < speed <= MAX_DEGREES and not is_round:
+            what = f"a largest speed of {speed:g} rad/s, {speed / 2 / np.pi:.2g} turns a second: as"
+            what += f" degrees it is {np.radians(speed):.3g} rad/s. Write radians"
+            expected, actual, kind = np.radians(speed), speed, "velocity"
+        else:
+            continue
+        yield Advice(
+            kind="implausible limit",
+            subject=(name, kind),
+            message=f"joint {quote(name)} has {what}",
+            line=line,
+            expected=float(expected),
+            actual=float(actual),
+            excess=float(actual / expected),
+        )
+
+
+def _radians(facts: RobotFacts) -> Iterator[tuple[str, float]]:
+    """Yield joints of a file in degrees that states their largest limits like radians."""
+    roots = [document.root for document in facts.documents]
+    compilers = [one for root in roots for one in root.findall("compiler")]
+    if facts.robot.file.suffix != COMPILED or any(
+        one.get("angle") == "radian" for one in compilers
+    ):
+        return
+    ranges = {
+        joint.get("name"): max(map(abs, values))
+        for root in roots
+        for joint in root.iter("joint")
+        if joint.get("type", "hinge") == "hinge" and (values := finite_numbers(joint.get("range")))
+    }
+    parts = [value / (np.pi / 12) for value in ranges.values()]
+    is_like_radians = any(part > 1 and abs(part - round(part)) < 0.003 * part for part in parts)
+    if is_like_radians and max(ranges.values()) <= 2 * np.pi + 0.01:
+        yield from ranges.items()
 
 
 def _judged(judge: BodyJudge, facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
@@ -230,7 +370,7 @@ def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | 
         subject=(body.name,),
         message=f"the center of mass of {_named(body)} is {1e3 * distance:.3g} mm outside its "
         f"shapes of {1e3 * hull.diagonal:.3g} mm; their middle is at "
-        f"{_vector(_in_link(body, hull.center))}. Check the origin of its inertia, and the "
+        f"{vector_text(_in_link(body, hull.center))}. Check the origin of its inertia, and the "
         "places of its shapes",
         line=facts.inertial_line(body.name),
         expected=0.0,
@@ -242,9 +382,10 @@ def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | 
 def implausible_density(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
     """Return advice about a mass that the volume of the shapes excludes."""
     density = body.inertia.mass / hull.volume
+    is_marker = body.inertia.mass < MARKER_MASS and facts.mass_sources.get(body.name) != "density"
     heavy, usual = density > MAX_DENSITY, 1000.0 * hull.volume
     light = density < MIN_DENSITY and body.inertia.mass < MIN_SKIN * hull.area
-    if not (heavy or light) or body.inertia.mass < MARKER_MASS:
+    if not (heavy or light) or is_marker:
         return None
     what = "more than any metal" if heavy else "less than a balloon"
     return Advice(
@@ -299,13 +440,13 @@ def _of_moments(
     excess: float,
 ) -> Advice:
     mass, center, tensor = body.inertia
-    stated = _moments(tensor)
-    even = mass * _moments(hull.moments_about(center))
+    stated = moments(tensor)
+    even = mass * moments(hull.moments_about(center))
     return Advice(
         kind=kind,
         subject=(body.name,),
-        message=f"{_named(body)} has moments of inertia {_vector(stated)} kg m^2, {what}; "
-        f"expected about {_vector(even)}. Compute them about its center of mass, or check the "
+        message=f"{_named(body)} has moments of inertia {vector_text(stated)} kg m^2, {what}; "
+        f"expected about {vector_text(even)}. Compute them about its center of mass, or check the "
         "places of its shapes",
         line=facts.inertial_line(body.name),
         expected=float(even[-1]),
@@ -329,8 +470,8 @@ def swapped_axes(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | No
         kind="swapped axes",
         subject=(body.name,),
         message=f"the moments of inertia of {_named(body)} fit its shape with other axes: "
-        f"along the shape's axes they are {_vector(stated)} kg m^2, expected about "
-        f"{_vector(even)}. Check the rotation of its inertia",
+        f"along the shape's axes they are {vector_text(stated)} kg m^2, expected about "
+        f"{vector_text(even)}. Check the rotation of its inertia",
         line=facts.inertial_line(body.name),
         expected=float(even[0]),
         actual=float(stated[0]),
@@ -341,55 +482,6 @@ def swapped_axes(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | No
 def _misfit(stated: Array, even: Array) -> float:
     """Return the largest ratio between moments of both, in either direction."""
     return float(np.exp(np.abs(np.log(stated / even)).max()))
-
-
-def mirrored_links(facts: RobotFacts) -> Iterator[Advice]:
-    """Yield links on the left whose mass or moments differ from those on the right."""
-    parts = {part.name: part for body in facts.bodies for part in body.parts}
-    for name, part in parts.items():
-        other = parts.get(_mirrored(name))
-        if other is None or not (part.inertia.mass and other.inertia.mass):
-            continue
-        here, there = (_moments(one.inertia.inertia) for one in (part, other))
-        heavy = _apart(np.array([part.inertia.mass]), np.array([other.inertia.mass]))
-        turned = _apart(here, there)
-        if heavy <= MIRROR_MASS and turned <= MIRROR_MOMENTS:
-            continue
-        pair = (part, other)
-        if heavy > MIRROR_MASS:
-            masses = [one.inertia.mass for one in pair]
-            numbers = f"masses {masses[0]:.4g} and {masses[1]:.4g} kg"
-        else:
-            masses = [float(here[-1]), float(there[-1])]
-            numbers = f"moments of inertia {_vector(here)} and {_vector(there)} kg m^2"
-        yield Advice(
-            kind="left and right",
-            subject=(name, other.name),
-            message=f"links {quote(name)} and {quote(other.name)} have {numbers}. Mirror one of "
-            "them, unless the robot is asymmetric",
-            line=facts.inertial_line(name),
-            expected=masses[1],
-            actual=masses[0],
-            excess=max(heavy / MIRROR_MASS, turned / MIRROR_MOMENTS),
-        )
-
-
-def _apart(first: Array, other: Array) -> float:
-    """Return the largest difference, relative to the largest number."""
-    scale = max(np.abs(first).max(), np.abs(other).max())
-    return float(np.abs(first - other).max() / scale) if scale else 0.0
-
-
-def _mirrored(name: str) -> str:
-    """Return the name of the same part on the other side, of a name that begins on the left.
-
-    All words for sides change: the mirror image of `front_leftL` is `front_rightR`.
-    """
-    words = _WORDS.findall(name)
-    first = next((word for word in words if word in _OTHER_SIDE), "")
-    if first not in dict(_SIDES):
-        return ""
-    return "".join(_OTHER_SIDE.get(word, word) for word in words)
 
 
 _HELD: Mapping[str, tuple[PlausibilityKind, str]] = {
@@ -419,9 +511,9 @@ def moving_without_inertia(facts: RobotFacts) -> Iterator[Advice]:
         if not (body.joint and body.shapes):
             continue
         tensor = SMALLEST_BALL if body.hull is None else body.hull.tensor
-        even = body.inertia.mass * _moments(tensor)
+        even = body.inertia.mass * moments(tensor)
         if _is_none(float(np.trace(body.inertia.inertia)), float(even.sum())):
-            shape = "" if body.hull is None else f"; its shape has about {_vector(even)} kg m^2"
+            shape = "" if body.hull is None else f"; its shape has about {vector_text(even)} kg m^2"
             yield Advice(
                 kind="moving without inertia",
                 subject=(body.name,),
@@ -489,21 +581,39 @@ def weak_drives(facts: RobotFacts) -> Iterator[Advice]:
 
 
 def negative_limits(facts: RobotFacts) -> Iterator[Advice]:
-    """Yield efforts and velocities of a URDF's joints below zero."""
+    """Yield efforts and velocities of a URDF's joints below zero, and ranges without a position."""
     for document in () if facts.robot.file.suffix == COMPILED else facts.documents:
-        for joint in document.root.findall("joint"):
-            name, limit = joint.get("name"), joint.find("limit") or joint
-            for key in ("effort", "velocity"):
-                for value in finite_numbers(limit.get(key)) or ():
-                    if value < 0:
-                        yield Advice(
-                            kind="negative limit",
-                            subject=(name, key),
-                            message=f"the {key} of joint {quote(name)} is {value:g}: engines "
-                            "refuse the file, or ignore the limit. Write a positive number",
-                            line=SourceLine(file=str(document.path), line=document.line(limit)),
-                            actual=value,
-                        )
+        for joint in document.root.iter("joint"):
+            limit = joint.find("limit") or joint.find("axis/limit") or joint
+            name, line = joint.get("name"), document.line(limit)
+            stated = {
+                key: values[0]
+                for key in ("effort", "velocity", "lower", "upper")
+                if (values := finite_numbers(limit.get(key) or limit.findtext(key)))
+            }
+            low, high = stated.pop("lower", 0.0), stated.pop("upper", 0.0)
+            place = SourceLine(file=str(document.path), line=line)
+            if low > high and joint.get("type") in ("revolute", "prismatic"):
+                yield Advice(
+                    kind="implausible limit",
+                    subject=(name, "range"),
+                    message=f"the lower limit of joint {quote(name)} is {low:g}, above the upper "
+                    f"one, {high:g}: engines ignore the range, or refuse the file. "
+                    "Exchange them, or remove both",
+                    line=place,
+                    expected=high,
+                    actual=low,
+                )
+            for key, value in stated.items() if joint.parent is document.root else ():
+                if value < 0:
+                    yield Advice(
+                        kind="negative limit",
+                        subject=(name, key),
+                        message=f"the {key} of joint {quote(name)} is {value:g}: engines "
+                        "refuse the file, or ignore the limit. Write a positive number",
+                        line=place,
+                        actual=value,
+                    )
 
 
 def repeated_elements(facts: RobotFacts) -> Iterator[Advice]:
@@ -530,16 +640,6 @@ def _in_link(body: WeldedBody, point: Array) -> Array:
     frame = body.frames[body.name]
     moved: Array = frame.rotation.T @ (point - frame.origin)
     return moved
-
-
-def _moments(tensor: Array) -> Array:
-    """Return the principal moments of inertia, ascending, (3,)."""
-    moments: Array = np.linalg.eigvalsh(tensor).astype(np.float64)
-    return moments
-
-
-def _vector(values: Array) -> str:
-    return " ".join(f"{value + 0.0:.3g}" for value in np.round(values, 12).tolist())
 
 
 def damping_ratios(facts: RobotFacts) -> Iterator[Advice]:
@@ -600,12 +700,18 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     equal_inertias,
     unlike_shapes,
     mirrored_links,
+    mirrored_joints,
     moving_without_inertia,
     rest_outside_limits,
+    one_density,
+    default_density,
+    limits_in_degrees,
     weak_drives,
     damping_ratios,
     negative_limits,
     repeated_elements,
+    open_loops,
+    overlapping_links,
 )
 """Functions that yield advice about a file."""
 

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import ReadError, ReadKind
+from physics_crosscheck.harness.documents.errors import LocationError, ReadError, ReadKind
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
@@ -21,6 +22,7 @@ from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.reference.laws.mechanics import LawTree
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.assemble import assemble
+from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import IDENTITY, minimal_coordinates
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
@@ -35,6 +37,8 @@ def compiler(suffix: str) -> Engine | None:
     able = (engine for engine in engines_reading(suffix) if suffix in engine.compiles)
     return next((engine for engine in able if engine.version() is not None), None)
 
+
+_TENSORS = ("diaginertia", "fullinertia")
 
 MAX_USERS = 100
 """Number of files of a folder that may include a part."""
@@ -66,7 +70,8 @@ def read_compiled_robot(
     try:
         compiled = engine.compiled(path)
     except EngineError as error:
-        return _refused(error.file or path, [error.sentence], line=error.line or 0, kind="file")
+        refusal = _refused(error.file or path, [error.sentence], line=error.line or 0, kind="file")
+        return replace(refusal, parts=tuple(_stated_links(path)))
     if not actuated:
         compiled = replace(compiled, pulls=compiled.passive, controls=0)
     if sentences := list(_problems(compiled)):
@@ -76,6 +81,25 @@ def read_compiled_robot(
         return compiled_robot(compiled, path, _left_out(engine, compiled), controls)
     except TreeError as error:
         return _refused(path, [str(error)], _left_out(engine, compiled), compiled.name)
+
+
+def _stated_links(path: Path) -> Iterator[LinkPart]:
+    """Yield links of a refused file that state an inertia, since several of them may be wrong."""
+    try:
+        roots = [Document(part).root for part in parts_of(path)]
+    except (EngineError, LocationError):
+        return
+    for body in (one for root in roots for one in root.iter("body")):
+        inertial = body.find("inertial")
+        if inertial is None:
+            continue
+        rows = [finite_numbers(inertial.get(key)) for key in ("mass", *_TENSORS)]
+        mass, tensor = rows[0], next((one for one in rows[1:] if one), None)
+        if mass and tensor and len(tensor) in (3, 6):
+            xx, yy, zz, xy, xz, yz = (*tensor, 0.0, 0.0, 0.0)[:6]
+            name = body.get("name") or "without a name"
+            link = RigidBody(name=name, parent=None, mass=mass[0], inertia=(xx, yy, zz, xy, xz, yz))
+            yield LinkPart(link=link, line=inertial.place[1] or 0)
 
 
 def tree_of(
