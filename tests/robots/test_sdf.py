@@ -218,7 +218,9 @@ def test_mimic_is_a_coupling_unless_it_has_an_offset(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("lines", "line", "message"), [
     ((BASE, ARM, joint(), "<include/>"), 5, "<include> is not covered"),
     ((BASE, ARM, joint(), "<model name='n'/>"), 5, "<model> is not covered"),
-    ((BASE, ARM, joint().replace("revolute", "screw")), 4, "joint 'q' is of type 'screw'"),
+    ((BASE, ARM, joint().replace("revolute", "gearbox")), 4, "'gearbox', which no engine reads"),
+    ((BASE, ARM, joint().replace("revolute", "screw").replace(
+        "<axis>", "<thread_pitch>0</thread_pitch><axis>")), 4, "<thread_pitch> of joint 'q' is 0"),
     ((BASE, ARM, joint().replace("revolute", "universal")), 4, "joint 'q' has no <axis2>"),
     ((BASE, ARM), 3, "no joint holds 'base', 'arm'"),
     ((BASE, "<static>true</static>"), 3, "the model is static"),

@@ -21,7 +21,7 @@ from .read import read_document
 
 _RELEVANT = re.compile(
     r"sdf/(world/)?(gravity|model/(pose|link/(pose|inertial/.*)|frame/pose"
-    r"|joint/(pose|axis2?/(xyz|dynamics/(damping|spring_\w+)|mimic/.*))))"
+    r"|joint/(pose|(screw_)?thread_pitch|axis2?/(xyz|dynamics/(damping|spring_\w+)|mimic/.*))))"
 )
 """Numbers that affect a tree."""
 

@@ -38,7 +38,7 @@ _READ: Mapping[str, Collection[str]] = MappingProxyType(
         "link": ("inertial", "pose", "collision", "gravity", "self_collide"),
         "inertial": ("pose", "mass", "inertia", "density"),
         "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
-        "joint": ("pose", "parent", "child", *AXES),
+        "joint": ("pose", "parent", "child", "thread_pitch", "screw_thread_pitch", *AXES),
         **dict.fromkeys(AXES, ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame")),
         "dynamics": ("damping", "friction", "spring_stiffness", "spring_reference"),
         "limit": ("lower", "upper", "effort", "velocity"),
