@@ -252,6 +252,22 @@ def test_problem_is_reported_with_its_line(
     assert any(where == line and message in sentence for where, sentence in reported), reported
 
 
+def test_parts_that_no_joint_connects_are_models(tmp_path: Path) -> None:
+    """Catch a loose link that refuses its model, moves with it, or moves the frames of others."""
+    box = BASE.replace('"base"', '"box"').replace("<mass>2", "<mass>7")
+    arm = ARM.replace("<pose>", '<pose relative_to="box">', 1)
+    weld = WELD.replace("weld", "bolt").replace(">world<", ">f<").replace(">base<", ">tip<")
+    loose = (box, '<frame name="f" attached_to="box"/>', ARM.replace('"arm"', '"tip"'), weld)
+    read(tmp_path, *loose, BASE, arm, WELD, joint())
+    files = robot_files([str(tmp_path / "robot.sdf")]).files
+    trees = {robot.name: tree_of(robot) for robot in map(read_robot, files)}
+    assert [(name, tree.nv) for name, tree in trees.items()] == [("m", 1), ("m.box", 6)]
+    assert trees["m.box"].links[0].mass == 9
+    held = ARM.replace("<pose>", '<pose relative_to="base">', 1)  # which is where the box is
+    alone = tree_of(read(tmp_path, BASE, held, WELD, joint())).links[0]
+    assert np.allclose(alone.position, trees["m"].links[0].position, rtol=0, atol=1e-15)
+
+
 def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path) -> None:
     read(tmp_path, BASE, ARM, WELD, joint(pose=LATER))
     file = tmp_path / "robot.sdf"

@@ -1,5 +1,7 @@
 """One SDFormat file for each moving model of a file that has several, or includes or nests others.
 
+A model whose links joints don't connect counts as several: `m`, and `m.link` for each further part.
+
 A copy has a line for each element, whose line in the file or its include is noted. A nested model
 becomes a frame of its name, and its links, joints and frames get names such as `arm__link`, by the
 format's pose semantics (http://sdformat.org/tutorials?tut=composition).
@@ -28,6 +30,7 @@ _PATHS = (
 )  # fmt: skip
 """Environment variables with folders of models."""
 
+_ENDS = ("parent", "child")
 _ODD = re.compile(r"[^-.\w]")
 _NESTING = (1, 7)
 """First version whose poses can be relative to a nested model's frame."""
@@ -59,6 +62,9 @@ def sdf_models(source: Path) -> dict[str, Path]:
         changed += [_connect(one) for one in holders[1:]]
     moving = [(a, b) for a in holders for b in a.findall("model") if not is_static(b)]
     changed += [_flatten(model) for _, model in moving if _is_new(versions, model, document)]
+    for each in moving:
+        versions.setdefault(id(each[1]), root.get("version"))
+    moving = [(holder, part) for holder, one in moving for part in _split(holder, one, versions)]
     if not moving or not (any(changed) or len(moving) > 1 or document.root.tag != "sdf"):
         return {}
     files = {}
@@ -74,7 +80,10 @@ def sdf_models(source: Path) -> dict[str, Path]:
 
 
 def _is_new(versions: dict[int, str], model: XmlElement, document: Document) -> bool:
-    text = versions.get(id(model), document.root.get("version"))
+    return _has_frames(versions.get(id(model), document.root.get("version")))
+
+
+def _has_frames(text: str) -> bool:
     return tuple(map(int, re.findall(r"\d+", text))) >= _NESTING
 
 
@@ -213,6 +222,61 @@ def _flatten(model: XmlElement) -> bool:
     if changed:
         _rename(model, lambda name: name.removesuffix(f"::{MODEL}").replace("::", "__"))
     return changed
+
+
+def _split(holder: XmlElement, model: XmlElement, versions: dict[int, str]) -> list[XmlElement]:
+    """Replace a model by one for each group of links that joints connect, and return these.
+
+    The group of the world, or of the first link, keeps the model's name. Links of other groups
+    become frames, since poses may refer to them.
+    """
+    group, text = _groups(model), versions[id(model)]
+    firsts = dict[str, str]()
+    for name in list(group)[1:]:
+        firsts.setdefault(group[name], name)
+    keys = sorted(firsts, key=lambda key: key != group[WORLD])
+    parts = [model, *(model.copy() for _ in keys[1:])]
+    for key, part in zip(keys, parts, strict=False):
+        if part is not model:
+            part.set("name", f"{model.get('name')}.{firsts[key]}")
+            holder.append(part)
+            versions[id(part)] = text
+        for link in part.findall("link") if parts[1:] else ():
+            if group[link.get("name")] != key and _has_frames(text):
+                link.tag, link.children = "frame", link.findall("pose")
+            elif group[link.get("name")] != key:
+                part.remove(link)
+        for joint in part.findall("joint") if parts[1:] else ():
+            if group[joint.get("name")] != key:
+                part.remove(joint)
+    return parts
+
+
+def _groups(model: XmlElement) -> dict[str, str]:
+    """Return the group of the world, of each link and of each joint, by names.
+
+    All are one group if a joint names an unknown link, which the reader reports.
+    """
+    frames = {one.get("name"): one.get("attached_to") for one in model.findall("frame")}
+    links = [one.get("name") for one in model.findall("link")]
+    group = {name: name for name in (WORLD, *links)}
+    joints = {one.get("name"): one for one in model.findall("joint")}
+    for joint in joints.values():
+        leaders = [joints.get(one.get("joint"), joint) for one in joint.findall("axis/mimic")]
+        elements = [end for one in (joint, *leaders) for end in one if end.tag in _ENDS]
+        ends = [end.text.strip() for end in elements]
+        for _ in frames:
+            ends = [frames.get(end, end) for end in ends]
+        if not group.keys() >= {*ends}:
+            return dict.fromkeys((WORLD, *links, *joints), WORLD)
+        merged = {group[end] for end in ends}
+        group = {name: ends[0] if one in merged else one for name, one in group.items()}
+    for name, joint in joints.items():
+        end = joint.findtext("child").strip()
+        for _ in frames:
+            end = frames.get(end, end)
+        group[name] = group[end]
+    return group
 
 
 def _move(nested: XmlElement, model: XmlElement) -> None:
