@@ -263,9 +263,9 @@ def test_parts_that_no_joint_connects_are_models(tmp_path: Path) -> None:
     trees = {robot.name: tree_of(robot) for robot in map(read_robot, files)}
     assert [(name, tree.nv) for name, tree in trees.items()] == [("m", 1), ("m.box", 6)]
     assert trees["m.box"].links[0].mass == 9
-    held = ARM.replace("<pose>", '<pose relative_to="base">', 1)  # which is where the box is
-    alone = tree_of(read(tmp_path, BASE, held, WELD, joint())).links[0]
-    assert np.allclose(alone.position, trees["m"].links[0].position, rtol=0, atol=1e-15)
+    place = ARM.replace("<pose>", '<pose relative_to="base">', 1)  # which is where the box is
+    held = tree_of(read(tmp_path, BASE, place, WELD, joint())).links[0]
+    assert np.allclose(held.position, trees["m"].links[0].position, rtol=0, atol=1e-15)
 
 
 def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path) -> None:
