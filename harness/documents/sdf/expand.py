@@ -30,7 +30,6 @@ _PATHS = (
 )  # fmt: skip
 """Environment variables with folders of models."""
 
-_ENDS = ("parent", "child")
 _ODD = re.compile(r"[^-.\w]")
 _NESTING = (1, 7)
 """First version whose poses can be relative to a nested model's frame."""
@@ -230,25 +229,20 @@ def _split(holder: XmlElement, model: XmlElement, versions: dict[int, str]) -> l
     The group of the world, or of the first link, keeps the model's name. Links of other groups
     become frames, since poses may refer to them.
     """
-    group, text = _groups(model), versions[id(model)]
-    firsts = dict[str, str]()
+    group, text, firsts = _groups(model), versions[id(model)], dict[str, str]()
     for name in list(group)[1:]:
         firsts.setdefault(group[name], name)
     keys = sorted(firsts, key=lambda key: key != group[WORLD])
     parts = [model, *(model.copy() for _ in keys[1:])]
-    for key, part in zip(keys, parts, strict=False):
+    for key, part in zip(keys, parts, strict=False):  # no key without a link
         if part is not model:
             part.set("name", f"{model.get('name')}.{firsts[key]}")
-            holder.append(part)
-            versions[id(part)] = text
-        for link in part.findall("link") if parts[1:] else ():
-            if group[link.get("name")] != key and _has_frames(text):
-                link.tag, link.children = "frame", link.findall("pose")
-            elif group[link.get("name")] != key:
-                part.remove(link)
-        for joint in part.findall("joint") if parts[1:] else ():
-            if group[joint.get("name")] != key:
-                part.remove(joint)
+            versions[id(holder.append(part))] = text
+        for other in [one for one in part if group.get(one.get("name"), key) != key]:
+            if other.tag == "link" and _has_frames(text):
+                other.tag, other.children = "frame", other.findall("pose")
+            elif other.tag in ("link", "joint"):
+                part.remove(other)
     return parts
 
 
@@ -257,26 +251,24 @@ def _groups(model: XmlElement) -> dict[str, str]:
 
     All are one group if a joint names an unknown link, which the reader reports.
     """
+    links, joints = ({one.get("name"): one for one in model.findall(tag)} for tag in NAMED[:2])
     frames = {one.get("name"): one.get("attached_to") for one in model.findall("frame")}
-    links = [one.get("name") for one in model.findall("link")]
+
+    def ends(joint: XmlElement) -> list[str]:
+        names = [joint.findtext(tag).strip() for tag in ("parent", "child")]
+        for _ in frames:
+            names = [frames.get(name, name) for name in names]
+        return names
+
     group = {name: name for name in (WORLD, *links)}
-    joints = {one.get("name"): one for one in model.findall("joint")}
     for joint in joints.values():
         leaders = [joints.get(one.get("joint"), joint) for one in joint.findall("axis/mimic")]
-        elements = [end for one in (joint, *leaders) for end in one if end.tag in _ENDS]
-        ends = [end.text.strip() for end in elements]
-        for _ in frames:
-            ends = [frames.get(end, end) for end in ends]
-        if not group.keys() >= {*ends}:
+        held = {end for one in (joint, *leaders) for end in ends(one)}
+        if not group.keys() >= held:
             return dict.fromkeys((WORLD, *links, *joints), WORLD)
-        merged = {group[end] for end in ends}
-        group = {name: ends[0] if one in merged else one for name, one in group.items()}
-    for name, joint in joints.items():
-        end = joint.findtext("child").strip()
-        for _ in frames:
-            end = frames.get(end, end)
-        group[name] = group[end]
-    return group
+        merged = {group[end] for end in held}
+        group = {name: min(merged) if one in merged else one for name, one in group.items()}
+    return group | {name: group[ends(joint)[1]] for name, joint in joints.items()}
 
 
 def _move(nested: XmlElement, model: XmlElement) -> None:

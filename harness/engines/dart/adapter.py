@@ -516,7 +516,10 @@ def _corrective_settings(
             "automatic_inertials": (automatic_links, automatic_cause),
             "default_moments": (momentless_links, momentless_cause),
             "ball_damping": (lambda model: list(ball_dampers(model)), undamped_cause),
-            "screw_pitches": (lambda model: list(misread_screws(model)), screw_cause),
+            "screw_pitches": (
+                lambda model: [one.get("name") for one in misread_screws(model)],
+                screw_cause,
+            ),
         }
         return {
             cause(names): {key: True}

@@ -147,19 +147,19 @@ def undamped_cause(names: Sequence[str]) -> str:
     return f"DART's ignoring of <damping> of ball joints ({shortened(names)})"
 
 
-def misread_screws(model: XmlElement) -> dict[str, float]:
-    """Return the pitches of screws that DART misreads, m per turn, by name.
+def misread_screws(model: XmlElement) -> dict[XmlElement, float]:
+    """Return the pitches of screws that DART misreads, m per turn.
 
     DART takes `<thread_pitch>` as m per turn, with 0.1 by default, and ignores
     `<screw_thread_pitch>` (SdfParser.cpp, readScrewJoint).
     """
-    pitches = dict[str, float]()
+    pitches = dict[XmlElement, float]()
     for joint in (one for one in model.findall("joint") if one.get("type") == "screw"):
         pitch = number(joint, "screw_thread_pitch", 1.0)
         if joint.find("screw_thread_pitch") is None:
             pitch = -2 * np.pi / number(joint, "thread_pitch", -2 * np.pi)
         if pitch != number(joint, "thread_pitch", 0.1):
-            pitches[joint.get("name")] = pitch
+            pitches[joint] = pitch
     return pitches
 
 
@@ -170,12 +170,10 @@ def screw_cause(names: Sequence[str]) -> str:
 
 def with_pitches(model: XmlElement) -> None:
     """Write the pitch of screws as DART reads it."""
-    pitches = misread_screws(model)
-    for joint in model.findall("joint"):
-        if joint.get("name") in pitches:
-            for part in joint.findall("thread_pitch"):
-                joint.remove(part)
-            joint.add("thread_pitch", text=repr(float(pitches[joint.get("name")])))
+    for joint, pitch in misread_screws(model).items():
+        for part in joint.findall("thread_pitch"):
+            joint.remove(part)
+        joint.add("thread_pitch", text=repr(float(pitch)))
 
 
 def with_moments(model: XmlElement) -> None:
