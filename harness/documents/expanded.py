@@ -20,6 +20,7 @@ import msgspec
 from .document import Document
 from .elements import XmlElement
 from .errors import LocationError
+from .reading import read_regular
 
 XACRO = ".xacro"
 
@@ -136,7 +137,7 @@ def completed(file: Path) -> Path | None:
     Lines stay. Return None if the file lacks neither or has a sidecar, or isn't XML.
     """
     is_urdf = file.suffix == ".urdf" and file.is_file() and not Path(f"{file}.toml").exists()
-    data = without_comments(file.read_bytes()) if is_urdf else b""
+    data = without_comments(read_regular(file)) if is_urdf else b""
     lacks_inertia = b"<inertial" not in data or not _WEIGHT.search(data)
     if b"<joint" not in data or not (lacks_inertia or re.search(rb"""["']world["']""", data)):
         return None

@@ -159,8 +159,8 @@ def massless_groups(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int,
     if tree.couplings:
         along = Coupled(tree).matrix
         shared = along.T @ mass @ along
-        is_bare = np.diagonal(shared, axis1=1, axis2=2) <= smallest @ along**2
-        if not is_bare.all(axis=0).any() and not _massless_motion(shared):
+        unmoved = np.diagonal(shared, axis1=1, axis2=2) <= smallest @ along**2
+        if not np.all(unmoved, axis=0).any() and not _massless_motion(shared):
             return ()
     bare = (diagonal <= smallest).all(axis=0)
     groups = [(i,) for i in dict.fromkeys(np.array(owner)[bare].tolist())]

@@ -8,8 +8,7 @@ from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.findings import inertia_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.readers import robot_numbers
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers, robot_system
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
 from physics_crosscheck.reference.solving import samples
 from tests.robots.files import (

@@ -19,9 +19,9 @@ from physics_crosscheck.harness.documents.expanded import (
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, read_mesh
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
+from physics_crosscheck.harness.run import Options
 from tests.compare.asking import compared, result
 from tests.models import written
 
@@ -71,7 +71,7 @@ def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
     assert file is not None
     assert file.name == "arm.urdf"
     assert [part.name for part in read_robot(file).parts] == ["base", "upper", "fore"]
-    (audit,) = audits([file], engines=("mujoco",))
+    (audit,) = audits([file], Options(engines=("mujoco",)))
     places = [one.location for one in audit.findings if one.location is not None]
     assert {place.file for place in places} == {str(macros)}
     lines = [MACROS.splitlines()[(place.line or 0) - 1].strip() for place in places]
