@@ -519,9 +519,9 @@ def _lies(first: Solid, other: Solid) -> bool:
     return float(np.max(np.abs(box.rotation.T @ plane.axis))) > 1 - MIN_TILT
 
 
-def extent_of(first: Solid, other: Solid) -> float:
-    """Return the size of two shapes, m; a plane has none."""
-    return sum(one.extent for one in (first, other) if np.isfinite(one.extent))
+def extent_of(*solids: Solid) -> float:
+    """Return the size of shapes, m; a plane has none."""
+    return sum(one.extent for one in solids if np.isfinite(one.extent))
 
 
 def _least(first: Solid, other: Solid) -> float:

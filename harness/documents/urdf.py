@@ -115,6 +115,12 @@ class UrdfFile:
         return self.root != "world"
 
     @property
+    def is_free_body(self) -> bool:
+        """True if it has mass and no joint moves: its root moves, unless it is a scene."""
+        has_mass = any(link.body.mass for link in self.links.values())
+        return self.can_float and has_mass and not any(one.kind for one in self.joints.values())
+
+    @property
     def base(self) -> str:
         """The name of a floating root's free joint."""
         return free_name(self.root, self.joints)

@@ -82,6 +82,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "couplers": "Hold `<mimic>` joints by a constraint instead of a servo",
     "exact_turns": "Integrate rotations of a floating root and of balls exactly",
     "ball_damping": "Apply the damping of ball joints",
+    "screw_pitches": "Read the pitch of screws as the format defines it",
     "turned_inertials": "Respect the rotation of `<inertial><pose>`",
     "automatic_inertials": "Compute inertials with `auto=\"true\"` from the shapes",
     "default_moments": "Use the format's 1 kg m^2 for a missing `<inertia>`",

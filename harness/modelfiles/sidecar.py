@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.errors import LocationError, quote
 from physics_crosscheck.harness.documents.reading import (
     MAX_SIDECAR_BYTES,
     TomlError,
     read_regular,
     toml_document,
 )
+from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.reference.mechanism.laws import SoftLaw, Softness
@@ -75,6 +78,14 @@ class Sidecar:
         return SidecarEntry(Path(f"{self.model}.toml"), table, key)
 
 
+def _stated_by(model: Path) -> Mapping[str, object]:
+    """Return the setting of a URDF that is one free body, as if it were run alone."""
+    with suppress(LocationError):  # the engine reports it
+        if model.suffix == ".urdf" and read_urdf(Document(model)).is_free_body:
+            return {"floating": True}
+    return {}
+
+
 def read_sidecar(path: Path) -> Sidecar:
     """Read `<model file>.toml`.
 
@@ -102,6 +113,7 @@ def read_sidecar(path: Path) -> Sidecar:
     settings = _table(data, "settings", path)
     by_engine = {name: value for name, value in settings.items() if isinstance(value, dict)}
     shared = {name: value for name, value in settings.items() if name not in by_engine}
+    shared = {**_stated_by(model), **shared}
     for name, values in (
         ("settings", shared),
         *((f"settings.{e}", s) for e, s in by_engine.items()),

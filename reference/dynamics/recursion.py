@@ -84,7 +84,7 @@ class Recursion:
     def placements(self, q: Scalars) -> list[Placement]:
         """Return each link's frame in its parent's."""
         rows = zip(self.tree.links, self._links, self.tree.positions, strict=True)
-        return [self._placed(link.kind, one, q[here]) for link, one, here in rows]
+        return [self._placed(link, one, q[here]) for link, one, here in rows]
 
     def poses(self, q: Scalars) -> list[Placement]:
         """Return each link's frame in the world."""
@@ -292,13 +292,15 @@ class Recursion:
         result = result + weighted(numbers.sliding.T, force)
         return result
 
-    def _placed(self, kind: str, numbers: LinkNumbers, q: Scalars) -> Placement:
+    def _placed(self, link: TreeLink, numbers: LinkNumbers, q: Scalars) -> Placement:
         batch = q.shape[1:]
         base = numbers.placement
         rotation = base.rotation.reshape(3, 3, *(1,) * len(batch))
         origin = tall(base.origin, batch)
-        match kind:
+        match link.kind:
             case "hinge":
+                if link.pitch:
+                    origin = origin + rotate(rotation, tall(numbers.sliding[:, 0], batch)) * q[0]
                 return Placement(turned_by(numbers.turned, q[0], self._field), origin)
             case "slide":
                 moved = rotate(rotation, tall(numbers.axis, batch)) * q[0]

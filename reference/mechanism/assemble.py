@@ -162,6 +162,7 @@ def _link(joint: Joint, within: int, place: Place) -> TreeLink:
         damping=_only(powers(joint.damping)),
         stiffness=_only(powers(joint.stiffness)) if linear else 0.0,
         rest=(float(joint.rest),),
+        pitch=float(joint.pitch),
     )
 
 

@@ -43,6 +43,7 @@ class Joint:
             coefficients of w, w |w|, w |w|^2, ...
         stiffness: N/m or N m/rad; several values are the coefficients of powers of the deflection.
         rest: position at which the spring force is zero, rad or m.
+        pitch: distance along the axis per angle, m/rad, of a hinge that is a screw.
         rest_place, rest_turn: rest position of a free joint, m and (w, x, y, z). A ball joint uses
             `rest_turn` only. None means no rotation.
         armature: added to the diagonal of the mass matrix, kg or kg m^2.
@@ -64,6 +65,7 @@ class Joint:
     limits: tuple[float, float] | None = None
     rest_place: Triple = ZERO
     rest_turn: Quaternion | None = None
+    pitch: float = 0.0
 
     def __post_init__(self) -> None:
         what = f"joint {self.name!r}"

@@ -149,6 +149,7 @@ class TreeLink:
         damping: force opposing the velocity, N s/m or N m s/rad.
         stiffness: N/m or N m/rad.
         rest: joint position at which the spring force is zero; unused for a free joint.
+        pitch: distance along the axis per angle of a hinge that is a screw, m/rad.
         lifted: mass whose weight is compensated, kg.
         lift: position of that mass, in the link's frame, m, (3,).
     """
@@ -166,6 +167,7 @@ class TreeLink:
     damping: float = 0.0
     stiffness: float = 0.0
     rest: tuple[float, ...] = (0.0,)
+    pitch: float = 0.0
     lifted: float = 0.0
     lift: Array = field(default_factory=lambda: np.zeros(3))
 
@@ -178,7 +180,7 @@ class TreeLink:
         still = np.zeros((3, 1))
         match self.kind:
             case "hinge":
-                return self.axis[:, None], still
+                return self.axis[:, None], self.pitch * self.axis[:, None]
             case "slide":
                 return still, self.axis[:, None]
             case "ball":

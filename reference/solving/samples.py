@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .collocation import Field, ReferenceError, collocate
 from .integrate import by_runge_kutta
 from .segments import Segments
@@ -54,6 +55,9 @@ LOCKED_RATE, STIFF_RATE = 1e8, 2e8
 
 MIN_EIGENVALUE = 1e-13
 """Threshold of eigenvalues of a mass matrix with unit diagonal; smaller ones are rounding."""
+
+MAX_SINGULAR_SHARE = 0.1
+"""Share of singular mass matrices from which the joints, not the positions, are the reason."""
 
 MIN_SHARE = 0.1
 """Share of the largest part in a motion without inertia from which a joint is named."""
@@ -257,8 +261,8 @@ def candidates(
     sampling_range = within(limits, home)
     q = rng.uniform(sampling_range[:, 0], sampling_range[:, 1], (number_drawn, n))
     extent = np.minimum((sampling_range[:, 1] - sampling_range[:, 0]) / 2, SAMPLING_RANGE)
-    none = np.zeros((number_drawn, n))
-    _check_masses(equations, q)
+    q = q[_is_regular(equations, q)]
+    none = np.zeros_like(q)
     swing, settling = _rates(equations, np.concatenate([q, none], axis=1), none)
     rate = min(max(swing, DEFAULT_RATE), MAX_SAMPLED_RATE)
 
@@ -349,11 +353,13 @@ def within(limits: Array, home: Array) -> Array:
     return result
 
 
-def _check_masses(equations: TreeEquations, q: Array) -> None:
-    """Check that every joint of the tree moves some mass.
+def _is_regular(equations: TreeEquations, q: Array) -> NDArray[np.bool_]:
+    """Return at which positions every motion of the tree moves some mass.
+
+    A point mass on three joints has some positions without: states far from these are compared.
 
     Raises:
-        ReferenceError: with the joints that move none together.
+        ReferenceError: with the joints that move none together at most positions.
     """
     mass = equations.inertia(q)
     diagonal = np.einsum("kii->ki", mass)
@@ -363,16 +369,32 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
     size = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(mass / size[:, :, None] / size[:, None, :])
     worst = int(np.argmin(values[:, 0]))
-    if values[worst, 0] <= MIN_EIGENVALUE:
+    if np.mean(values[:, 0] <= MIN_EIGENVALUE) > MAX_SINGULAR_SHARE:
         shares = np.abs(vectors[worst, :, 0])
         joints = np.flatnonzero(shares >= MIN_SHARE * shares.max())
-        names = [repr(equations.system.coordinates[i].name) for i in joints]
+        given = [equations.system.coordinates[i].name for i in joints]
+        names, links = _moved(equations.system.tree, given)
         who = f"joint {names[0]} moves" if len(names) == 1 else "together, joints "
         who += "" if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]} move"
         raise ReferenceError(
             f"{who} no mass or inertia, or a negative one: the mass "
             "matrix is not positive definite. Check the inertias of the links that they move"
+            + (f": {', '.join(links)}" if links else "")
         )
+    is_regular: NDArray[np.bool_] = values[:, 0] > MIN_EIGENVALUE
+    return is_regular
+
+
+def _moved(tree: Tree, names: list[str]) -> tuple[list[str], list[str]]:
+    """Return joints, with those above that carry no mass themselves, and the links they move."""
+    moving = {i for i, link in enumerate(tree.links) if link.name in names}
+    for i in reversed(range(len(tree.links))):
+        parent = tree.links[i].parent
+        if i in moving and parent != WORLD and not tree.links[parent].mass:
+            moving.add(parent)
+    joints = [link.name for i, link in enumerate(tree.links) if i in moving] or names
+    links = [name for name, (i, _) in tree.frames.items() if i in moving and tree.links[i].mass]
+    return [repr(name) for name in joints], [repr(name) for name in links]
 
 
 def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[float, Array]:

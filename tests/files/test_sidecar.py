@@ -54,6 +54,19 @@ def test_all_keys_are_read(write: Callable[[str], Path]) -> None:
     assert sidecar.springs[0].stiffness == 38.0
 
 
+@pytest.mark.parametrize(("mass", "stated", "floats"), [
+    ("2", "", True), ("0", "", False), ("2", "floating = false", False),
+])  # fmt: skip
+def test_urdf_of_one_body_is_free_unless_its_sidecar_holds_it(
+    write: Callable[[str], Path], mass: str, stated: str, floats: bool
+) -> None:
+    path = write(f'engines = ["pybullet"]\n[settings]\n{stated}\n')
+    inertia = '<inertia ixx="1" iyy="1" izz="1"/>'
+    inertial = f'<inertial><mass value="{mass}"/>{inertia}</inertial>'
+    path.with_suffix("").write_text(f'<robot name="r"><link name="a">{inertial}</link></robot>')
+    assert read_sidecar(path).settings.get("floating", False) is floats
+
+
 def test_engine_gets_only_its_own_settings(write: Callable[[str], Path]) -> None:
     sidecar = read_sidecar(write(GOOD))
     assert sidecar.spec("mujoco").settings["integrator"] == "Euler"

@@ -139,6 +139,10 @@ CYLINDERS = f"""<mujoco><option gravity="0 0 0"/><worldbody><geom type="box" siz
 <body pos=".1 .02 .03"><joint axis="0 0 1" range="-60 60"/>{_CYLINDER.format("")}
 <body pos="0 0 .1"><joint axis="1 .5 0" range="-40 40"/>{_CYLINDER.format('pos=".1 0 .02"')}
 </body></body></worldbody><contact><exclude body1="world" body2="world"/></contact></mujoco>"""
+WEDGE = '<asset><mesh name="w" vertex="-.1 -.1 -.1 .1 -.1 -.1 0 .1 -.1 0 0 .1"/></asset>'
+MESHES = CYLINDERS.replace("<worldbody>", f"{WEDGE}<worldbody>").replace(
+    'type="cylinder" size=".05 .06"', 'type="mesh" mesh="w"'
+)
 BETWEEN = {
     "same": (
         _no_change,
@@ -150,15 +154,16 @@ BETWEEN = {
 
 
 @pytest.mark.usefixtures("few_states")
-@pytest.mark.parametrize("name", BETWEEN)
+@pytest.mark.parametrize(("name", "text"), [*((one, CYLINDERS) for one in BETWEEN),
+                                            ("same", MESHES)])  # fmt: skip
 def test_contacts_without_a_closed_form_are_compared_between_engines(
-    tmp_path: Path, name: str
+    tmp_path: Path, name: str, text: str
 ) -> None:
     """Catch a contact of two cylinders that another engine finds deeper, or not at all."""
     plant, words = BETWEEN[name]
     case = samples.results().cases[0]
     cases = [
-        replace(case, engine=engine, whole_step=check(tmp_path, CYLINDERS, change).record)
+        replace(case, engine=engine, whole_step=check(tmp_path, text, change).record)
         for engine, change in (("mujoco", _no_change), ("mjx", plant))
     ]
     for compared in with_shared_contacts([*cases, replace(cases[0], scenario="other")])[:2]:

@@ -10,6 +10,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers, robot_system
 from physics_crosscheck.harness.modelfiles.urdf.read import read_urdf_robot
+from physics_crosscheck.reference.solving import samples
 from tests.robots.files import (
     BODY,
     inertial,
@@ -176,6 +177,27 @@ def test_joints_that_move_no_inertia_are_held_still(tmp_path: Path) -> None:
     follower = joint("k", "base", "b", '<mimic joint="pan"/>')
     led = read(tmp_path, *lines, link("b"), follower)
     assert (problems(led), led.held) == ([], ("spin",))  # 'pan' has the inertia of 'k'
+
+
+def test_neck_of_a_point_mass_is_compared_or_named_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catch a verdict that one position prevents, and a reason that leaves out a joint or link."""
+    head = link("head", inertial("1.3", "0 0 0", origin='<origin xyz="0.02 0 0.1"/>'))
+    pitch, roll, yaw = (f'<axis xyz="{axis}"/>' for axis in ("0 1 0", "1 0 0", "0 0 1"))
+    range_ = '<limit lower="-{0}" upper="{0}" effort="9" velocity="9"/>'
+    lines = (
+        BASE, A, link("n1", ""), link("n2", ""), head, joint("j", "base", "a"),
+        joint("pitch", "a", "n1", pitch + range_.format(0.7), kind="revolute"),
+        joint("roll", "n1", "n2", f'<origin xyz="0.01 0 0"/>{roll}'),
+    )  # fmt: skip
+    with monkeypatch.context() as patch:
+        patch.setattr(samples, "MIN_EIGENVALUE", 1e-7)  # 1e-13 is rare
+        read(tmp_path, *lines, joint("yaw", "n2", "head", yaw + range_.format(1), kind="revolute"))
+        assert prepare_tree(tmp_path / "robot.urdf", states=4).tree.nv == 4
+    read(tmp_path, *lines, joint("yaw", "n2", "head", yaw + range_.format(2e-5), kind="revolute"))
+    with pytest.raises(RobotError, match=r"'pitch', 'roll' and 'yaw' move .* move: 'head'"):
+        prepare_tree(tmp_path / "robot.urdf", states=4)
 
 
 _LOCKED = {

@@ -217,7 +217,9 @@ def test_mimic_is_a_coupling_unless_it_has_an_offset(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("lines", "line", "message"), [
     ((BASE, ARM, joint(), "<include/>"), 5, "<include> is not covered"),
     ((BASE, ARM, joint(), "<model name='n'/>"), 5, "<model> is not covered"),
-    ((BASE, ARM, joint().replace("revolute", "screw")), 4, "joint 'q' is of type 'screw'"),
+    ((BASE, ARM, joint().replace("revolute", "gearbox")), 4, "'gearbox', which no engine reads"),
+    ((BASE, ARM, joint().replace("revolute", "screw").replace(
+        "<axis>", "<thread_pitch>0</thread_pitch><axis>")), 4, "<thread_pitch> of joint 'q' is 0"),
     ((BASE, ARM, joint().replace("revolute", "universal")), 4, "joint 'q' has no <axis2>"),
     ((BASE, ARM), 3, "no joint holds 'base', 'arm'"),
     ((BASE, "<static>true</static>"), 3, "the model is static"),
@@ -247,6 +249,22 @@ def test_problem_is_reported_with_its_line(
 ) -> None:
     reported = problems(read(tmp_path, *lines))
     assert any(where == line and message in sentence for where, sentence in reported), reported
+
+
+def test_parts_that_no_joint_connects_are_models(tmp_path: Path) -> None:
+    """Catch a loose link that refuses its model, moves with it, or moves the frames of others."""
+    box = BASE.replace('"base"', '"box"').replace("<mass>2", "<mass>7")
+    arm = ARM.replace("<pose>", '<pose relative_to="box">', 1)
+    weld = WELD.replace("weld", "bolt").replace(">world<", ">f<").replace(">base<", ">tip<")
+    loose = (box, '<frame name="f" attached_to="box"/>', ARM.replace('"arm"', '"tip"'), weld)
+    read(tmp_path, *loose, BASE, arm, WELD, joint())
+    files = robot_files([str(tmp_path / "robot.sdf")]).files
+    trees = {robot.name: tree_of(robot) for robot in map(read_robot, files)}
+    assert [(name, tree.nv) for name, tree in trees.items()] == [("m", 1), ("m.box", 6)]
+    assert trees["m.box"].links[0].mass == 9
+    place = ARM.replace("<pose>", '<pose relative_to="base">', 1)  # which is where the box is
+    held = tree_of(read(tmp_path, BASE, place, WELD, joint())).links[0]
+    assert np.allclose(held.position, trees["m"].links[0].position, rtol=0, atol=1e-15)
 
 
 def test_tree_with_a_changed_number_matches_the_changed_file(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """One SDFormat file for each moving model of a file that has several, or includes or nests others.
 
+A model whose links joints don't connect counts as several: `m`, and `m.link` for each further part.
+
 A copy has a line for each element, whose line in the file or its include is noted. A nested model
 becomes a frame of its name, and its links, joints and frames get names such as `arm__link`, by the
 format's pose semantics (http://sdformat.org/tutorials?tut=composition).
@@ -59,6 +61,9 @@ def sdf_models(source: Path) -> dict[str, Path]:
         changed += [_connect(one) for one in holders[1:]]
     moving = [(a, b) for a in holders for b in a.findall("model") if not is_static(b)]
     changed += [_flatten(model) for _, model in moving if _is_new(versions, model, document)]
+    for each in moving:
+        versions.setdefault(id(each[1]), root.get("version"))
+    moving = [(holder, part) for holder, one in moving for part in _split(holder, one, versions)]
     if not moving or not (any(changed) or len(moving) > 1 or document.root.tag != "sdf"):
         return {}
     files = {}
@@ -74,7 +79,10 @@ def sdf_models(source: Path) -> dict[str, Path]:
 
 
 def _is_new(versions: dict[int, str], model: XmlElement, document: Document) -> bool:
-    text = versions.get(id(model), document.root.get("version"))
+    return _has_frames(versions.get(id(model), document.root.get("version")))
+
+
+def _has_frames(text: str) -> bool:
     return tuple(map(int, re.findall(r"\d+", text))) >= _NESTING
 
 
@@ -213,6 +221,54 @@ def _flatten(model: XmlElement) -> bool:
     if changed:
         _rename(model, lambda name: name.removesuffix(f"::{MODEL}").replace("::", "__"))
     return changed
+
+
+def _split(holder: XmlElement, model: XmlElement, versions: dict[int, str]) -> list[XmlElement]:
+    """Replace a model by one for each group of links that joints connect, and return these.
+
+    The group of the world, or of the first link, keeps the model's name. Links of other groups
+    become frames, since poses may refer to them.
+    """
+    group, text, firsts = _groups(model), versions[id(model)], dict[str, str]()
+    for name in list(group)[1:]:
+        firsts.setdefault(group[name], name)
+    keys = sorted(firsts, key=lambda key: key != group[WORLD])
+    parts = [model, *(model.copy() for _ in keys[1:])]
+    for key, part in zip(keys, parts, strict=False):  # no key without a link
+        if part is not model:
+            part.set("name", f"{model.get('name')}.{firsts[key]}")
+            versions[id(holder.append(part))] = text
+        for other in [one for one in part if group.get(one.get("name"), key) != key]:
+            if other.tag == "link" and _has_frames(text):
+                other.tag, other.children = "frame", other.findall("pose")
+            elif other.tag in ("link", "joint"):
+                part.remove(other)
+    return parts
+
+
+def _groups(model: XmlElement) -> dict[str, str]:
+    """Return the group of the world, of each link and of each joint, by names.
+
+    All are one group if a joint names an unknown link, which the reader reports.
+    """
+    links, joints = ({one.get("name"): one for one in model.findall(tag)} for tag in NAMED[:2])
+    frames = {one.get("name"): one.get("attached_to") for one in model.findall("frame")}
+
+    def ends(joint: XmlElement) -> list[str]:
+        names = [joint.findtext(tag).strip() for tag in ("parent", "child")]
+        for _ in frames:
+            names = [frames.get(name, name) for name in names]
+        return names
+
+    group = {name: name for name in (WORLD, *links)}
+    for joint in joints.values():
+        leaders = [joints.get(one.get("joint"), joint) for one in joint.findall("axis/mimic")]
+        held = {end for one in (joint, *leaders) for end in ends(one)}
+        if not group.keys() >= held:
+            return dict.fromkeys((WORLD, *links, *joints), WORLD)
+        merged = {group[end] for end in held}
+        group = {name: min(merged) if one in merged else one for name, one in group.items()}
+    return group | {name: group[ends(joint)[1]] for name, joint in joints.items()}
 
 
 def _move(nested: XmlElement, model: XmlElement) -> None:

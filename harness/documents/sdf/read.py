@@ -34,8 +34,6 @@ _UNCOVERED: Mapping[str, str] = {
     "include": "write what it includes into the file (gz sdf -p FILE)",
     "model": "write the links of both into one model",
     "axis2": "write two joints",
-    "gearbox_ratio": "remove the gearbox",
-    "thread_pitch": "remove the screw",
 }
 
 _OPAQUE = ("plugin", "sensor", "visual", "collision")
@@ -54,6 +52,7 @@ KINDS: Mapping[str, Kind | None] = MappingProxyType(
         "ball": "ball",
         "universal": "hinge",
         "revolute2": "hinge",
+        "screw": "hinge",
         "fixed": None,
     }
 )
@@ -240,7 +239,8 @@ def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str
     if kind not in KINDS:
         document.add_problem(
             element,
-            f"{what} is of type {quote(kind)}, which is not covered",
+            f"{what} is of type {quote(kind)}, which "
+            + ("no engine reads" if kind == "gearbox" else "is not covered"),
             f"types are {', '.join(KINDS)}",
             "unsupported",
         )
@@ -322,8 +322,26 @@ def _moving(
         stiffness=number["spring_stiffness"],
         rest=number["spring_reference"],
         limits=_bounds(document, element, axis),
+        pitch=_pitch(document, element, what),
         armature=document.armatures.get(name, 0.0),
     )
+
+
+def _pitch(document: Document, joint: XmlElement, what: str) -> float:
+    """Return the distance per angle of a screw, m/rad; 1 m per turn by default.
+
+    `<thread_pitch>` states the angle per distance of a left-handed screw, rad/m; it counts if
+    `<screw_thread_pitch>`, m per turn, is missing.
+    """
+    old, new = (document.child(joint, tag) for tag in ("thread_pitch", "screw_thread_pitch"))
+    if joint.get("type") != "screw":
+        return 0.0
+    if old is None or new is not None:
+        return document.text_numbers(new, (1.0,), what)[0] / (2 * math.pi)
+    (angle,) = document.text_numbers(old, (-2 * math.pi,), what)
+    if not angle:
+        document.add_problem(old, f"<thread_pitch> of {what} is 0", "write a <screw_thread_pitch>")
+    return -1 / (angle or 1.0)
 
 
 def _expressed_in(document: Document, axis: XmlElement | None, xyz: XmlElement | None) -> str:

@@ -24,15 +24,18 @@ from physics_crosscheck.harness.engines.dart.sdf import (
     automatic_cause,
     automatic_links,
     ball_dampers,
+    misread_screws,
     momentless_cause,
     momentless_links,
     refuse_newer,
+    screw_cause,
     sdf_skeleton,
     turned_cause,
     turned_links,
     undamped_cause,
     with_automatic,
     with_moments,
+    with_pitches,
     with_turned,
     without_collisions,
 )
@@ -266,6 +269,9 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     "default_moments": False,
     # Whether the damping of an SDFormat ball joint acts; DART itself ignores it.
     "ball_damping": False,
+    # Whether the pitch of an SDFormat screw is written as DART reads it; DART itself takes
+    # <thread_pitch> as m per turn, or 0.1.
+    "screw_pitches": False,
 })  # fmt: skip
 
 READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg", no_stops="DART")
@@ -483,7 +489,7 @@ def _changes(spec: ModelSpec) -> list[Change]:
     if spec.path.suffix == SDF:
         changes: list[Change] = [as_older]
         changes += [sdf_without_friction, sdf_without_bounds] if smooth else []
-        wanted = (how for key, how in _INERTIALS.items() if spec.settings.get(key, False))
+        wanted = (how for key, how in _REWRITTEN.items() if spec.settings.get(key, False))
         return [*changes, *wanted, without_collisions]
     further: list[Change] = [without_shapes]
     further += [without_friction] if smooth else []
@@ -491,12 +497,13 @@ def _changes(spec: ModelSpec) -> list[Change]:
     return further + ([] if spec.settings.get("bare_links", True) else [zero_missing_inertials])
 
 
-_INERTIALS: Mapping[str, Change] = MappingProxyType({
+_REWRITTEN: Mapping[str, Change] = MappingProxyType({
     "automatic_inertials": with_automatic,
     "default_moments": with_moments,
     "turned_inertials": with_turned,
+    "screw_pitches": with_pitches,
 })  # fmt: skip
-"""Settings that rewrite inertials of an SDFormat file for DART as the format defines them."""
+"""Settings that rewrite numbers of an SDFormat file for DART as the format defines them."""
 
 
 def _corrective_settings(
@@ -509,6 +516,10 @@ def _corrective_settings(
             "automatic_inertials": (automatic_links, automatic_cause),
             "default_moments": (momentless_links, momentless_cause),
             "ball_damping": (lambda model: list(ball_dampers(model)), undamped_cause),
+            "screw_pitches": (
+                lambda model: [one.get("name") for one in misread_screws(model)],
+                screw_cause,
+            ),
         }
         return {
             cause(names): {key: True}

@@ -147,6 +147,35 @@ def undamped_cause(names: Sequence[str]) -> str:
     return f"DART's ignoring of <damping> of ball joints ({shortened(names)})"
 
 
+def misread_screws(model: XmlElement) -> dict[XmlElement, float]:
+    """Return the pitches of screws that DART misreads, m per turn.
+
+    DART takes `<thread_pitch>` as m per turn, with 0.1 by default, and ignores
+    `<screw_thread_pitch>` (SdfParser.cpp, readScrewJoint).
+    """
+    pitches = dict[XmlElement, float]()
+    for joint in (one for one in model.findall("joint") if one.get("type") == "screw"):
+        pitch = number(joint, "screw_thread_pitch", 1.0)
+        if joint.find("screw_thread_pitch") is None:
+            pitch = -2 * np.pi / number(joint, "thread_pitch", -2 * np.pi)
+        if pitch != number(joint, "thread_pitch", 0.1):
+            pitches[joint] = pitch
+    return pitches
+
+
+def screw_cause(names: Sequence[str]) -> str:
+    """Return the cause that a diagnosis reports."""
+    return f"DART's own pitch of screws, <thread_pitch> in m per turn or 0.1 ({shortened(names)})"
+
+
+def with_pitches(model: XmlElement) -> None:
+    """Write the pitch of screws as DART reads it."""
+    for joint, pitch in misread_screws(model).items():
+        for part in joint.findall("thread_pitch"):
+            joint.remove(part)
+        joint.add("thread_pitch", text=repr(float(pitch)))
+
+
 def with_moments(model: XmlElement) -> None:
     """Write 1 kg m^2 for links that state a mass and no `<inertia>`."""
     names = momentless_links(model)

@@ -44,7 +44,7 @@ _READ: Mapping[str, Collection[str]] = MappingProxyType(
         "link": ("inertial", "pose", "collision", "gravity", "self_collide"),
         "inertial": ("pose", "mass", "inertia", "density"),
         "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
-        "joint": ("pose", "parent", "child", *AXES),
+        "joint": ("pose", "parent", "child", "thread_pitch", "screw_thread_pitch", *AXES),
         **dict.fromkeys(AXES, ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame")),
         "dynamics": ("damping", "friction", "spring_stiffness", "spring_reference"),
         "limit": ("lower", "upper", "effort", "velocity"),
@@ -228,7 +228,7 @@ def _bodies(file: SdfFile, still: Collection[str]) -> Iterator[RigidBody]:
 
 _RELEVANT = re.compile(
     r"sdf/(world/)?(gravity|model/(pose|link/(pose|inertial/.*)|frame/pose"
-    r"|joint/(pose|axis2?/(xyz|dynamics/(damping|spring_\w+)|mimic/.*))))"
+    r"|joint/(pose|(screw_)?thread_pitch|axis2?/(xyz|dynamics/(damping|spring_\w+)|mimic/.*))))"
 )
 """Numbers that affect a tree."""
 

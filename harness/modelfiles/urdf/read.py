@@ -194,12 +194,8 @@ def _read(document: Document, gravity: Triple, floating: bool | None) -> Robot:
     file = read_urdf(document)
     mimics = enforceable(file.mimics, singles(file.joints))
     left_out = urdf_left_out(file, mimics)
-    if not any(joint.kind for joint in file.joints.values()):
-        # Its root is all that can move, unless it is a scene that engines fix.
-        has_mass = any(link.body.mass for link in file.links.values())
-        floating = floating or (file.can_float and has_mass)
-    elif floating is None:
-        floating = file.can_float and _stands(file)
+    stands = floating is None and file.can_float and _stands(file)
+    floating = floating or file.is_free_body or stands
     if floating and not file.can_float:
         floating = False
         left_out += (Omission(what="a free joint of the world", count=1, where=(file.root,)),)
