@@ -31,7 +31,7 @@ from .cache import (
 )
 from .model_checks import CASE, MEASUREMENT, RESULTS, ModelCheck
 from .options import Options
-from .prepared import Arguments, PackedEquations, Preparation, TargetFacts, task_function
+from .prepared import PackedEquations, Preparation, TargetFacts, task_function
 from .result_builder import Jobs, ResultBuilder
 
 Done = Callable[[Any], Jobs]
@@ -166,17 +166,17 @@ class TargetPlan:
             yield from done(value)
             return
 
-        arguments = Arguments(
-            engine=key[-1],
-            resolution=self.options.resolution,
-            sidecar=sidecar,
-            scenario=scenario,
-            snapshot=snapshot,
-            thorough=self.options.thorough,
-        )
-
         def job() -> Job[Any]:
-            task = Task(check.task(self.facts, arguments), self._solved)
+            function = check.task(
+                self.facts,
+                engine=key[-1],
+                resolution=self.options.resolution,
+                sidecar=sidecar,
+                scenario=scenario,
+                snapshot=snapshot,
+                thorough=self.options.thorough,
+            )
+            task = Task(function, self._solved)
             # The files that a model in code reads are not known in advance.
             if cache_key is not None and Path(cache_key.model).suffix == ".py":
                 task = Task(Reading(task, self.place), task.argument)

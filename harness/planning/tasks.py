@@ -8,33 +8,20 @@ from typing import Any
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare
 from physics_crosscheck.harness.checks.task import model_task
-from .prepared import Arguments, PackedEquations, Preparation, TargetFacts
+from .prepared import PackedEquations, Preparation, TargetFacts
 
 
-def target(
-    place: Path,
-    *,
-    described: bool = False,
-    floating: bool = False,
-    model: str = "",
-    motion: float = 0.0,
-    smooth: bool = False,
-    ideal: bool = False,
-) -> Preparation:
+def target(place: Path, **reading: Any) -> Preparation:
     """Read a system folder or a robot file, derive its equations, and solve them.
+
+    Args:
+        place: the folder or the file.
+        reading: options of `prepare`; without one, nothing is described.
 
     Raises:
         DeclarationError, FileError, ReferenceError: naming the error and its place.
     """
-    solved = prepare(
-        place,
-        described=described,
-        floating=floating,
-        model=model,
-        motion=motion,
-        smooth=smooth,
-        ideal=ideal,
-    )
+    solved = prepare(place, **{"described": False, **reading})
     if isinstance(solved, PreparedSystem):
         facts = TargetFacts(record=solved.record, declares="energies", reads=dict(solved.reads))
     else:
@@ -48,21 +35,13 @@ def target(
     return Preparation(facts, PackedEquations.pack(solved))
 
 
-def check(equations: PackedEquations, *, path: str, given: Arguments) -> Any:
+def check(equations: PackedEquations, *, path: str, **given: Any) -> Any:
     """Call the function of a check with the task of one model in one engine.
 
     Args:
         equations: the solved equations of the target.
         path: path of the function below `harness`.
-        given: the model, the engine and the options.
+        given: the model, the engine and the options, as for `model_task`.
     """
-    task = model_task(
-        equations.unpack(),
-        given.engine,
-        given.sidecar,
-        scenario=given.scenario,
-        resolution=given.resolution,
-        thorough=given.thorough,
-        snapshot=given.snapshot,
-    )
+    task = model_task(equations.unpack(), **given)
     return resolve_name(f"physics_crosscheck.harness.{path}")(task)
