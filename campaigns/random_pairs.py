@@ -52,10 +52,10 @@ def prepared(folder: Path) -> PreparedSystem:
 def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) -> PairTrial | None:
     """Diagnose two wrong literals; return None without two, or if the engine refuses the model."""
     physics = prepared(folder)
-    faults = system_faults(model_task(physics, engine, sidecar))
-    first = {one.mistake.location: one.first_seen for one in faults if one.values is not None}
+    planted = system_faults(model_task(physics, engine, sidecar))
+    seen = {one.mistake.location: one.first_seen for one in planted if one.values is not None}
     visible = [
-        b for b in bindings(physics.system, sidecar) if (first.get(b.address) or np.inf) < VISIBLE
+        b for b in bindings(physics.system, sidecar) if (seen.get(b.address) or np.inf) < VISIBLE
     ]
     if len(visible) < 2:
         return None

@@ -23,7 +23,7 @@ from physics_crosscheck.harness.documents.urdf import (
     UrdfJoint,
     read_urdf,
 )
-from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody
 from ..build_tree import build_robot, enforceable
 from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
@@ -140,7 +140,6 @@ def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
 def read_urdf_robot(
     path: Path,
     *,
-    gravity: Triple = GRAVITY,
     floating: bool = False,
     armatures: Mapping[str, float] = MappingProxyType({}),
 ) -> Robot:
@@ -153,7 +152,6 @@ def read_urdf_robot(
 
     Args:
         path: of the file.
-        gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
             fixed to the world, like a link named `world`. Without joints, a root with mass is free.
         armatures: as in `Document`.
@@ -164,10 +162,10 @@ def read_urdf_robot(
         return refused(path, path.stem, [ReadError.unreadable(error, path)])
     document.armatures = armatures
     with np.errstate(all="ignore"):  # overflow is reported
-        return _read(document, gravity, floating)
+        return _read(document, floating)
 
 
-def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
+def _read(document: Document, floating: bool) -> Robot:
     file = read_urdf(document)
     mimics = enforceable(file.mimics, singles(file.joints))
     left_out = urdf_left_out(file, mimics)
@@ -186,7 +184,7 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         mimics=mimics,
         bodies_with=lambda still: bodies_of(file, floating, still),
         left_out=left_out,
-        gravity=gravity,
+        gravity=GRAVITY,
         floats=floating,
     )
 
